@@ -25,7 +25,7 @@ from app.process.markdown import Table
 from app.workers.fork_server import SESSION
 from benchmarks.effort import Effort
 from benchmarks.processes import descendants, memory
-from drivers.visitors import PATIENCE, Server, Visitor, serving, visiting
+from drivers.visitors import PATIENCE, Server, VisitingPage, serving, visiting
 
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 HELD = 0.995  # share of real time that the slowest session must reach
@@ -164,7 +164,7 @@ def arrived(port: int) -> str:
         time.sleep(0.05)
 
 
-def late(page: Visitor) -> float:
+def late(page: VisitingPage) -> float:
     """Median lateness of the page's control steps, ms, as the status line shows it."""
     found = [re.search(r"late by ([\d.]+) ms", html) for html in page.html.values() if "vs-status" in html]
     return max((float(match[1]) for match in found if match), default=float("nan"))

@@ -27,7 +27,7 @@ import tyro
 from tqdm import tqdm
 from websockets.exceptions import ConnectionClosed
 
-from app.export.figures import Chart, Curve, Figure, render
+from app.export.figures import Curve, Figure, FigureChart, render
 from app.process.markdown import Table
 from benchmarks import machine, processes
 from benchmarks.served import Served, served
@@ -212,13 +212,13 @@ def picture(readings: list[Reading]) -> bytes:
         for i, (name, color) in enumerate((("p50", GREEN), ("p99", ORANGE), ("largest", GREY)))
     ]
     charts = (
-        Chart(
+        FigureChart(
             "resident memory",
             "MB",
             (curve("resident", BLUE, [reading.resident / 1e6 for reading in readings]),),
             x_label="minutes",
         ),
-        Chart(
+        FigureChart(
             "threads and files",
             "1",
             (
@@ -227,7 +227,7 @@ def picture(readings: list[Reading]) -> bytes:
             ),
             x_label="minutes",
         ),
-        Chart("lateness of the control steps", "ms", tuple(late), x_label="minutes", logarithmic=True),
+        FigureChart("lateness of the control steps", "ms", tuple(late), x_label="minutes", logarithmic=True),
     )
     return render(Figure(charts, f"{readings[-1].visits} visits."), "svg")
 

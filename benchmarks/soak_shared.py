@@ -28,7 +28,7 @@ from app.process.markdown import Table
 from benchmarks import machine, processes
 from benchmarks.sessions import arrived, late
 from benchmarks.soak import PAGE, PLACE, Crowd, grown
-from drivers.visitors import Visitor, serving, visiting
+from drivers.visitors import VisitingPage, serving, visiting
 
 SHARED = "<!-- soak shared -->"
 HELD = ("gateway", "sessions", "threads", "files", "processes")
@@ -57,7 +57,7 @@ def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -
     """Readings of a soak test, and failures of visitors. every: minutes between two readings."""
     readings = []
     with serving("--shared", "--max-sessions", str(sessions), lines=2, fps=30) as server, ExitStack() as stack:
-        urls, watchers = [], list[Visitor]()
+        urls, watchers = [], list[VisitingPage]()
         for _ in range(sessions):
             urls.append(url := arrived(server.port))
             watchers.append(watcher := stack.enter_context(visiting(_watched(url))))
@@ -76,7 +76,7 @@ def _watched(url: str) -> str:
         return urljoin(url, json.load(about)["links"]["watch"])
 
 
-def _read(gateway: int, watchers: list[Visitor], minute: float, visits: int) -> Reading:
+def _read(gateway: int, watchers: list[VisitingPage], minute: float, visits: int) -> Reading:
     held = [of_one for pid in (gateway, *processes.descendants(gateway)) if (of_one := _held(pid)) is not None]
     return Reading(
         minute,

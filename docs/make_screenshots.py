@@ -24,7 +24,7 @@ from app.scenario.data import shipped
 from app.session.commands import Edit, Load, Pause, Pin, Play, Reset, Unpin
 from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, Session, each_tab
+from drivers.pages import NO_HINTS, PATIENCE, PageSession, each_tab
 
 SHOWN = Path(__file__).parent / "screenshots"
 MODES = {
@@ -195,7 +195,7 @@ def refuse_and_hold(page: Page, runner: Runner, album: Album) -> None:
     """A value that is refused, and a slider that is held until its preview is whole."""
     runner.post(Edit("target_model.M_m", [0.0] * 6))
     shoot(page, album, "refused", "Refused, with the reason")
-    move, _ = Session(page, runner).grip("F_d [N]")
+    move, _ = PageSession(page, runner).grip("F_d [N]")
     move(0.75)
     # the process that previews may still be starting; the band comes last, or why there is none: no kernels yet
     page.get_by_text("within the next 5.0 s").wait_for(timeout=240e3)

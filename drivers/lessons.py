@@ -20,8 +20,8 @@ import tyro
 from playwright.sync_api import Error, Page, sync_playwright
 
 from app.dashboard.page import Dashboard
-from app.lessons.blocks import Choice, Curve, Explain, Goal, Number, Run, Setting
-from app.lessons.lesson import Lesson, Step, shipped_lessons
+from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Explain, Goal, LessonRun, NumberQuestion, StartScenario
+from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
 from app.lessons.playing import play, runs
 from app.scenario.data import load
 from app.session.commands import SetSpeed
@@ -120,7 +120,7 @@ class Taker:
         self.page.mouse.up()
 
 
-def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[Step], None]) -> list[str]:
+def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[LessonStep], None]) -> list[str]:
     """Take a lesson to its end. Returns the faults, a sentence each. look: called with each step."""
     page, faults = taker.page, list[str]()
     outcomes = {step.number: play(step, memory) for step in runs(lesson)}
@@ -128,23 +128,23 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[Step], No
     for step in lesson.steps:
         page.locator(f".vs-lesson[data-step='{step.number}']").wait_for()
         match step.block:
-            case Choice() as question:
+            case ChoiceQuestion() as question:
                 for _ in range(3):  # the widgets of the step may still be moving under the mouse
                     taker.press("ABCDE"[question.right - 1])
                     page.wait_for_timeout(1000)
                     if page.get_by_role("button", name=re.compile("^(Next|Finish|computing)")).count():
                         break
-            case Number() as question:
+            case NumberQuestion() as question:
                 unit = told[question.measure].unit
                 taker.fill(f"your answer [{unit}]" if unit else "your answer", f"{told[question.measure].value:.5g}")
                 taker.press("Lock my answer")
-            case Curve() as question:
+            case CurveQuestion() as question:
                 run = next(each for each in runs(lesson) if each.number > step.number)
                 trace = next(each for each in outcomes[run.number].traces if each.line.shows(question.line))
                 taker.draw(_course(question, trace.t, trace.values))
                 taker.press("Lock my line")
                 page.locator(".vs-pad[data-locked='1']").wait_for()
-            case Run():
+            case LessonRun():
                 taker.press("Run")
                 page.get_by_role("button", name="Run again (").wait_for()
                 page.locator(".vs-lines").first.wait_for()
@@ -158,7 +158,7 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[Step], No
                     f"step {step.number}: the reference is not right here: "
                     + " | ".join(page.locator(".vs-prose .vs-scored").all_inner_texts())
                 )
-            case Setting() | Explain():
+            case StartScenario() | Explain():
                 pass
         page.wait_for_timeout(300)
         faults += [f"step {step.number}: {fault}" for fault in page.evaluate(LOOKS)]
@@ -170,7 +170,7 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[Step], No
     return faults
 
 
-def _course(question: Curve, t: object, values: object) -> list[tuple[float, float]]:
+def _course(question: CurveQuestion, t: object, values: object) -> list[tuple[float, float]]:
     import numpy as np
 
     times = np.linspace(question.start, question.end, POINTS)
@@ -225,7 +225,7 @@ def main(
             taker, began = Taker(page, means), time.monotonic()
             taker.press("Begin")
 
-            def look(step: Step, name: str = name) -> None:
+            def look(step: LessonStep, name: str = name) -> None:
                 if pictures is not None:
                     pictures.mkdir(parents=True, exist_ok=True)
                     page.screenshot(path=pictures / f"{name}-{step.number:02d}-{means}.png")

@@ -83,7 +83,7 @@ def wait_without_notice(page: Page) -> None:
 
 
 @dataclass(frozen=True)
-class Session:
+class PageSession:
     """Session of a test: a page, and the runner behind it."""
 
     page: Page

@@ -13,7 +13,7 @@ import aiohttp
 from aiohttp import WSMsgType, web
 
 from app.access.admission import Names, Tokens
-from app.access.session_messages import Answers, Begin, Kept
+from app.access.session_messages import Answers, Begin, KeptFolder
 from app.gateway.server import AccessSettings, Gateway, serving
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import SessionStore
@@ -29,14 +29,14 @@ class Actor:
     def __init__(self, port: int) -> None:
         self.port, self.alive = port, True
         self.begun: Begin | None = None
-        self.kept: Kept | None = None
+        self.kept: KeptFolder | None = None
         self.answers: list[Answers] = []
         self._says: asyncio.Queue[Any] = asyncio.Queue()
 
     def begin(self, begin: Begin) -> None:
         self.begun, self.kept = begin, begin.kept
 
-    def keep(self, kept: Kept) -> None:
+    def keep(self, kept: KeptFolder) -> None:
         self.kept = kept
 
     def remark(self, sentence: str) -> None:

@@ -25,7 +25,7 @@ _PANEL = re.compile(r'class="vs-panel" data-plots="([^"]*)"')
 PATIENCE = 180.0  # s; on an idle machine, a wait takes a fraction of a second
 
 
-class Visitor:
+class VisitingPage:
     """Visitor: an open page, with the content of its control panel as received, and its actions."""
 
     def __init__(self, socket: ClientConnection) -> None:
@@ -133,13 +133,13 @@ class Visitor:
 
 
 @contextmanager
-def visiting(url: str, **options: Any) -> Iterator[Visitor]:
+def visiting(url: str, **options: Any) -> Iterator[VisitingPage]:
     """Context with a page that is open at this address. options: of the web socket."""
     address = url.replace("http", "ws", 1).rstrip("/")
     usual = {"subprotocols": [PROTOCOL], "compression": None, "max_size": None, "open_timeout": PATIENCE}
     with connect(address, **usual | options) as socket:
         assert socket.subprotocol == PROTOCOL
-        yield Visitor(socket)
+        yield VisitingPage(socket)
 
 
 class Server(NamedTuple):

@@ -47,7 +47,7 @@ FUNCTIONS: dict[Op, Callable[[float], float]] = {
 }
 
 
-class Part(NamedTuple):
+class ExpressionNode(NamedTuple):
     """A node of the graph: operation, operands by number, and the value of a constant."""
 
     op: Op
@@ -63,13 +63,13 @@ class Graph:
     """
 
     def __init__(self) -> None:
-        self.parts: list[Part] = []
-        self._numbers: dict[Part, int] = {}
+        self.parts: list[ExpressionNode] = []
+        self._numbers: dict[ExpressionNode, int] = {}
         self._derivatives: dict[tuple[int, int], int] = {}
-        self.variables = tuple(self._number(Part(Op.VARIABLE, v)) for v in VARIABLES)
+        self.variables = tuple(self._number(ExpressionNode(Op.VARIABLE, v)) for v in VARIABLES)
         self.zero, self.one = self.constant(0.0), self.constant(1.0)
 
-    def _number(self, part: Part) -> int:
+    def _number(self, part: ExpressionNode) -> int:
         if part not in self._numbers:
             self._numbers[part] = len(self.parts)
             self.parts.append(part)
@@ -78,7 +78,7 @@ class Graph:
     def constant(self, value: float) -> int:
         if not math.isfinite(value):
             raise ArithmeticError("a number that is too large")
-        return self._number(Part(Op.CONSTANT, value=value + 0.0))  # -0.0 is 0.0
+        return self._number(ExpressionNode(Op.CONSTANT, value=value + 0.0))  # -0.0 is 0.0
 
     def value(self, a: int) -> float | None:
         """Value of a constant; None for any other part."""
@@ -95,7 +95,7 @@ class Graph:
             return self.subtract(a, self.parts[b].a)
         if self.parts[a].op is Op.NEGATE:
             return self.subtract(b, self.parts[a].a)
-        return self._number(Part(Op.ADD, min(a, b), max(a, b)))
+        return self._number(ExpressionNode(Op.ADD, min(a, b), max(a, b)))
 
     def subtract(self, a: int, b: int) -> int:
         u, v = self.value(a), self.value(b)
@@ -109,7 +109,7 @@ class Graph:
             return self.negate(b)
         if self.parts[b].op is Op.NEGATE:
             return self.add(a, self.parts[b].a)
-        return self._number(Part(Op.SUBTRACT, a, b))
+        return self._number(ExpressionNode(Op.SUBTRACT, a, b))
 
     def negate(self, a: int) -> int:
         part = self.parts[a]
@@ -119,7 +119,7 @@ class Graph:
             return part.a
         if part.op is Op.SUBTRACT:
             return self.subtract(part.b, part.a)
-        return self._number(Part(Op.NEGATE, a))
+        return self._number(ExpressionNode(Op.NEGATE, a))
 
     def multiply(self, a: int, b: int) -> int:
         u, v = self.value(a), self.value(b)
@@ -137,7 +137,7 @@ class Graph:
             factor = self.value(self.parts[one].a) if self.parts[one].op is Op.MULTIPLY else None
             if factor is not None:
                 return self._scaled(factor, self.multiply(self.parts[one].b, other))
-        return self._number(Part(Op.MULTIPLY, min(a, b), max(a, b)))
+        return self._number(ExpressionNode(Op.MULTIPLY, min(a, b), max(a, b)))
 
     def _scaled(self, factor: float, a: int) -> int:
         part = self.parts[a]
@@ -151,7 +151,7 @@ class Graph:
             return self._scaled(-factor, part.a)
         if part.op is Op.MULTIPLY and (inner := self.value(part.a)) is not None:
             return self.multiply(self.constant(factor * inner), part.b)
-        return self._number(Part(Op.MULTIPLY, self.constant(factor), a))
+        return self._number(ExpressionNode(Op.MULTIPLY, self.constant(factor), a))
 
     def divide(self, a: int, b: int) -> int:
         u, v = self.value(a), self.value(b)
@@ -163,7 +163,7 @@ class Graph:
             return self.zero
         if v == 1.0:
             return a
-        return self._number(Part(Op.DIVIDE, a, b))
+        return self._number(ExpressionNode(Op.DIVIDE, a, b))
 
     def power(self, a: int, exponent: float) -> int:
         base = self.value(a)
@@ -180,12 +180,16 @@ class Graph:
                 return self.apply(Op.SQRT, a)
             case -1.0:
                 return self.divide(self.one, a)
-        return self._number(Part(Op.POWER, a, self.constant(exponent)))
+        return self._number(ExpressionNode(Op.POWER, a, self.constant(exponent)))
 
     def apply(self, function: Op, a: int) -> int:
         """One of `FUNCTIONS` applied to a part."""
         value = self.value(a)
-        return self._number(Part(function, a)) if value is None else self.constant(_real(FUNCTIONS[function], value))
+        return (
+            self._number(ExpressionNode(function, a))
+            if value is None
+            else self.constant(_real(FUNCTIONS[function], value))
+        )
 
     def below(self, roots: Iterable[int]) -> list[int]:
         """All parts that the roots are made of, themselves included, in ascending order."""
@@ -262,6 +266,6 @@ def _real(function: Callable[..., float], *arguments: float) -> float:
         raise ArithmeticError("what is no real number") from error
 
 
-def operands(part: Part) -> list[int]:
+def operands(part: ExpressionNode) -> list[int]:
     """Numbers of a part's operands."""
     return [] if part.op in (Op.CONSTANT, Op.VARIABLE) else [c for c in (part.a, part.b) if c >= 0]

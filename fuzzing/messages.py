@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 from viser._messages import Message
 
-from app.dashboard.transport.messages import Page, PageVisitor, Refused
+from app.dashboard.transport.messages import Page, PageVisitor, RefusedMessage
 
 
 @dataclass
@@ -52,6 +52,6 @@ DICTIONARY = ("GuiUpdateMessage", "ShareUrlRequest", "updates", "value", "update
 
 
 def read(data: bytes) -> None:
-    with suppress(Refused):
+    with suppress(RefusedMessage):
         PageVisitor(Page(WIDGETS.get, lambda uuid: uuid == "form")).admit(data)
         Message.deserialize(data)

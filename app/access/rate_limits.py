@@ -19,7 +19,7 @@ NARROW = 576  # px: phones are up to this wide
 
 
 @dataclass(frozen=True)
-class Limits:
+class ConnectionLimits:
     """Limits of one connection, and of a session's process.
     message, watchers_message: size of a message in bytes; the largest are pictures of the scene.
     rate, burst: messages per second in the long run, and messages at once.
@@ -84,10 +84,10 @@ _TABS = re.compile(r"[\w ,+‖ℓ()/-]{0,200}#[0-9.e-]{0,30}")
 _LARGEST_PAGE = 16384  # px
 
 
-class Meter:
+class ConnectionRateLimiter:
     """Rate limiter: counts the messages of one connection."""
 
-    def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, limits: ConnectionLimits, clock: Callable[[], float] = time.monotonic) -> None:
         self._limits, self._clock = limits, clock
         self._left, self._counted = limits.burst, clock()
         self._files: dict[str, int] = {}

@@ -21,7 +21,7 @@ class Prepare(msgspec.Struct, frozen=True, tag=True):
     shared: bool = False
 
 
-class Kept(msgspec.Struct, frozen=True):
+class KeptFolder(msgspec.Struct, frozen=True):
     """Folder in which a session is kept on disk.
     earlier: what becomes of a session that is already in the folder. "shown": this is the same session, and its pinned
     runs are shown again; "offered": it is another one, and the page offers to continue it."""
@@ -40,7 +40,7 @@ class Begin(msgspec.Struct, frozen=True, tag=True):
     without one."""
 
     scenario: str | None
-    kept: Kept | None
+    kept: KeptFolder | None
     marks: tuple[str, ...] = ()
     classes: bool = False
     asked: int = 0
@@ -50,7 +50,7 @@ class Keep(msgspec.Struct, frozen=True, tag=True):
     """Message to the process, which runs: keep the session in this folder from now on, where it has not been kept
     before."""
 
-    kept: Kept
+    kept: KeptFolder
 
 
 class Remark(msgspec.Struct, frozen=True, tag=True):

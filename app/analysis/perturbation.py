@@ -57,16 +57,16 @@ class PerturbationAnalysis:
         self._arm: tuple[Scenario, Truth, pin.Model, pin.Data] | None = None
         self._kept: dict[float, Instant] = {}
 
-    def recorded(self, rows: Signals, epochs: Sequence[Epoch], openings: np.ndarray) -> Known:
+    def recorded(self, rows: Signals, epochs: Sequence[Epoch], openings: np.ndarray) -> DerivedSignals:
         """Signals of rows of the run's recording; the costly ones are computed in the rows `openings` only, and
         kept."""
         if len(self._kept) > KEPT:
             self._kept.clear()
-        return Known(self, rows, epochs, openings, self._kept)
+        return DerivedSignals(self, rows, epochs, openings, self._kept)
 
-    def foreseen(self, rows: Signals, epochs: Sequence[Epoch], openings: np.ndarray) -> Known:
+    def foreseen(self, rows: Signals, epochs: Sequence[Epoch], openings: np.ndarray) -> DerivedSignals:
         """Signals of rows of a preview of the same run."""
-        return Known(self, rows, epochs, openings, {})
+        return DerivedSignals(self, rows, epochs, openings, {})
 
     def at(self, row: Signals, epoch: Epoch) -> Instant:
         """Quantities at one recorded row. The parts of the perturbation are the differences between the law's terms
@@ -131,7 +131,7 @@ class PerturbationAnalysis:
         return K_e * float(depth) / (1.0 + yielding * K_e)
 
 
-class Known(Mapping[str, np.ndarray]):
+class DerivedSignals(Mapping[str, np.ndarray]):
     """Signals by name: the recorded ones, and further ones, (N,) each, that are computed when they are first read:
     those of `Instant`;
     steady_force, steady_force_2, steady_force_3 N: where the target model would settle on each surface if the reference

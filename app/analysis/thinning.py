@@ -10,7 +10,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Grid:
+class BucketGrid:
     """Grid of buckets [k width, (k + 1) width), k = first ... first + count - 1, in s. Their edges are multiples of the
     width, so that the drawn points stand still while time goes on."""
 
@@ -19,21 +19,21 @@ class Grid:
     width: float
 
     @classmethod
-    def over(cls, t_from: float, t_to: float, buckets: int) -> Grid:
+    def over(cls, t_from: float, t_to: float, buckets: int) -> BucketGrid:
         """Grid of about this many buckets; none begins before t_from, the last holds t_to."""
         return cls.up_to(t_to, t_to - t_from, buckets)
 
     @classmethod
-    def up_to(cls, t_to: float, window: float, buckets: int) -> Grid:
+    def up_to(cls, t_to: float, window: float, buckets: int) -> BucketGrid:
         """Grid of about this many buckets over the last `window` s up to t_to; grids of the same window have the same
         width, to the last bit."""
         t_from, width = t_to - window, window / buckets
         first = math.ceil(t_from / width - 1e-9)
         return cls(first, max(math.floor(t_to / width + 1e-9) - first + 1, 1), width)
 
-    def since(self, bucket: int) -> Grid:
+    def since(self, bucket: int) -> BucketGrid:
         """The part of this grid from the bucket of this number on."""
-        return Grid(bucket, self.first + self.count - bucket, self.width)
+        return BucketGrid(bucket, self.first + self.count - bucket, self.width)
 
     @property
     def times(self) -> np.ndarray:

@@ -32,7 +32,7 @@ def lesson(
     from app.export.figures import render
     from app.lessons.answers import Notebook
     from app.lessons.checking import check
-    from app.lessons.course import Course
+    from app.lessons.course import LessonCourse
     from app.lessons.lesson import load as load_lesson
     from app.lessons.lesson import shipped_lessons
     from app.lessons.playing import play, runs
@@ -59,7 +59,7 @@ def lesson(
                 print(f"  {printable(problem)}")
             print(f"  about {checked.minutes:.0f} minutes, {len(checked.told)} numbers measured")
         else:
-            course = Course(each, Notebook())
+            course = LessonCourse(each, Notebook())
             for step in runs(each):
                 outcome = play(step, memory)
                 course.take(step, outcome)

@@ -11,7 +11,7 @@ import tyro
 
 from app.access.admission import Names
 from app.access.given_token import given_token
-from app.access.rate_limits import Limits
+from app.access.rate_limits import ConnectionLimits
 from app.cli.options import Files, Settings, braces, configured, one_of, use_own
 from app.cli.status import DONE
 from app.dashboard.theme.colors import Theme
@@ -29,7 +29,9 @@ TOKENS: tuple[Token, ...] = get_args(Token)
 
 LEVELS: tuple[log.Level, ...] = get_args(log.Level)
 
-FILES = 64 + 2 * Limits().per_session  # open at once in a server for oneself: its own, pages and new connections
+FILES = (
+    64 + 2 * ConnectionLimits().per_session
+)  # open at once in a server for oneself: its own, pages and new connections
 
 
 def serve(

@@ -48,7 +48,7 @@ class Hunt:
     off: tuple[float, ...]
 
 
-class Ground:
+class HuntingGround:
     """Ground of a hunt: the system of a situation, built once, since a try changes neither Omega nor its constants."""
 
     def __init__(self, robot: str, mode: str, *, reaching: bool) -> None:
@@ -105,7 +105,7 @@ class Ground:
 def hunt(robot: str, mode: str, reaching: bool, generations: int = GENERATIONS) -> Hunt:
     """Hunt by differential evolution, which begins with corners of the declared set and draws from inside, half of
     each."""
-    ground, random = Ground(robot, mode, reaching=reaching), random_of(robot, mode, SEED, int(reaching))
+    ground, random = HuntingGround(robot, mode, reaching=reaching), random_of(robot, mode, SEED, int(reaching))
     ratios: list[float | None] = []
     broken = 0
 

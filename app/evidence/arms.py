@@ -37,7 +37,7 @@ class Deadline:
 
 
 @dataclass(frozen=True)
-class Plant:
+class DrawnPlant:
     """Plant of a run, drawn inside the declared set, and the verdict on its promise.
     bounds: kind of the declared bounds.
     lagging: whether the multiplier is read one period late.
@@ -54,12 +54,12 @@ class Plant:
 
 
 @dataclass(frozen=True)
-class Refused(Plant):
+class RefusedPlant(DrawnPlant):
     """Plant that does not start, since the feedback of its gain (17) to itself is too large."""
 
 
 @dataclass(frozen=True)
-class Reaching(Plant):
+class Reaching(DrawnPlant):
     """Reaching of one run; all figures count only periods with a promise, and are nan where there are none.
 
     s_0: ||s|| at the start, m/s.
@@ -128,33 +128,33 @@ class Example:
     band: np.ndarray
 
 
-def reach(robot: str, mode: str, seed: int) -> list[Plant]:
+def reach(robot: str, mode: str, seed: int) -> list[DrawnPlant]:
     """Plants of one situation."""
     return _reached([drawn(robot, mode, seed, number) for number in range(PLANTS)], lagging=False)
 
 
-def lag(robot: str) -> list[Plant]:
+def lag(robot: str) -> list[DrawnPlant]:
     """Plants of one situation on a rigid surface, where the multiplier is read one period late."""
     late = [edited(drawn(robot, RIGID, 0, number), "sensor.ideal", False) for number in range(PLANTS)]
     return _reached(late, lagging=True)
 
 
-def _reached(scenarios: Sequence[Scenario], *, lagging: bool) -> list[Plant]:
-    found: list[Plant] = []
+def _reached(scenarios: Sequence[Scenario], *, lagging: bool) -> list[DrawnPlant]:
+    found: list[DrawnPlant] = []
     previous = None
     for scenario in scenarios:
         about = scenario.robot.name, scenario.mode, scenario.controller.bounds, lagging
         previous = built(scenario, previous)
         try:
-            found.append(_reaching(run(previous), Plant(*about, "nothing promised")))
+            found.append(_reaching(run(previous), DrawnPlant(*about, "nothing promised")))
         except ScenarioError as error:
             if not str(error).startswith("controller.bounds"):
                 raise
-            found.append(Refused(*about, "nothing promised"))
+            found.append(RefusedPlant(*about, "nothing promised"))
     return found
 
 
-def _reaching(loop: ClosedLoop, about: Plant) -> Reaching:
+def _reaching(loop: ClosedLoop, about: DrawnPlant) -> Reaching:
     record = loop.recording.signals(tuple(loop.recording.columns))
     s, limit = record["s_norm"], record["s_bound"] + record["s_band"]
     promised = np.isfinite(limit)

@@ -9,8 +9,8 @@ import numpy as np
 
 from app.analysis.metrics import Account, account
 from app.evidence.drawing import charts_in_columns
-from app.evidence.section import Findings, Job, Section
-from app.export.figures import Chart, Curve, Rgb
+from app.evidence.section import EvidenceSection, Findings, Job
+from app.export.figures import Curve, FigureChart, Rgb
 from app.process.markdown import Table
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.declared_bounds import outside
@@ -234,11 +234,11 @@ def _figure(main: dict[Contestant, list[Outcome]], noisy: dict[Contestant, list[
 
     rank, sigma = "plants, from the best to the worst", "noise of the force sensor, σ per axis [N]"
     charts = (
-        Chart("path error, RMS", "mm", over_plants("path"), x_label=rank, logarithmic=True),
-        Chart("force error, RMS", "N", over_plants("force"), x_label=rank, logarithmic=True),
-        Chart("variation of the torque", "N·m/s", over_plants("variation"), x_label=rank, logarithmic=True),
-        Chart("force error, RMS, against noise", "N", over_noise("force"), x_label=sigma, logarithmic=True),
-        Chart(
+        FigureChart("path error, RMS", "mm", over_plants("path"), x_label=rank, logarithmic=True),
+        FigureChart("force error, RMS", "N", over_plants("force"), x_label=rank, logarithmic=True),
+        FigureChart("variation of the torque", "N·m/s", over_plants("variation"), x_label=rank, logarithmic=True),
+        FigureChart("force error, RMS, against noise", "N", over_noise("force"), x_label=sigma, logarithmic=True),
+        FigureChart(
             "variation of the torque, against noise", "N·m/s", over_noise("variation"), x_label=sigma, logarithmic=True
         ),
     )
@@ -249,4 +249,4 @@ def _curve(who: Contestant, x: np.ndarray, y: np.ndarray, *, listed: bool) -> Cu
     return Curve(who.title, who.color, x, y, dashed=who.stiffer > 1.0, listed=listed)
 
 
-SECTION = Section("baselines", jobs, conclude)
+SECTION = EvidenceSection("baselines", jobs, conclude)

@@ -12,8 +12,8 @@ from scipy.linalg import expm
 
 from app.evidence.drawing import charts_in_columns
 from app.evidence.regions import Region, Spot, render_regions
-from app.evidence.section import Findings, Job, Section
-from app.export.figures import Chart, Curve, thinned
+from app.evidence.section import EvidenceSection, Findings, Job
+from app.export.figures import Curve, FigureChart, thinned
 from app.process.markdown import Table
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.simulation.closed_loop import ClosedLoop
@@ -308,7 +308,7 @@ def _refused_figure() -> bytes:
         Curve("rightmost pole of the blend", BLUE, SHARES, _abscissas(start, end, np.zeros(2))),
         Curve("0", GREY, SHARES, 0.0 * SHARES, dashed=True, listed=False),
     )
-    chart = Chart("Two stable models, not so between them", "1/s", curves, x_label="α")
+    chart = FigureChart("Two stable models, not so between them", "1/s", curves, x_label="α")
     return charts_in_columns((chart,), "The real part of the rightmost pole of (8) on the way between the two.")
 
 
@@ -324,9 +324,9 @@ def _loop_figure(runs: dict[str, Blended]) -> bytes:
             Curve(way, color, x, np.maximum(y, least), dashed=over == AT_ONCE, listed=name == "deflection")
             for (way, (over, color)), (x, y) in ((item, runs[item[0]].curves[name]) for item in WAYS.items())
         )
-        charts.append(Chart(title, unit, curves, logarithmic=least > 0.0))
+        charts.append(FigureChart(title, unit, curves, logarithmic=least > 0.0))
     caption = "UR5 pushed with 20 N; from t = 2 s on its stiffness falls to a quarter."
     return charts_in_columns(charts, caption)
 
 
-SECTION = Section("blend", jobs, conclude)
+SECTION = EvidenceSection("blend", jobs, conclude)

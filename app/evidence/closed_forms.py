@@ -12,8 +12,8 @@ from scipy.linalg import expm
 from scipy.optimize import curve_fit
 
 from app.evidence.drawing import charts_in_columns
-from app.evidence.section import Findings, Job, Section, of_kind
-from app.export.figures import Chart, Curve
+from app.evidence.section import EvidenceSection, Findings, Job, of_kind
+from app.export.figures import Curve, FigureChart
 from app.process.markdown import Table
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import ControllerSection, Scenario
@@ -63,7 +63,7 @@ def certain(scenario: Scenario) -> Scenario:
 
 
 @dataclass(frozen=True)
-class Steady:
+class SteadyState:
     """Steady state at the end of a run, and its prediction by (37).
     ratio: K_e_hat / K_e.
     f_nd: N.
@@ -100,7 +100,7 @@ class Response:
 
 
 @dataclass(frozen=True)
-class Start:
+class MeasuredStart:
     """Start of a shipped scenario.
     choice: of `CHOICES`: z(0) of Remark 2, or z(0) = 0.
     s_0: ||s(0)||, m/s.
@@ -115,7 +115,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Oscillation:
+class MeasuredOscillation:
     """Oscillation with prescribed omega (rad/s) and zeta.
     share: of the usual control period and boundary layer.
     error: (N,) m over t (N,) s, in which the oscillation is seen."""
@@ -134,7 +134,7 @@ class Oscillation:
 
 
 @dataclass(frozen=True)
-class ForceLoop:
+class MeasuredForceLoop:
     """Force loop on a rigid surface.
     factor: predicted, of the sampled loop from one control period to the next.
     error: lambda - lambda_d (N,) N in successive periods."""
@@ -162,9 +162,9 @@ class Multiplier:
     phi: float
 
 
-def steady(robot: str, K_m1: float, cases: Sequence[tuple[float, float]]) -> list[Steady]:
+def steady(robot: str, K_m1: float, cases: Sequence[tuple[float, float]]) -> list[SteadyState]:
     """Steady states of a pressing arm that is 15 % heavier than believed. cases: (K_e_hat / K_e, f_nd) of each."""
-    found: list[Steady] = []
+    found: list[SteadyState] = []
     previous: System | None = None
     n = 3 if robot == "planar3r" else 6
     for ratio, f_nd in cases:
@@ -183,7 +183,7 @@ def steady(robot: str, K_m1: float, cases: Sequence[tuple[float, float]]) -> lis
         e_rf = -(K_E - K_e_hat) / (K_m1 + K_E) / K_e_hat * f_nd
         e_fn = (1.0 - K_E / (K_m1 + K_E)) * (K_E - K_e_hat) / K_e_hat * f_nd
         measured = float(last["e_r"][0]), float(last["multiplier"][0] - f_nd)
-        found.append(Steady(robot, K_m1, ratio, f_nd, *measured, e_rf, e_fn))
+        found.append(SteadyState(robot, K_m1, ratio, f_nd, *measured, e_rf, e_fn))
     return found
 
 
@@ -214,17 +214,17 @@ def pressed(M_e: float, period: float) -> Response:
     return Response(M_e, period, record["t"], record["phi"], exact)
 
 
-def start(name: str, choice: str) -> Start:
+def start(name: str, choice: str) -> MeasuredStart:
     """Start of a shipped scenario, its first second. choice: `controller.on_change`."""
     scenario = edited(edited(shipped()[name], "controller.on_change", choice), "simulation.duration", 1.0)
     loop, metrics = simulate(scenario)
     record = loop.recording.signals(("s_norm", "s_band"))
     reached = np.nan if metrics.reaching_time is None else metrics.reaching_time
     largest = float(np.nanmax(record["s_norm"] / record["s_band"]))
-    return Start(name, choice, float(record["s_norm"][0]), largest, reached)
+    return MeasuredStart(name, choice, float(record["s_norm"][0]), largest, reached)
 
 
-def free(omega: float, zeta: float, share: float) -> Oscillation:
+def free(omega: float, zeta: float, share: float) -> MeasuredOscillation:
     """Free oscillation of (26): the error of a UR5 with links 15 % heavier than believed, whose reference starts at
     full speed."""
     scenario = changed(
@@ -236,10 +236,10 @@ def free(omega: float, zeta: float, share: float) -> Oscillation:
     )
     record = simulate(scenario)[0].recording.signals(("t", "e_r", "e_r_dot"))
     along = int(np.argmax(np.abs(record["e_r_dot"][0])))
-    return Oscillation("free, (26)", share, omega, zeta, record["t"], record["e_r"][:, along])
+    return MeasuredOscillation("free, (26)", share, omega, zeta, record["t"], record["e_r"][:, along])
 
 
-def pressing(K_e: float, zeta: float, share: float) -> Oscillation:
+def pressing(K_e: float, zeta: float, share: float) -> MeasuredOscillation:
     """Oscillation of (35) with K_m1 = 0 and K_e known: a tool that starts too deep in an elastic surface, on the arm of
     `free`."""
     base = shipped()["ur5-hybrid"]
@@ -256,7 +256,7 @@ def pressing(K_e: float, zeta: float, share: float) -> Oscillation:
         simulation={"duration": _span(omega, zeta)},
     )
     record = simulate(scenario)[0].recording.signals(("t", "e_r"))
-    return Oscillation("pressing, (35)", share, omega, zeta, record["t"], record["e_r"][:, 0])
+    return MeasuredOscillation("pressing, (35)", share, omega, zeta, record["t"], record["e_r"][:, 0])
 
 
 def _fine(share: float) -> dict[str, float]:
@@ -296,7 +296,7 @@ def recovered(t: np.ndarray, error: np.ndarray) -> tuple[float, float]:
     return omega, float(sigma / omega)
 
 
-def force_loop(factor: float) -> ForceLoop:
+def force_loop(factor: float) -> MeasuredForceLoop:
     """Force loop of a known UR5 that holds still on a rigid surface. factor: of the loop through the multiplier, which
     sets M_m1."""
     base = certain(shipped()["ur5-constrained"])
@@ -314,7 +314,7 @@ def force_loop(factor: float) -> ForceLoop:
         simulation={"duration": 0.02},
     )
     record = simulate(scenario)[0].recording.signals(("multiplier", "F_cd"))
-    return ForceLoop(M_m1, factor, (record["multiplier"] - record["F_cd"][:, 0])[1:])
+    return MeasuredForceLoop(M_m1, factor, (record["multiplier"] - record["F_cd"][:, 0])[1:])
 
 
 def multiplier(period: float, reading: Reading) -> Multiplier:
@@ -349,8 +349,8 @@ def jobs(thin: int) -> list[Job]:
 
 def conclude(results: Sequence[Any]) -> Findings:
     rests = [one for batch in results if isinstance(batch, list) for one in batch]
-    responses, starts = of_kind(Response, results), of_kind(Start, results)
-    oscillations, loops = of_kind(Oscillation, results), of_kind(ForceLoop, results)
+    responses, starts = of_kind(Response, results), of_kind(MeasuredStart, results)
+    oscillations, loops = of_kind(MeasuredOscillation, results), of_kind(MeasuredForceLoop, results)
     multipliers = of_kind(Multiplier, results)
     numbers = {
         "rests": f"{len(rests)}",
@@ -399,7 +399,7 @@ def _responses(found: Sequence[Response]) -> Table:
     return Table(("M_e [kg]", *(f"error at T = {1e3 * T:g} ms [µm]" for T in PERIODS), "slope"), rows)
 
 
-def _starts(found: Sequence[Start]) -> Table:
+def _starts(found: Sequence[MeasuredStart]) -> Table:
     rows = []
     for name in dict.fromkeys(one.name for one in found):
         removed, watched = (next(one for one in found if (one.name, one.choice) == (name, c)) for c in CHOICES)
@@ -412,7 +412,7 @@ def _starts(found: Sequence[Start]) -> Table:
     )
 
 
-def _oscillations(found: Sequence[Oscillation]) -> Table:
+def _oscillations(found: Sequence[MeasuredOscillation]) -> Table:
     rows = []
     for one in (one for one in found if one.share == SHARES[0]):
         fine = next(
@@ -423,7 +423,7 @@ def _oscillations(found: Sequence[Oscillation]) -> Table:
     return Table(("response", "ω [rad/s]", "ζ", "ω at 1 ms", "ζ at 1 ms", "ω, an eighth", "ζ, an eighth"), rows)
 
 
-def _steady_chart(found: Sequence[Steady]) -> Chart:
+def _steady_chart(found: Sequence[SteadyState]) -> FigureChart:
     ratios = np.geomspace(min(RATIOS), max(RATIOS), 60)
     curves = []
     for K_m1, color in zip(STIFFNESSES, (BLUE, ORANGE, GREEN, PINK), strict=True):
@@ -433,21 +433,21 @@ def _steady_chart(found: Sequence[Steady]) -> Chart:
         curves.append(Curve(f"K_m1 = {K_m1:g} N/m", color, ratios, expected))
         curves.append(Curve("", color, x, y, width=0.0, listed=False, dotted=True))
     title = "steady force error over f_nd"
-    return Chart(
+    return FigureChart(
         title, "ratio", tuple(curves), x_label="believed over true stiffness of the surface", logarithmic_x=True
     )
 
 
-def _response_chart(found: Sequence[Response]) -> Chart:
+def _response_chart(found: Sequence[Response]) -> FigureChart:
     curves = []
     for M_e, color in zip(MASSES, (BLUE, ORANGE), strict=True):
         one = next(one for one in found if (one.M_e, one.period) == (M_e, PERIODS[-1]))
         curves.append(Curve(f"M_e = {M_e:g} kg", color, one.t, 1e3 * one.phi))
         curves.append(Curve("", BLACK, one.t, 1e3 * one.exact, dashed=True, width=0.7, listed=False))
-    return Chart("penetration of an impedance, (29)", "mm", tuple(curves))
+    return FigureChart("penetration of an impedance, (29)", "mm", tuple(curves))
 
 
-def _oscillation_chart(found: Sequence[Oscillation]) -> Chart:
+def _oscillation_chart(found: Sequence[MeasuredOscillation]) -> FigureChart:
     curves = []
     of = [
         one for one in found if one.kind.startswith("free") and one.share == SHARES[0] and one.omega == found[0].omega
@@ -458,17 +458,17 @@ def _oscillation_chart(found: Sequence[Oscillation]) -> Chart:
         exact = rate / omega_d * np.exp(-sigma * one.t) * np.sin(omega_d * one.t)
         curves.append(Curve(f"ω = {one.omega:g} rad/s, ζ = {one.zeta:g}", color, one.t, 1e3 * one.error))
         curves.append(Curve("", BLACK, one.t, 1e3 * exact, dashed=True, width=0.7, listed=False))
-    return Chart("free error of an arm 15 % too heavy, (26)", "mm", tuple(curves))
+    return FigureChart("free error of an arm 15 % too heavy, (26)", "mm", tuple(curves))
 
 
-def _loop_chart(found: Sequence[ForceLoop]) -> Chart:
+def _loop_chart(found: Sequence[MeasuredForceLoop]) -> FigureChart:
     curves = []
     for one, color in zip(found, (BLUE, ORANGE, GREEN, PINK), strict=True):
         k = np.arange(len(one.error))
         curves.append(Curve("", BLACK, k, one.factor**k, width=0.5, dashed=True, listed=False))
         curves.append(Curve(f"factor {one.factor:g}", color, k, one.error / one.error[0], width=0.0, dotted=True))
     title = "rigid surface: λ − λ_d over its first value"
-    return Chart(title, "ratio", tuple(curves), x_label="control period")
+    return FigureChart(title, "ratio", tuple(curves), x_label="control period")
 
 
-SECTION = Section("closed_forms", jobs, conclude)
+SECTION = EvidenceSection("closed_forms", jobs, conclude)

@@ -13,9 +13,9 @@ import numpy as np
 
 from app.evidence.drawing import charts_in_columns
 from app.evidence.independent_simulator import order
-from app.evidence.section import Findings, Job, Section
+from app.evidence.section import EvidenceSection, Findings, Job
 from app.evidence.twins import Twin, bands, loop_errors, plant_errors
-from app.export.figures import Chart, Curve
+from app.export.figures import Curve, FigureChart
 from app.process.markdown import Table
 from app.scenario.data import edited, shipped
 from environments.integrators import Integrator
@@ -138,7 +138,7 @@ def _table(what: str, declines: Sequence[Decline]) -> Table:
     return Table((what, "longest step [ms]", "shortest", "error there", "and there", "slope", "by theory"), rows)
 
 
-def _chart(subject: Subject, declines: Sequence[Decline]) -> Chart:
+def _chart(subject: Subject, declines: Sequence[Decline]) -> FigureChart:
     title, unit, x_label = {
         "plant": ("plant, constant torque: error of (q, q̇)", "rad, rad/s", "plant step [ms]"),
         "loop": ("sampled loop: error of q", "rad", "control period T [ms]"),
@@ -152,7 +152,9 @@ def _chart(subject: Subject, declines: Sequence[Decline]) -> Chart:
         listed = found.name not in [curve.name for curve in measured]
         theory.append(Curve("", THEORY, steps, expected, dashed=True, width=0.7, listed=False))
         measured.append(Curve(found.name, colors[found.name], steps, errors, width=0.0, listed=listed, dotted=True))
-    return Chart(title, unit, (*theory, *measured), x_label=x_label, logarithmic=True, logarithmic_x=True)
+    return FigureChart(title, unit, (*theory, *measured), x_label=x_label, logarithmic=True, logarithmic_x=True)
 
 
-SECTION = Section("convergence", jobs, conclude, {"tests": "a checkout of the sources (`python -m app figures` there)"})
+SECTION = EvidenceSection(
+    "convergence", jobs, conclude, {"tests": "a checkout of the sources (`python -m app figures` there)"}
+)

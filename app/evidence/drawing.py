@@ -16,8 +16,8 @@ from app.export.figures import (
     SMALL,
     STYLE,
     TYPE,
-    Chart,
     Figure,
+    FigureChart,
     plain_number,
     render,
     with_fallbacks,
@@ -52,7 +52,7 @@ class HeatMap:
     theory: tuple[np.ndarray, float] | None = None
 
 
-def charts_in_columns(charts: Iterable[Chart], caption: str) -> bytes:
+def charts_in_columns(charts: Iterable[FigureChart], caption: str) -> bytes:
     """Picture of charts in two columns, as SVG."""
     return render(Figure(tuple(charts), caption, one_column=1), "svg")
 

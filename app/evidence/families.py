@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from app.analysis.metrics import motion_error
-from app.evidence.section import Findings, Job, Section, of_kind
-from app.export.figures import Area, Chart, Curve, Figure, render
+from app.evidence.section import EvidenceSection, Findings, Job, of_kind
+from app.export.figures import Curve, Figure, FigureChart, FilledArea, render
 from app.scenario.data import edited, shipped
 from app.session.headless_run import simulate
 from app.simulation.system import System
@@ -159,13 +159,15 @@ def _quantiles(values: np.ndarray) -> np.ndarray:
     return np.maximum(np.quantile(values, SHARES, axis=0), 1e-9)
 
 
-def _chart(title: str, unit: str, t: np.ndarray, values: np.ndarray, more: tuple[Curve, ...]) -> Chart:
+def _chart(title: str, unit: str, t: np.ndarray, values: np.ndarray, more: tuple[Curve, ...]) -> FigureChart:
     names = ("least", "5 %", "median", "95 %", "largest")
     curves = tuple(
         Curve(name, BLUE, t, line, width=1.2 if name == "median" else 0.4, listed=name == "median")
         for name, line in zip(names, values, strict=True)
     )
-    return Chart(title, unit, (*curves, *more), areas=(Area(4, 0, BLUE), Area(3, 1, BLUE)), logarithmic=True)
+    return FigureChart(
+        title, unit, (*curves, *more), areas=(FilledArea(4, 0, BLUE), FilledArea(3, 1, BLUE)), logarithmic=True
+    )
 
 
-SECTION = Section("families", jobs, conclude)
+SECTION = EvidenceSection("families", jobs, conclude)

@@ -178,7 +178,7 @@ class Motion(NamedTuple):
         return np.concatenate([self.normals.T @ lam[:k], self.turning.T @ lam[k:]])
 
 
-class Answer(NamedTuple):
+class LawAnswer(NamedTuple):
     """Answer of the law: tau (n,) N m, z_dot (n,) m/s^2 and s (n,) m/s."""
 
     tau: np.ndarray
@@ -356,7 +356,7 @@ class PaperLoop:
         e_F[:p] = np.concatenate([np.linalg.lstsq(m.normals.T, F[:3])[0], F_r[k : self.m]])[:p] - f_nd
         return F_r, e_F
 
-    def law(self, m: Motion, q: np.ndarray, q_dot: np.ndarray, z: np.ndarray, lam: np.ndarray, t: float) -> Answer:
+    def law(self, m: Motion, q: np.ndarray, q_dot: np.ndarray, z: np.ndarray, lam: np.ndarray, t: float) -> LawAnswer:
         """Law (9), (10), (13), (15), (16) with the force of the multipliers lam (m,) N, see `forces`."""
         g = self.gains
         r_d, r_d_dot, r_d_ddot, f_nd = self.reference(t)
@@ -378,7 +378,7 @@ class PaperLoop:
         F_t = -H @ m.v_t_dot - C @ m.v_t
         robust = g.K_s @ s + g.d * s / max(float(np.linalg.norm(s)), g.layer)
         T_r = H @ r_eq_ddot + C @ r_eq_dot + J_inv.T @ G_hat + F_t + F_r - robust
-        return Answer(m.J_q.T @ T_r, z_dot, s)
+        return LawAnswer(m.J_q.T @ T_r, z_dot, s)
 
     def acceleration(self, q: np.ndarray, q_dot: np.ndarray, torque: np.ndarray) -> np.ndarray:
         """Acceleration (n,) rad/s^2 of the true arm by (2), without the contact's part. torque: (n,) N m."""

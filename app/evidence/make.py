@@ -11,7 +11,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from app.evidence.section import Job, Section
+from app.evidence.section import EvidenceSection, Job
 from app.process import worker_pool
 from app.simulation.engines import Engine, in_force
 
@@ -24,7 +24,7 @@ by hand. Made with Python {python}, pin {pin}, numpy {numpy}, numba {numba}.{sha
 
 
 def make(
-    sections: Sequence[Section], thin: int, out: Path, workers: int | None = None, engine: Engine = "pinocchio"
+    sections: Sequence[EvidenceSection], thin: int, out: Path, workers: int | None = None, engine: Engine = "pinocchio"
 ) -> Path:
     """Write evidence.md and its figures into the folder `out`. Returns the path of evidence.md. Raises OSError.
 

@@ -10,8 +10,8 @@ import numpy as np
 from app.analysis.metrics import Account, account, force_error, motion_error
 from app.analysis.spectrum import amplitude_spectrum
 from app.evidence.drawing import charts_in_columns
-from app.evidence.section import Findings, Job, Section
-from app.export.figures import FREQUENCY, TIME, Chart, Curve, thinned
+from app.evidence.section import EvidenceSection, Findings, Job
+from app.export.figures import FREQUENCY, TIME, Curve, FigureChart, thinned
 from app.process.markdown import Table
 from app.scenario.data import edited, shipped
 from app.session.headless_run import simulate
@@ -97,7 +97,7 @@ def _figures(found: Run) -> tuple[str, ...]:
     return path, force, s, *(f"{number:.3g}" for number in numbers)
 
 
-def _charts(of_law: dict[str, Run]) -> tuple[Chart, ...]:
+def _charts(of_law: dict[str, Run]) -> tuple[FigureChart, ...]:
     shown = {
         "error": ("path error", "mm", True),
         "force": ("force error f_n − f_nd", "N", False),
@@ -115,7 +115,9 @@ def _charts(of_law: dict[str, Run]) -> tuple[Chart, ...]:
         )
         spectral = name == "spectrum"
         x_label = FREQUENCY if spectral else TIME
-        charts.append(Chart(title, unit, curves, x_label=x_label, logarithmic=logarithmic, logarithmic_x=spectral))
+        charts.append(
+            FigureChart(title, unit, curves, x_label=x_label, logarithmic=logarithmic, logarithmic_x=spectral)
+        )
     return tuple(charts)
 
 
@@ -125,4 +127,4 @@ def _positive(xy: tuple[np.ndarray, np.ndarray], *, logarithmic: bool) -> tuple[
     return (x, np.maximum(y, 1e-5 * float(y.max()))) if logarithmic else (x, y)
 
 
-SECTION = Section("paper_cases", jobs, conclude)
+SECTION = EvidenceSection("paper_cases", jobs, conclude)

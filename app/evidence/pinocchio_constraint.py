@@ -18,7 +18,7 @@ import pinocchio as pin
 Kind = Literal["plane", "cylinder", "sphere"]
 
 
-class Answer(NamedTuple):
+class PinocchioAnswer(NamedTuple):
     """Answer of Pinocchio. q_ddot: (n,) rad/s^2. multipliers: (k,) N, of each surface, positive where the tool
     presses."""
 
@@ -27,7 +27,7 @@ class Answer(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Ground:
+class RigidGround:
     """Ground: a plane, or a cylinder or sphere with the tool outside.
     origin: (3,) m, point of the plane or of the cylinder's axis, or centre of the sphere.
     normal: (3,) unit, into the plane.
@@ -61,8 +61,8 @@ class Ground:
 
 
 def by_jacobian(
-    model: pin.Model, tool: pin.Frame, grounds: Sequence[Ground], q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray
-) -> Answer:
+    model: pin.Model, tool: pin.Frame, grounds: Sequence[RigidGround], q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray
+) -> PinocchioAnswer:
     """Solution (a) for the state q, q_dot (n,) on all surfaces at once, under the torque tau (n,) N m."""
     model = model.copy()
     frame = model.addFrame(tool)
@@ -76,12 +76,18 @@ def by_jacobian(
     J = np.array([gradient for gradient, _ in bent]) @ pin.computeFrameJacobian(model, data, q, frame, axes)[:3]
     bias = np.array([gradient @ drift + velocity @ curvature @ velocity for gradient, curvature in bent])
     q_ddot = pin.forwardDynamics(model, data, q, q_dot, tau, J, bias)
-    return Answer(q_ddot.copy(), -data.lambda_c[: len(bent)])
+    return PinocchioAnswer(q_ddot.copy(), -data.lambda_c[: len(bent)])
 
 
 def by_slider(
-    model: pin.Model, tool: pin.Frame, ground: Ground, q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray, mass: float
-) -> Answer:
+    model: pin.Model,
+    tool: pin.Frame,
+    ground: RigidGround,
+    q: np.ndarray,
+    q_dot: np.ndarray,
+    tau: np.ndarray,
+    mass: float,
+) -> PinocchioAnswer:
     """Solution (b) for the state q, q_dot (n,) under the torque tau (n,) N m. mass: of the slider, kg."""
     n, model = len(q), model.copy()
     place, joints, end = ground.slider()
@@ -106,10 +112,10 @@ def by_slider(
     gradient, _ = ground.gradient_and_curvature(data.oMf[frames[0]].translation)
     missing = tau[:n] - pin.rnea(model, data, q, q_dot, np.concatenate([q_ddot, np.zeros(2)]))[:n]
     pull = gradient @ J[0][:, :n]
-    return Answer(q_ddot, np.array([pull @ missing / (pull @ pull)]))
+    return PinocchioAnswer(q_ddot, np.array([pull @ missing / (pull @ pull)]))
 
 
-def _slider_at(ground: Ground, p: np.ndarray) -> tuple[float, float]:
+def _slider_at(ground: RigidGround, p: np.ndarray) -> tuple[float, float]:
     """Positions of the slider's joints that bring its end to p (3,) m, in the frame of its first joint."""
     match ground.kind:
         case "plane":

@@ -10,7 +10,7 @@ import numpy as np
 
 from app.analysis.metrics import account, saturated
 from app.evidence.drawing import HeatMap, heat_maps
-from app.evidence.section import Findings, Job, Section
+from app.evidence.section import EvidenceSection, Findings, Job
 from app.process.markdown import Table
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
@@ -47,7 +47,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class MapSweep:
     """Sweep of a map: a scenario with changes, over the values of two fields.
 
     x, y: paths of the fields.
@@ -85,24 +85,24 @@ def _cutoff(value: float) -> str:
     return f"{value:g}" if value else "none"
 
 
-SWEEPS: dict[str, Sweep] = {
-    "delay": Sweep(
+SWEEPS: dict[str, MapSweep] = {
+    "delay": MapSweep(
         "ur5-hybrid", {"force": FORCE_WAVE},
         "sensor.delay", (0.0, 2e-3, 5e-3, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.1), "sensor.cutoff", CUTOFFS,
         "delay of the force sensor [ms]", "its low-pass [Hz]", _milliseconds, _cutoff,
     ),
-    "noise": Sweep(
+    "noise": MapSweep(
         "ur5-hybrid", {"force": FORCE_WAVE},
         "sensor.noise", (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0), "sensor.cutoff", CUTOFFS,
         "noise, σ per axis [N]", "low-pass [Hz]", "{:g}".format, _cutoff,
     ),
-    "period": Sweep(
+    "period": MapSweep(
         "ur5-motion", {"motion.period": 2.0},
         "controller.period", (2e-4, 5e-4, 1e-3, 2e-3, 3e-3, 5e-3, 1e-2), "controller.layer",
         (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1),
         "control period [ms]", "layer s_b [mm/s]", _milliseconds, _milliseconds,
     ),
-    "drives": Sweep(
+    "drives": MapSweep(
         "ur5-motion", {"motion.ramp": 1.0},
         "motion.period", (4.0, 3.0, 2.0, 1.5, 1.2, 1.0, 0.8, 0.7, 0.6), "truth.torque_limit",
         (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.5, 0.0),
@@ -153,10 +153,10 @@ def jobs(thin: int) -> list[Job]:
     return found
 
 
-class Grid:
+class MapCells:
     """Cells of one map."""
 
-    def __init__(self, sweep: Sweep, rows: Sequence[Sequence[Cell]]) -> None:
+    def __init__(self, sweep: MapSweep, rows: Sequence[Sequence[Cell]]) -> None:
         self._sweep, self._rows = sweep, rows
         # of a thinned map, only some values were computed
         self.xs = sweep.xs[:: -(-len(sweep.xs) // len(rows[0]))]
@@ -180,7 +180,7 @@ def conclude(results: Sequence[list[Cell]]) -> Findings:
     found, grids = iter(results), {}
     thin = next(thin for thin in range(1, 100) if sum(len(s.ys[::thin]) for s in SWEEPS.values()) == len(results))
     for name, sweep in SWEEPS.items():
-        grids[name] = Grid(sweep, [next(found) for _ in sweep.ys[::thin]])
+        grids[name] = MapCells(sweep, [next(found) for _ in sweep.ys[::thin]])
     delay, noise, period, drives = (grids[name] for name in SWEEPS)
     needed = np.broadcast_to(np.nanmax(drives["load"][-1:], axis=0), drives["load"].shape)
     shares = np.array([limit or np.inf for limit in drives.ys])[:, None]
@@ -233,7 +233,7 @@ def conclude(results: Sequence[list[Cell]]) -> Findings:
     return Findings(_numbers(delay, noise, period, drives, needed / shares), _tables(grids), figures)
 
 
-def _numbers(delay: Grid, noise: Grid, period: Grid, drives: Grid, load: np.ndarray) -> dict[str, str]:
+def _numbers(delay: MapCells, noise: MapCells, period: MapCells, drives: MapCells, load: np.ndarray) -> dict[str, str]:
     def agreement(beyond: np.ndarray, bad: np.ndarray) -> str:
         return f"{int((beyond == bad).sum())} of {bad.size}"
 
@@ -254,7 +254,7 @@ def _numbers(delay: Grid, noise: Grid, period: Grid, drives: Grid, load: np.ndar
     }
 
 
-def _tables(grids: Mapping[str, Grid]) -> dict[str, Table]:
+def _tables(grids: Mapping[str, MapCells]) -> dict[str, Table]:
     """Tables with a row of each map in numbers."""
     delay = grids["delay"]
     header = ("force error, RMS [N]", *(f"delay {1e3 * x:g} ms" for x in delay.xs))
@@ -269,4 +269,4 @@ def _shown(value: float) -> str:
     return "stopped" if np.isnan(value) else f"{value:.2g}"
 
 
-SECTION = Section("practice", jobs, conclude)
+SECTION = EvidenceSection("practice", jobs, conclude)

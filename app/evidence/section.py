@@ -41,7 +41,7 @@ class Findings:
 
 
 @dataclass(frozen=True)
-class Section:
+class EvidenceSection:
     """Section of the evidence, on one claim or a family of claims. Its prose is in `<name>.md` beside its module.
 
     jobs: returns the jobs for one in `thin` of the cases.

@@ -13,9 +13,9 @@ from app.evidence import (
     simulators,
     theorem,
 )
-from app.evidence.section import Section
+from app.evidence.section import EvidenceSection
 
-SECTIONS: tuple[Section, ...] = (
+SECTIONS: tuple[EvidenceSection, ...] = (
     paper_cases.SECTION,
     theorem.SECTION,
     closed_forms.SECTION,

@@ -11,9 +11,9 @@ import numpy as np
 import pinocchio as pin
 
 from app.evidence.drawing import charts_in_columns
-from app.evidence.pinocchio_constraint import Ground, Kind, by_jacobian, by_slider
-from app.evidence.section import Findings, Job, Section
-from app.export.figures import Chart, Curve, thinned
+from app.evidence.pinocchio_constraint import Kind, RigidGround, by_jacobian, by_slider
+from app.evidence.section import EvidenceSection, Findings, Job
+from app.export.figures import Curve, FigureChart, thinned
 from app.process.markdown import Table
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
@@ -241,7 +241,7 @@ def constraint(kinds: tuple[Kind, ...], seed: int, states: int) -> Constraint:
     return Constraint(kinds, states, a, b, tuple(sliders), largest)
 
 
-def _ground(kind: Kind, p: np.ndarray, into: np.ndarray, random: np.random.Generator) -> tuple[Ground, Surface]:
+def _ground(kind: Kind, p: np.ndarray, into: np.ndarray, random: np.random.Generator) -> tuple[RigidGround, Surface]:
     """Random surface near the tool point p (3,) m, for Pinocchio and for this program. into: (3,) unit, from which its
     normal differs at random."""
     normal = _unit(into + 0.4 * random.standard_normal(3))
@@ -257,7 +257,7 @@ def _ground(kind: Kind, p: np.ndarray, into: np.ndarray, random: np.random.Gener
         case "sphere":
             origin = p + 1.05 * radius * normal
             form = Sphere(origin=_triple(origin), reference=_triple(-normal), radius=radius)
-    return Ground(kind, origin, normal, axis, radius), Surface.of(form)
+    return RigidGround(kind, origin, normal, axis, radius), Surface.of(form)
 
 
 def _triple(vector: np.ndarray) -> tuple[float, float, float]:
@@ -408,9 +408,9 @@ def _figure(found: Free, touched: Sequence[ContactCourse]) -> bytes:
         for each, color in zip(touched, TINT, strict=False)
     )
     charts = (
-        Chart("joint angles apart, by our step", "rad", rungs, logarithmic=True),
-        Chart(f"force, surface of {circle.mass:g} kg, 10 kN/m", "N", forces),
-        Chart("forces apart", "N", apart, logarithmic=True),
+        FigureChart("joint angles apart, by our step", "rad", rungs, logarithmic=True),
+        FigureChart(f"force, surface of {circle.mass:g} kg, 10 kN/m", "N", forces),
+        FigureChart("forces apart", "N", apart, logarithmic=True),
     )
     told = f"Joint angles: {found.robot} in free space, our Euler from MuJoCo's Runge-Kutta at {1.0 / FINE:g} ms."
     return charts_in_columns(charts, f"{told} Forces: from the first touch on.")
@@ -422,4 +422,4 @@ def _above_zero(t: np.ndarray, values: np.ndarray, floor: float = 1e-9) -> tuple
     return thinned(t[seen], values[seen], POINTS)
 
 
-SECTION = Section("simulators", jobs, conclude, needs={"mujoco": "pip install mujoco"})
+SECTION = EvidenceSection("simulators", jobs, conclude, needs={"mujoco": "pip install mujoco"})

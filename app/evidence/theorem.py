@@ -15,11 +15,11 @@ from app.evidence.arms import (
     PARTS,
     SCALES,
     Deadline,
+    DrawnPlant,
     Example,
     Outside,
-    Plant,
     Reaching,
-    Refused,
+    RefusedPlant,
     example,
     lag,
     outside,
@@ -27,8 +27,8 @@ from app.evidence.arms import (
 )
 from app.evidence.drawing import charts_in_columns
 from app.evidence.plants import BOUNDS
-from app.evidence.section import Findings, Job, Section, of_kind
-from app.export.figures import Chart, Curve
+from app.evidence.section import EvidenceSection, Findings, Job, of_kind
+from app.export.figures import Curve, FigureChart
 from app.process.markdown import Table
 
 ROBOTS = ("ur3", "ur5", "ur10", "panda", "xarm7", "z1", "planar2r", "planar3r")
@@ -65,7 +65,7 @@ def jobs(thin: int) -> list[Job]:
 def conclude(results: Sequence[Any]) -> Findings:
     shown, hunts = of_kind(Example, results)[0], of_kind(Hunt, results)
     runs = [one for batch in of_kind(list, results) for one in batch]
-    drawn_ones, away = of_kind(Plant, runs), of_kind(Outside, runs)
+    drawn_ones, away = of_kind(DrawnPlant, runs), of_kind(Outside, runs)
     plants = [one for one in drawn_ones if not one.lagging]
     late = [one for one in of_kind(Reaching, drawn_ones) if one.lagging]
     numbers = _of_plants(plants) | _of_hunts(hunts) | _of_outside(away)
@@ -95,7 +95,7 @@ def conclude(results: Sequence[Any]) -> Findings:
     return Findings(numbers=numbers, tables=tables, figures=figures)
 
 
-def _of_plants(plants: Sequence[Plant]) -> dict[str, str]:
+def _of_plants(plants: Sequence[DrawnPlant]) -> dict[str, str]:
     runs = of_kind(Reaching, plants)
     bands, layers = _deadlines(runs, "band"), _deadlines(runs, "layer")
     return {
@@ -103,7 +103,7 @@ def _of_plants(plants: Sequence[Plant]) -> dict[str, str]:
         "holds": f"{_count(plants, 'holds')}",
         "broken": f"{_count(plants, 'broken')}",
         "nothing": f"{_count(plants, 'nothing promised')}",
-        "refused": f"{len(of_kind(Refused, plants))}",
+        "refused": f"{len(of_kind(RefusedPlant, plants))}",
         "promised_share": f"{100.0 * np.mean([one.share for one in runs]):.0f} %",
         "promised_runs": f"{sum(one.share > 0.0 for one in runs)}",
         "over": f"{sum(one.excess > 0.0 for one in runs)}",
@@ -150,7 +150,7 @@ def _of_outside(away: Sequence[Outside]) -> dict[str, str]:
     }
 
 
-def _count(plants: Sequence[Plant], verdict: str) -> int:
+def _count(plants: Sequence[DrawnPlant], verdict: str) -> int:
     return sum(one.verdict == verdict for one in plants)
 
 
@@ -179,7 +179,7 @@ def _first(scales: Iterable[float]) -> str:
     return f"at {known[0]:g} times the declared distance" if known else "at no distance tried"
 
 
-def _cells(plants: Sequence[Plant]) -> Table:
+def _cells(plants: Sequence[DrawnPlant]) -> Table:
     """Table with one row for each robot, each mode and each kind of bounds."""
     header = (
         "plants", "number", "holds", "broken", "nothing promised", "of these refused", "over (20) alone, early",
@@ -192,14 +192,14 @@ def _cells(plants: Sequence[Plant]) -> Table:
     return Table(header, [(name, *_row(of)) for name, of in kinds if of])
 
 
-def _row(of: Sequence[Plant]) -> tuple[str, ...]:
+def _row(of: Sequence[DrawnPlant]) -> tuple[str, ...]:
     runs = of_kind(Reaching, of)
     bands, layers, margins = _deadlines(runs, "band"), _deadlines(runs, "layer"), _known_of(one.margin for one in runs)
     early = sum(np.isfinite(one.early_excess) for one in runs)
     return (
         f"{len(of)}",
         *(f"{_count(of, verdict)}" for verdict in VERDICTS),
-        f"{len(of_kind(Refused, of))}",
+        f"{len(of_kind(RefusedPlant, of))}",
         f"{sum(one.early_excess > 0.0 for one in runs)} of {early}",
         f"{sum(one.excess > 0.0 for one in runs)} of {sum(one.share > 0.0 for one in runs)}",
         f"{sum(one.measured > one.promised for one in bands)} of {len(bands)}",
@@ -211,12 +211,16 @@ def _row(of: Sequence[Plant]) -> tuple[str, ...]:
     )
 
 
-def _failures(plants: Sequence[Plant]) -> Table:
+def _failures(plants: Sequence[DrawnPlant]) -> Table:
     """Table of the runs without a promise throughout, by the premise that failed first."""
     nothing = [one for one in plants if one.verdict == "nothing promised"]
 
-    def why(one: Plant) -> str:
-        return "refused before the start: (17) feeds itself" if isinstance(one, Refused) else one.failed or one.stopped
+    def why(one: DrawnPlant) -> str:
+        return (
+            "refused before the start: (17) feeds itself"
+            if isinstance(one, RefusedPlant)
+            else one.failed or one.stopped
+        )
 
     counted = Counter(map(why, nothing))
     by_bounds = {bounds: Counter(why(one) for one in nothing if one.bounds == bounds) for bounds in BOUNDS}
@@ -252,17 +256,17 @@ def _shares(plants: Sequence[Reaching]) -> Table:
     return Table(("term of (17)", *robots, "real / bound, largest"), rows)
 
 
-def _run_chart(shown: Example) -> Chart:
+def _run_chart(shown: Example) -> FigureChart:
     curves = (
         Curve("(20) + sampling band", GREY, shown.t, 1e3 * (shown.bound + shown.band), dashed=True),
         Curve("(20)", GREY, shown.t, 1e3 * shown.bound),
         Curve("band", ORANGE, shown.t, 1e3 * shown.band, dashed=True),
         Curve("‖s‖", BLUE, shown.t, 1e3 * np.maximum(shown.s, 1e-4)),
     )
-    return Chart("‖s‖ under its bound", "mm/s", curves, logarithmic=True)
+    return FigureChart("‖s‖ under its bound", "mm/s", curves, logarithmic=True)
 
 
-def _spread_charts(plants: Sequence[Reaching]) -> Iterable[Chart]:
+def _spread_charts(plants: Sequence[Reaching]) -> Iterable[FigureChart]:
     quantities: dict[str, tuple[str, Callable[[Reaching], float], bool]] = {
         "time to the band": ("measured / promised", lambda one: one.band_ratio, True),
         "time to the band, known afterwards": (
@@ -281,10 +285,10 @@ def _spread_charts(plants: Sequence[Reaching]) -> Iterable[Chart]:
                 share = 100.0 * np.arange(1, len(values) + 1) / len(values)
                 curves.append(Curve(robot, COLORS[robot], values, share))
         one = Curve("", GREY, np.ones(2), np.array([0.0, 100.0]), dashed=True, listed=False)
-        yield Chart(title, "% of plants", (*curves, one), x_label=x_label, logarithmic_x=logarithmic)
+        yield FigureChart(title, "% of plants", (*curves, one), x_label=x_label, logarithmic_x=logarithmic)
 
 
-def _outside_charts(away: Sequence[Outside]) -> Iterable[Chart]:
+def _outside_charts(away: Sequence[Outside]) -> Iterable[FigureChart]:
     scales = np.array(SCALES)
     known = [one for one in away if np.isfinite(one.over_band)]
     at = [[one for one in known if one.scale == scale] for scale in SCALES]
@@ -297,7 +301,7 @@ def _outside_charts(away: Sequence[Outside]) -> Iterable[Chart]:
 
     x_label = "distance from the nominal arm, in declared ones"
     blue, orange = BLUE, ORANGE
-    yield Chart(
+    yield FigureChart(
         "runs where something fails", "%",
         (
             Curve("d < perturbation at some instant", orange, scales, share(lambda one: one.margin < 0), dotted=True),
@@ -305,7 +309,7 @@ def _outside_charts(away: Sequence[Outside]) -> Iterable[Chart]:
         ),
         x_label=x_label, at_least=(0.0, 100.0),
     )  # fmt: skip
-    yield Chart(
+    yield FigureChart(
         "largest ‖s‖ / band", "1",
         (
             Curve("95 % of the runs", blue, scales, quantile(0.95), dashed=True),
@@ -316,4 +320,4 @@ def _outside_charts(away: Sequence[Outside]) -> Iterable[Chart]:
     )  # fmt: skip
 
 
-SECTION = Section("theorem", jobs, conclude)
+SECTION = EvidenceSection("theorem", jobs, conclude)

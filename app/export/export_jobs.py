@@ -23,7 +23,7 @@ from app.export.figures import Figure, FigureOptions
 from app.export.formats import DataFormat, Format
 from app.export.playback_frames import PlaybackFrames
 from app.process import launcher
-from app.storage.recording_files import Table, Tell
+from app.storage.recording_files import RecordingTable, Tell
 
 PATIENCE = 2.0  # s in which the process may end by itself
 LONGEST_NAME = 60
@@ -47,7 +47,7 @@ class FigureJob:
 class DataJob:
     """Job for a file of a recording's stretch, whose rows are sent after the job. limit: largest file, bytes."""
 
-    data: Table
+    data: RecordingTable
     form: DataFormat
     limit: float
 
@@ -73,7 +73,7 @@ Job = FigureJob | DataJob | PlaybackJob | MadeJob
 
 
 @dataclass(frozen=True)
-class Progress:
+class ExportProgress:
     """Message with the share that is done, 0 to 1."""
 
     share: float
@@ -165,9 +165,9 @@ def _converse(worker: Connection, job: Job, tell: Tell) -> None:
         pass
 
 
-def _going_on(message: Progress | ExportDone | Failure, tell: Tell) -> bool:
+def _going_on(message: ExportProgress | ExportDone | Failure, tell: Tell) -> bool:
     match message:
-        case Progress(share):
+        case ExportProgress(share):
             tell(share)
             return True
         case Failure(reason):

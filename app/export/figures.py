@@ -98,7 +98,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Area:
+class FilledArea:
     """Filled area between two of a chart's curves, counted from 0, which have the same x."""
 
     upper: int
@@ -107,7 +107,7 @@ class Area:
 
 
 @dataclass(frozen=True)
-class Chart:
+class FigureChart:
     """Chart: axes with curves and a legend.
     logarithmic: whether the vertical axis is logarithmic.
     at_least: range of y that is always in view.
@@ -116,7 +116,7 @@ class Chart:
     title: str
     unit: str
     curves: tuple[Curve, ...]
-    areas: tuple[Area, ...] = ()
+    areas: tuple[FilledArea, ...] = ()
     x_label: str = TIME
     logarithmic: bool = False
     at_least: tuple[float, float] | None = None
@@ -127,7 +127,7 @@ class Chart:
 class Figure:
     """Figure: charts, and the caption below them. one_column: number of charts up to which they stand in one column."""
 
-    charts: tuple[Chart, ...]
+    charts: tuple[FigureChart, ...]
     caption: str
     one_column: int = ONE_COLUMN
 
@@ -193,7 +193,7 @@ def file_of(draw: Callable[[], Canvas], form: Format, type_size: float = TYPE) -
 
 
 @dataclass(frozen=True)
-class Panel:
+class ChartPlace:
     """Panel: place of a chart's axes over time in a figure.
     left, right, top, bottom: shares of the figure, from its upper left corner.
     first, last: ends of the time axis, s."""
@@ -211,7 +211,7 @@ class DrawnFigure:
     """Drawn figure: SVG, and the panels, on which the page's script draws a cursor."""
 
     svg: bytes
-    panels: tuple[Panel, ...]
+    panels: tuple[ChartPlace, ...]
 
 
 def svg_with_panels(figure: Figure, options: FigureOptions) -> DrawnFigure:
@@ -225,7 +225,7 @@ def svg_with_panels(figure: Figure, options: FigureOptions) -> DrawnFigure:
     for each, chart in zip(axes, figure.charts, strict=True):
         if chart.x_label == TIME:
             box, (first, last) = each.get_position(), each.get_xlim()
-            panels.append(Panel(*map(float, (box.x0, box.x1, 1.0 - box.y1, 1.0 - box.y0, first, last))))
+            panels.append(ChartPlace(*map(float, (box.x0, box.x1, 1.0 - box.y1, 1.0 - box.y0, first, last))))
     return DrawnFigure(svg, tuple(panels))
 
 
@@ -251,7 +251,7 @@ def printed(color: Rgb) -> Ink:
     return _ink(parts)
 
 
-def inks_of(chart: Chart) -> dict[Rgb, Ink]:
+def inks_of(chart: FigureChart) -> dict[Rgb, Ink]:
     """Inks of a chart by the colours of the page: of the same hues, and so different in lightness that they can be told
     apart in grey, too."""
     colors = list(dict.fromkeys(curve.color for curve in chart.curves if curve.width > 0 or curve.dotted))
@@ -374,22 +374,22 @@ class _Sheet:
     def _small(self) -> float:
         return self._factor * SMALL * TYPE
 
-    def _around(self, chart: Chart, following: Chart | None) -> float:
+    def _around(self, chart: FigureChart, following: FigureChart | None) -> float:
         """Height of the parts above and below a chart's axes, in."""
         return self._header(chart) + self._footer(chart, following)
 
-    def _header(self, chart: Chart) -> float:
+    def _header(self, chart: FigureChart) -> float:
         """Height of a chart's title and legend, in."""
         rows = max((entry.row + 1 for entry in self._legend(chart)), default=0)
         return self._factor * ROW * (len(self._title(chart)) + rows) + 0.06
 
-    def _footer(self, chart: Chart, following: Chart | None) -> float:
+    def _footer(self, chart: FigureChart, following: FigureChart | None) -> float:
         return self._factor * (BELOW + (X_LABEL if _labelled(chart, following) else 0.0)) + GAP
 
-    def _title(self, chart: Chart) -> list[str]:
+    def _title(self, chart: FigureChart) -> list[str]:
         return wrapped(chart.title, self._inside, self._factor * TITLE * TYPE, "bold")
 
-    def _legend(self, chart: Chart) -> list[_Entry]:
+    def _legend(self, chart: FigureChart) -> list[_Entry]:
         """Entries of a chart's legend, beside each other in as many rows as they need."""
         entries, row, x = [], 0, 0.0
         for number, curve in enumerate(chart.curves):
@@ -402,7 +402,7 @@ class _Sheet:
             x += wide + self._factor * APART
         return entries
 
-    def _draw(self, canvas: Canvas, chart: Chart, left: float, bottom: float, labelled: bool) -> None:
+    def _draw(self, canvas: Canvas, chart: FigureChart, left: float, bottom: float, labelled: bool) -> None:
         wide, high = self._width, self._height
         box = (left / wide, bottom / high, self._inside / wide, self._axes_height / high)
         axes = canvas.add_axes(box)
@@ -417,7 +417,7 @@ class _Sheet:
             write(canvas, middle, bottom - self._factor * (BELOW + 0.09), chart.x_label, self._options.type_size)
         self._head(canvas, chart, left, bottom + self._axes_height, looks)
 
-    def _head(self, canvas: Canvas, chart: Chart, left: float, top: float, looks: list[dict[str, Any]]) -> None:
+    def _head(self, canvas: Canvas, chart: FigureChart, left: float, top: float, looks: list[dict[str, Any]]) -> None:
         """Write a chart's title, and its legend below."""
         from matplotlib.lines import Line2D
 
@@ -438,22 +438,22 @@ class _Sheet:
             write(canvas, left, y, line, self._factor * TITLE * TYPE, "bold")
 
 
-def _lettered(charts: tuple[Chart, ...]) -> tuple[Chart, ...]:
+def _lettered(charts: tuple[FigureChart, ...]) -> tuple[FigureChart, ...]:
     names = [chr(ord("a") + number) for number in range(26)]
     names += [first + second for first in names for second in names]
     return tuple(replace(chart, title=f"({name}) {chart.title}") for name, chart in zip(names, charts, strict=False))
 
 
-def _pairs(stack: tuple[Chart, ...]) -> list[tuple[Chart, Chart | None]]:
+def _pairs(stack: tuple[FigureChart, ...]) -> list[tuple[FigureChart, FigureChart | None]]:
     """Pairs of each chart with the one below it."""
     return list(zip_longest(stack, stack[1:]))
 
 
-def _labelled(chart: Chart, following: Chart | None) -> bool:
+def _labelled(chart: FigureChart, following: FigureChart | None) -> bool:
     return following is None or following.x_label != chart.x_label
 
 
-def looks_of(chart: Chart) -> list[dict[str, Any]]:
+def looks_of(chart: FigureChart) -> list[dict[str, Any]]:
     """Look of each curve, as keyword arguments of matplotlib. Where many lines are solid on the page, their dashes
     differ on paper."""
     inks = inks_of(chart)
@@ -479,7 +479,7 @@ def _stretches(curve: Curve) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         yield thinned(np.asarray(curve.x, dtype=float)[known], y[known], BINS)
 
 
-def _plot(axes: Axes, chart: Chart, looks: list[dict[str, Any]]) -> None:
+def _plot(axes: Axes, chart: FigureChart, looks: list[dict[str, Any]]) -> None:
     for area in chart.areas:
         upper, lower = chart.curves[area.upper], chart.curves[area.lower]
         few = slice(None, None, max(len(upper.x) // BINS, 1))
@@ -496,7 +496,7 @@ def _plot(axes: Axes, chart: Chart, looks: list[dict[str, Any]]) -> None:
     axes.set_axisbelow(True)
 
 
-def _scale(axes: Axes, chart: Chart) -> None:
+def _scale(axes: Axes, chart: FigureChart) -> None:
     """Set the axes' ranges, and few ticks with plain numbers."""
     if chart.logarithmic_x:
         axes.set_xscale("log")

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.export.figures import FREQUENCY, Chart, Curve, Figure, Rgb
+from app.export.figures import FREQUENCY, Curve, Figure, FigureChart, Rgb
 from app.session.push_measurement import Measured
 from app.simulation.force_margin import ForceLoop
 from app.simulation.push_response import (
@@ -70,13 +70,13 @@ def figure_of(loop: RespondingLoop, response: PushResponse, points: Sequence[Mea
         Curve("target model (8)", ORANGE, np.real(loop.model), np.imag(loop.model), width=0.0, dotted=True),
         Curve("sampled loop", BLUE, np.real(loop.sampled), np.imag(loop.sampled), width=0.0, dotted=True),
     )
-    charts.append(Chart("poles, imaginary over real part", "1/s", poles, x_label="real part [1/s]"))
+    charts.append(FigureChart("poles, imaginary over real part", "1/s", poles, x_label="real part [1/s]"))
     if loop.force_loop is not None:
         charts += _of_force_loop(loop.force_loop)
     return Figure(tuple(chart for chart in charts if chart.curves), caption, one_column=1)
 
 
-def _of_steps(response: PushResponse) -> list[Chart]:
+def _of_steps(response: PushResponse) -> list[FigureChart]:
     """Charts of the tool's way along each axis under a unit push from t = 0 on, but for axes along which it does not
     move."""
     times, ways, wished = response.step(STEP)
@@ -88,11 +88,11 @@ def _of_steps(response: PushResponse) -> list[Chart]:
                 Curve("sampled loop", BLUE, times, 1e3 * way),
             )
             title = f"{axis.kind.motion} {axis.words} under a step of 1 {axis.kind.unit}"
-            charts.append(Chart(title, f"m{axis.kind.way}", curves))
+            charts.append(FigureChart(title, f"m{axis.kind.way}", curves))
     return charts
 
 
-def _of_force_loop(loop: ForceLoop) -> list[Chart]:
+def _of_force_loop(loop: ForceLoop) -> list[FigureChart]:
     """Charts of gain and phase of the opened force loop over frequency, with lines at the limits of stability."""
     opened = _opened(loop)
     frequency, ends = opened.frequency, opened.frequency[[0, -1]]
@@ -105,9 +105,9 @@ def _of_force_loop(loop: ForceLoop) -> list[Chart]:
     gain.append(Curve("1", GREY, ends, np.ones(2), dashed=True))
     phase.append(Curve("−180°", GREY, ends, np.full(2, -180.0), dashed=True))
     return [
-        Chart("force loop, opened at its reading", "1", tuple(gain), x_label=FREQUENCY, logarithmic=True,
+        FigureChart("force loop, opened at its reading", "1", tuple(gain), x_label=FREQUENCY, logarithmic=True,
               logarithmic_x=True),
-        Chart("phase of the force loop", "°", tuple(phase), x_label=FREQUENCY, logarithmic_x=True),
+        FigureChart("phase of the force loop", "°", tuple(phase), x_label=FREQUENCY, logarithmic_x=True),
     ]  # fmt: skip
 
 
@@ -157,9 +157,9 @@ def _dots(frequency: np.ndarray, impedance: np.ndarray) -> list[Curve]:
     )
 
 
-def _chart(title: str, unit: str, curves: list[Curve]) -> Chart:
+def _chart(title: str, unit: str, curves: list[Curve]) -> FigureChart:
     drawn = tuple(curve for curve in curves if len(curve.x))
-    return Chart(title, unit, drawn, x_label=FREQUENCY, logarithmic=True, logarithmic_x=True)
+    return FigureChart(title, unit, drawn, x_label=FREQUENCY, logarithmic=True, logarithmic_x=True)
 
 
 def table_of(response: PushResponse, points: Sequence[Measured]) -> str:

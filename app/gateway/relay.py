@@ -15,7 +15,7 @@ import structlog
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from app.access.admission import KEY_HEADER
-from app.access.rate_limits import Limits, Meter, Overrun
+from app.access.rate_limits import ConnectionLimits, ConnectionRateLimiter, Overrun
 from app.gateway.session_pool import Process
 
 log = structlog.get_logger()
@@ -29,7 +29,7 @@ async def relay(
     request: web.Request,
     client: aiohttp.ClientSession,
     process: Process,
-    meter: Meter,
+    meter: ConnectionRateLimiter,
     judge: Judge,
     taken_back: asyncio.Event,
 ) -> web.WebSocketResponse:
@@ -82,7 +82,9 @@ async def relay(
 
 async def closed(request: web.Request, code: int, reason: str) -> web.WebSocketResponse:
     """Web socket that is closed with a reason at once: a browser tells its page nothing about a refused one."""
-    page = web.WebSocketResponse(protocols=_offered(request), max_msg_size=Limits().watchers_message, timeout=1.0)
+    page = web.WebSocketResponse(
+        protocols=_offered(request), max_msg_size=ConnectionLimits().watchers_message, timeout=1.0
+    )
     await page.prepare(request)
     await page.close(code=code, message=reason.encode()[:120])
     return page
@@ -94,7 +96,7 @@ def _offered(request: web.Request) -> list[str]:
 
 
 async def _heard(
-    page: web.WebSocketResponse, session: aiohttp.ClientWebSocketResponse, meter: Meter, judge: Judge
+    page: web.WebSocketResponse, session: aiohttp.ClientWebSocketResponse, meter: ConnectionRateLimiter, judge: Judge
 ) -> None:
     """Pass on the messages of the page. Raises Overrun."""
     with contextlib.suppress(ConnectionError):

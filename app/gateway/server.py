@@ -33,7 +33,7 @@ from aiohttp import WSCloseCode, web
 
 from app.access.admission import KEY_HEADER, YEAR, Names, Pass, PortTaken, Tokens, session_token_cookie, token_cookie
 from app.access.classroom import AnswerRefusal
-from app.access.rate_limits import Limits, Meter, harmless
+from app.access.rate_limits import ConnectionLimits, ConnectionRateLimiter, harmless
 from app.access.session_messages import Answers
 from app.gateway import pages
 from app.gateway.connections import ARRIVING, DEADLINE, Door
@@ -70,7 +70,7 @@ class AccessSettings:
     names: Names
     tokens: Tokens | None = None
     everyone: Session | None = None
-    limits: Limits = field(default_factory=Limits)
+    limits: ConnectionLimits = field(default_factory=ConnectionLimits)
     copies: bool = True
 
 
@@ -301,7 +301,7 @@ class Gateway:
             log.info("page refused", reason=reason)
             return await closed(request, WSCloseCode.TRY_AGAIN_LATER, reason)
         limits = replace(limits, message=limits.watchers_message) if watches else limits
-        meter = Meter(limits)
+        meter = ConnectionRateLimiter(limits)
 
         def watching(raw: bytes) -> bytes | None:
             return harmless(raw, process.looking)

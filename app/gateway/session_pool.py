@@ -11,9 +11,9 @@ from collections.abc import Callable, Coroutine, Iterator
 
 import structlog
 
-from app.access.session_messages import Answers, Asks, Begin, Kept
+from app.access.session_messages import Answers, Asks, Begin, KeptFolder
 from app.gateway.session import Process, Session
-from app.gateway.session_store import MOST, Known, SessionStore
+from app.gateway.session_store import MOST, SessionStore, StoredSession
 from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, places_share
 from app.gateway.worker import WorkerError
 from app.process.redaction import new_secret
@@ -342,13 +342,13 @@ class SessionPool:
         self._started = self._clock()
         return process
 
-    async def _folder(self, session: Session) -> Kept | None:
+    async def _folder(self, session: Session) -> KeptFolder | None:
         """Folder of this session, made if need be; None without a store."""
         if self._store is None:
             return None
         async with self._noting:
             folder = await asyncio.to_thread(self._store.entered, _known(session))
-        return Kept(str(folder), "offered" if session.offers else "shown")
+        return KeptFolder(str(folder), "offered" if session.offers else "shown")
 
     async def _keep(self, session: Session) -> None:
         """Let the process of a session that somebody looks at keep it in a folder from now on, if there is room."""
@@ -390,10 +390,10 @@ class SessionPool:
 _ASKING = ("waiting", "starting", "running")
 
 
-def _known(session: Session) -> Known:
+def _known(session: Session) -> StoredSession:
     """Record of this session on disk."""
     owner = session.owner.browser
-    return Known(session.name, session.watch, session.scenario, session.pinned, owner, session.folder)
+    return StoredSession(session.name, session.watch, session.scenario, session.pinned, owner, session.folder)
 
 
 def _of_use(launch: asyncio.Task[Process]) -> bool:

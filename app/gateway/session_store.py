@@ -31,7 +31,7 @@ class _Link(msgspec.Struct, frozen=True):
     watch: str = ""
 
 
-class Known(NamedTuple):
+class StoredSession(NamedTuple):
     """A session as it was left: parts of its links, its scenario (TOML, not checked yet), the number of pinned runs,
     the browser of its owner, see `Visitor`, and its folder."""
 
@@ -58,7 +58,7 @@ class SessionStore:
         """Unlock the folder for other processes."""
         os.close(self._lock)
 
-    def known(self) -> list[Known]:
+    def known(self) -> list[StoredSession]:
         """Sessions that an earlier gateway left, the one not used for longest first; unreadable ones stay on disk, and
         are left out."""
         try:
@@ -69,7 +69,7 @@ class SessionStore:
             raise StateError(f"--state-dir {self._path}: cannot be read: {error.strerror}") from error
         return [known for _, link in sorted(links) if (known := _known(link)) is not None]
 
-    def entered(self, known: Known) -> Path:
+    def entered(self, known: StoredSession) -> Path:
         """Folder of the session, which is entered in the store. Where the folder cannot be written, the session's
         process will say so on the page."""
         try:
@@ -78,7 +78,7 @@ class SessionStore:
             log.warning("session not saved", reason=error.strerror)
         return self._path / known.folder
 
-    def enter(self, known: Known) -> None:
+    def enter(self, known: StoredSession) -> None:
         """Write the session and its links to the store, instead of the earlier entry. Raises OSError."""
         folder = self._path / known.folder
         folder.mkdir(exist_ok=True, mode=0o700)
@@ -90,7 +90,7 @@ class SessionStore:
         shutil.rmtree(self._path / folder, ignore_errors=True)
 
 
-def _known(link: Path) -> Known | None:
+def _known(link: Path) -> StoredSession | None:
     folder = link.parent.name
     try:
         read = msgspec.json.decode(read_regular(link, LARGEST), type=_Link)
@@ -103,4 +103,4 @@ def _known(link: Path) -> Known | None:
         log.warning("saved session unreadable", session=folder[:6], reason="its name is none of this program's")
         return None
     last = last_state(link.parent)
-    return Known(read.name, watch, last.scenario or read.scenario, last.pinned, read.owner, folder)
+    return StoredSession(read.name, watch, last.scenario or read.scenario, last.pinned, read.owner, folder)

@@ -21,7 +21,7 @@ from app.access.session_messages import (
     Failed,
     FromSession,
     Keep,
-    Kept,
+    KeptFolder,
     Prepare,
     Ready,
     Remark,
@@ -117,7 +117,7 @@ class Worker:
         """Let the spare become a session. Where the process has just ended, this shows in the end of `changes`."""
         self._tell(begin)
 
-    def keep(self, kept: Kept) -> None:
+    def keep(self, kept: KeptFolder) -> None:
         """Let the process keep the session in a folder from now on; it has begun without one."""
         self._tell(Keep(kept))
 

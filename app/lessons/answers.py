@@ -13,9 +13,9 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
-from app.lessons.blocks import Choice, Curve, Number
+from app.lessons.blocks import ChoiceQuestion, CurveQuestion, NumberQuestion
 from app.lessons.kept_file import KeptFile
-from app.lessons.measures import Told
+from app.lessons.measures import MeasuredNumber
 from app.lessons.playing import Trace
 from app.scenario.schema import ScenarioError
 
@@ -34,7 +34,7 @@ class Answer(Struct, frozen=True):
     verdict: str = ""
 
 
-class Progress(Struct, frozen=True):
+class LessonProgress(Struct, frozen=True):
     """Progress in one lesson.
     step: number of the shown step.
     answers: by number of their step.
@@ -55,48 +55,50 @@ class Score:
     verdict: str
 
 
-def score_choice(question: Choice, given: int) -> Score:
+def score_choice(question: ChoiceQuestion, given: int) -> Score:
     """Score of a chosen option. given: its number, from 1."""
     right = question.options[question.right - 1]
     return Score(1.0, "right") if given == question.right else Score(0.0, f"what happens: {right}")
 
 
-def score_number(question: Number, given: float, told: Mapping[str, Told]) -> Score:
+def score_number(question: NumberQuestion, given: float, told: Mapping[str, MeasuredNumber]) -> Score:
     """Score of a predicted number. Raises ScenarioError where nothing was measured."""
     if question.measure not in told:
         raise ScenarioError(f"measure {question.measure!r:.40}: not measured before")
     measured = told[question.measure]
     off = abs(given - measured.value)
-    predicted = Told(given, measured.unit)
-    within = Told(question.tolerance, measured.unit)
+    predicted = MeasuredNumber(given, measured.unit)
+    within = MeasuredNumber(question.tolerance, measured.unit)
     if off <= question.tolerance:
         return Score(1.0, f"predicted {predicted}, measured {measured}: right within {within}")
-    return Score(0.0, f"predicted {predicted}, measured {measured}: off by {Told(off, measured.unit)}")
+    return Score(0.0, f"predicted {predicted}, measured {measured}: off by {MeasuredNumber(off, measured.unit)}")
 
 
-def score_curve(question: Curve, given: list[tuple[float, float]], trace: Trace) -> Score:
+def score_curve(question: CurveQuestion, given: list[tuple[float, float]], trace: Trace) -> Score:
     """Score of a drawn curve, by its RMS distance to the measured one."""
     t = np.linspace(question.start, question.end, 200)
     drawn = np.interp(t, *np.array(given).T)
     off = float(np.sqrt(np.mean((drawn - np.interp(t, trace.t, trace.values)) ** 2)))
-    told = Told(off, question.line.unit)
+    told = MeasuredNumber(off, question.line.unit)
     if off <= question.tolerance:
         return Score(1.0, f"your line is off by {told} (RMS): right")
-    return Score(0.0, f"your line is off by {told} (RMS); it counts within {Told(question.tolerance, told.unit)}")
+    return Score(
+        0.0, f"your line is off by {told} (RMS); it counts within {MeasuredNumber(question.tolerance, told.unit)}"
+    )
 
 
-def admitted(question: Choice | Number | Curve, given: object) -> Given:
+def admitted(question: ChoiceQuestion | NumberQuestion | CurveQuestion, given: object) -> Given:
     """Answer that a page sent, checked against its question. Raises ScenarioError where it does not fit."""
     match question:
-        case Choice():
+        case ChoiceQuestion():
             if not isinstance(given, int) or not 1 <= given <= len(question.options):
                 raise ScenarioError(f"answer: {given!r:.40}; allowed: 1 to {len(question.options)}")
             return given
-        case Number():
+        case NumberQuestion():
             if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
                 raise ScenarioError(f"answer: {given!r:.40}; allowed: a number")
             return float(given)
-        case Curve():
+        case CurveQuestion():
             try:
                 points = msgspec.convert(given, list[tuple[float, float]])
             except msgspec.ValidationError as error:
@@ -107,7 +109,7 @@ def admitted(question: Choice | Number | Curve, given: object) -> Given:
             return points
 
 
-def csv_of(progress: Mapping[str, Progress]) -> str:
+def csv_of(progress: Mapping[str, LessonProgress]) -> str:
     """CSV of all answers, a row each."""
     file = io.StringIO()
     rows = csv.writer(file, lineterminator="\n")
@@ -124,7 +126,7 @@ def _plain(given: Given) -> str:
     return f"{given:g}" if isinstance(given, int | float) else " ".join(f"{t:g},{value:g}" for t, value in given)
 
 
-def json_of(progress: Mapping[str, Progress]) -> str:
+def json_of(progress: Mapping[str, LessonProgress]) -> str:
     """JSON of all progress."""
     return msgspec.json.format(msgspec.json.encode(dict(progress))).decode() + "\n"
 
@@ -133,22 +135,22 @@ class Notebook:
     """Progress in all lessons, kept in a folder if there is one."""
 
     def __init__(self) -> None:
-        self._file: KeptFile[dict[str, Progress]] | None = None
-        self.progress: dict[str, Progress] = {}
+        self._file: KeptFile[dict[str, LessonProgress]] | None = None
+        self.progress: dict[str, LessonProgress] = {}
 
     def keep_in(self, folder: Path) -> str:
         """Read the progress that a folder holds, and write it there from now on. Returns a sentence where the file
         cannot be read, else ""."""
-        self._file = KeptFile(folder / FILE, dict[str, Progress], "the progress in lessons")
+        self._file = KeptFile(folder / FILE, dict[str, LessonProgress], "the progress in lessons")
         kept, problem = self._file.read()
         self.progress = (kept or {}) | self.progress
         return problem
 
-    def of(self, lesson: str) -> Progress:
+    def of(self, lesson: str) -> LessonProgress:
         """Progress in a lesson."""
-        return self.progress.get(lesson, Progress())
+        return self.progress.get(lesson, LessonProgress())
 
-    def note(self, lesson: str, progress: Progress) -> None:
+    def note(self, lesson: str, progress: LessonProgress) -> None:
         """Replace the progress in a lesson. Raises OSError where it cannot be written; in memory it is replaced all the
         same."""
         self.progress = {**self.progress, lesson: progress}

@@ -28,7 +28,7 @@ class Head(Block, frozen=True):
     language: Annotated[str, Meta(pattern="^[a-z]{2}$")] = "en"
 
 
-class Setting(Block, frozen=True):
+class StartScenario(Block, frozen=True):
     """Scenario from which the following steps begin.
     base: a shipped scenario.
     set: other values of its fields, by dotted path; "target_model.K_m.2" is the second entry of a list."""
@@ -81,7 +81,7 @@ class TimedEdit(Block, frozen=True):
     value: Any
 
 
-class Line(Block, frozen=True):
+class PictureLine(Block, frozen=True):
     """Line of a run's picture.
     signal: as in `Measure`.
     unit: of the drawn values, a key of `measures.FACTORS`.
@@ -91,12 +91,12 @@ class Line(Block, frozen=True):
     unit: str
     title: Text
 
-    def shows(self, other: Line) -> bool:
+    def shows(self, other: PictureLine) -> bool:
         """Whether both lines show the same signal in the same unit, under any title."""
         return (self.signal, self.unit) == (other.signal, other.unit)
 
 
-class Run(Block, frozen=True):
+class LessonRun(Block, frozen=True):
     """Run of the lesson's scenario.
 
     title: of the run, in pictures.
@@ -112,7 +112,7 @@ class Run(Block, frozen=True):
 
     title: Text
     seconds: Annotated[float, Meta(gt=0, le=60)]
-    show: Annotated[tuple[Line, ...], Meta(min_length=1, max_length=3)]
+    show: Annotated[tuple[PictureLine, ...], Meta(min_length=1, max_length=3)]
     measures: dict[Name, Measure] = msgspec.field(default_factory=dict)
     set: dict[str, Any] = msgspec.field(default_factory=dict)
     edits: tuple[TimedEdit, ...] = ()
@@ -121,7 +121,7 @@ class Run(Block, frozen=True):
     stops: str | None = None
 
 
-class Choice(Block, frozen=True, tag_field="kind", tag="choice"):
+class ChoiceQuestion(Block, frozen=True, tag_field="kind", tag="choice"):
     """Question with options.
     ask: text of the question.
     right: number of the right option, from 1.
@@ -137,7 +137,7 @@ class Choice(Block, frozen=True, tag_field="kind", tag="choice"):
             raise ValueError(f"right: {self.right}; allowed: 1 to {len(self.options)}")
 
 
-class Number(Block, frozen=True, tag_field="kind", tag="number"):
+class NumberQuestion(Block, frozen=True, tag_field="kind", tag="number"):
     """Question for a number.
     ask: text of the question.
     measure: name of the measure that is asked for; answers are in its unit.
@@ -150,7 +150,7 @@ class Number(Block, frozen=True, tag_field="kind", tag="number"):
     wrong: Annotated[tuple[float, ...], Meta(min_length=1)]
 
 
-class Curve(Block, frozen=True, tag_field="kind", tag="curve"):
+class CurveQuestion(Block, frozen=True, tag_field="kind", tag="curve"):
     """Question for a signal's curve over time, which the student draws.
 
     ask: text of the question.
@@ -162,7 +162,7 @@ class Curve(Block, frozen=True, tag_field="kind", tag="curve"):
     """
 
     ask: Text
-    line: Line
+    line: PictureLine
     start: Annotated[float, Meta(ge=0)]
     end: Annotated[float, Meta(gt=0)]
     low: float
@@ -175,7 +175,7 @@ class Curve(Block, frozen=True, tag_field="kind", tag="curve"):
             raise ValueError("start, end, low, high: allowed: start before end, low below high")
 
 
-Question = Choice | Number | Curve
+Question = ChoiceQuestion | NumberQuestion | CurveQuestion
 
 
 class Explain(Block, frozen=True):
@@ -185,7 +185,7 @@ class Explain(Block, frozen=True):
     equation: str = ""
 
 
-class Control(Block, frozen=True):
+class GoalSlider(Block, frozen=True):
     """Control of a goal, a slider.
     path: dotted path of the scenario's field that it changes.
     low, high: range of the slider.
@@ -214,18 +214,18 @@ class Goal(Block, frozen=True):
 
     ask: Text
     seconds: Annotated[float, Meta(gt=0, le=60)]
-    controls: Annotated[tuple[Control, ...], Meta(min_length=1, max_length=4)]
+    controls: Annotated[tuple[GoalSlider, ...], Meta(min_length=1, max_length=4)]
     measures: dict[Name, Measure]
     conditions: Annotated[tuple[Condition, ...], Meta(min_length=1)]
     set: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
-Content = Setting | Choice | Number | Curve | Run | Explain | Goal
+Content = StartScenario | ChoiceQuestion | NumberQuestion | CurveQuestion | LessonRun | Explain | Goal
 KINDS: dict[str, Any] = {
     "lesson": Head,
-    "scenario": Setting,
+    "scenario": StartScenario,
     "predict": Question,
-    "run": Run,
+    "run": LessonRun,
     "observe": Question,
     "explain": Explain,
     "goal": Goal,

@@ -11,10 +11,10 @@ import numpy as np
 
 from app.access.classroom import POINTS
 from app.lessons.answers import score_choice, score_curve, score_number
-from app.lessons.blocks import Choice, Curve, Explain, Goal, Number, Run, Setting
-from app.lessons.lesson import NAMED, Lesson, Step
-from app.lessons.measures import Told, unmet
-from app.lessons.playing import Outcome, Trace, play, reached
+from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Explain, Goal, LessonRun, NumberQuestion, StartScenario
+from app.lessons.lesson import NAMED, Lesson, LessonStep
+from app.lessons.measures import MeasuredNumber, unmet
+from app.lessons.playing import LessonOutcome, Trace, play, reached
 from app.scenario.schema import ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.search_memory import Memory
@@ -33,8 +33,8 @@ class Checked:
     problems: a sentence each."""
 
     lesson: Lesson
-    told: dict[str, Told] = field(default_factory=dict)
-    outcomes: dict[int, Outcome] = field(default_factory=dict)
+    told: dict[str, MeasuredNumber] = field(default_factory=dict)
+    outcomes: dict[int, LessonOutcome] = field(default_factory=dict)
     minutes: float = 0.0
     problems: list[str] = field(default_factory=list)
 
@@ -43,7 +43,7 @@ def check(lesson: Lesson, memory: Memory | None = None) -> Checked:
     """Result of the check of a lesson, which is fit for a class where it has no problems."""
     checked = Checked(lesson)
     memory = memory or Memory()
-    waiting: list[Step] = []
+    waiting: list[LessonStep] = []
     for step in lesson.steps:
         try:
             if step.kind == "observe" or isinstance(step.block, Explain):
@@ -64,28 +64,30 @@ def check(lesson: Lesson, memory: Memory | None = None) -> Checked:
     return checked
 
 
-def _at(lesson: Lesson, step: Step, problem: str) -> str:
+def _at(lesson: Lesson, step: LessonStep, problem: str) -> str:
     return f"{lesson.source}, line {step.line}: {step.kind}: {problem}"
 
 
-def _problems(step: Step, checked: Checked, memory: Memory) -> Iterator[str]:
+def _problems(step: LessonStep, checked: Checked, memory: Memory) -> Iterator[str]:
     """Problems of a step, except those of a prediction's answers: they can be scored only after its run."""
     block = step.block
     for name in NAMED.findall(" ".join([step.text, getattr(block, "ask", ""), *getattr(block, "options", ())])):
         if name not in checked.told:
             yield f"{{{{{name}}}}} stands in the text and was not measured before"
     match block:
-        case Setting():
+        case StartScenario():
             assert step.scenario is not None
             ClosedLoop(step.scenario, 1, memory=memory)
-        case Choice() | Number() | Curve() if step.kind == "observe":
+        case ChoiceQuestion() | NumberQuestion() | CurveQuestion() if step.kind == "observe":
             yield from _scored(step, checked)
-        case Run():
+        case LessonRun():
             outcome = play(step, memory)
             checked.outcomes[step.number] = outcome
             if again := [name for name in outcome.told if name in checked.told]:
                 yield f"measures: {again[0]} is measured a second time; allowed: another name"
-            titles = [run.block.title for run in checked.lesson.steps[: step.number - 1] if isinstance(run.block, Run)]
+            titles = [
+                run.block.title for run in checked.lesson.steps[: step.number - 1] if isinstance(run.block, LessonRun)
+            ]
             if strangers := [title for title in block.beside if title not in titles]:
                 yield f"beside: {strangers[0]!r:.60}; allowed: titles of earlier runs"
             checked.told |= outcome.told
@@ -101,17 +103,17 @@ def _problems(step: Step, checked: Checked, memory: Memory) -> Iterator[str]:
             pass
 
 
-def _scored(step: Step, checked: Checked) -> Iterator[str]:
+def _scored(step: LessonStep, checked: Checked) -> Iterator[str]:
     """Problems with the answers to a question whose outcome is known."""
     match step.block:
-        case Choice() as question:
+        case ChoiceQuestion() as question:
             if score_choice(question, question.right).points < 1.0:
                 yield "the reference answer does not count in full"
             others = [k + 1 for k in range(len(question.options)) if k + 1 != question.right]
             if any(score_choice(question, other).points >= 1.0 for other in others):
                 yield "a wrong option counts in full"
             yield from unmet(question.because, checked.told)
-        case Number() as question:
+        case NumberQuestion() as question:
             if question.measure not in checked.told:
                 yield f"measure {question.measure!r:.40}: no run before the explanation measures it"
                 return
@@ -121,7 +123,7 @@ def _scored(step: Step, checked: Checked) -> Iterator[str]:
             for wrong in question.wrong:
                 if score_number(question, wrong, checked.told).points >= 1.0:
                     yield f"the planted wrong answer {wrong:g} counts in full, measured {told}"
-        case Curve() as question:
+        case CurveQuestion() as question:
             trace = trace_for(step, checked.outcomes)
             if trace is None:
                 yield f"curve: no run after it shows {question.line.signal!r:.40}"
@@ -144,10 +146,10 @@ def _scored(step: Step, checked: Checked) -> Iterator[str]:
             pass
 
 
-def trace_for(step: Step, outcomes: dict[int, Outcome]) -> Trace | None:
+def trace_for(step: LessonStep, outcomes: dict[int, LessonOutcome]) -> Trace | None:
     """Measured line for a question with a drawn curve: the first line of a later run that shows its signal."""
     question = step.block
-    assert isinstance(question, Curve)
+    assert isinstance(question, CurveQuestion)
     for number, outcome in sorted(outcomes.items()):
         if number > step.number:
             shows = (trace for trace in outcome.traces if trace.line.shows(question.line))
@@ -156,7 +158,7 @@ def trace_for(step: Step, outcomes: dict[int, Outcome]) -> Trace | None:
     return None
 
 
-def _goal(step: Step, memory: Memory) -> Iterator[str]:
+def _goal(step: LessonStep, memory: Memory) -> Iterator[str]:
     goal = step.block
     assert isinstance(goal, Goal)
     at_reference = reached(step, {control.path: control.reference for control in goal.controls}, memory)
@@ -177,9 +179,9 @@ def _minutes(lesson: Lesson) -> float:
         asked = getattr(block, "ask", "") + " ".join(getattr(block, "options", ()))
         minutes += len(re.findall(r"\w+", step.text + asked)) / WORDS
         match block:
-            case Choice() | Number() | Curve():
+            case ChoiceQuestion() | NumberQuestion() | CurveQuestion():
                 minutes += QUESTION
-            case Run():
+            case LessonRun():
                 minutes += block.seconds / 60.0 + LOOKING
             case Goal():
                 minutes += GOAL

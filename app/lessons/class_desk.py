@@ -12,9 +12,9 @@ from pathlib import Path
 import msgspec
 
 from app.access.classroom import ClassQuestion, Given
-from app.lessons.blocks import Choice, Curve, Number
+from app.lessons.blocks import ChoiceQuestion, CurveQuestion, NumberQuestion
 from app.lessons.kept_file import KeptFile
-from app.lessons.lesson import Step
+from app.lessons.lesson import LessonStep
 from app.lessons.markup import inline_html
 
 Send = Callable[[ClassQuestion | None], None]
@@ -87,7 +87,7 @@ class ClassDesk:
         """Question that the class is asked now, None for none."""
         return self.asked[-1] if self.asked and self._asks else None
 
-    def ask(self, lesson: str, step: Step, unit: str, measured: Mapping[str, str]) -> None:
+    def ask(self, lesson: str, step: LessonStep, unit: str, measured: Mapping[str, str]) -> None:
         """Ask the class the question of a step; a step may be asked several times."""
         question = question_of(step, len(self.asked) + 1, unit, measured)
         with self._lock:
@@ -149,20 +149,20 @@ def _silent(_: str) -> None:
     """Complaint of a desk without a folder: there is none, as nothing is written."""
 
 
-def question_of(step: Step, number: int, unit: str, measured: Mapping[str, str]) -> ClassQuestion:
+def question_of(step: LessonStep, number: int, unit: str, measured: Mapping[str, str]) -> ClassQuestion:
     """Question of a lesson's step as a class is asked it. Raises ValueError for a step without a question.
     number: of the question. unit: of a number that is asked for. measured: numbers as text, for the question's text."""
     block = step.block
-    if not isinstance(block, Choice | Number | Curve):
+    if not isinstance(block, ChoiceQuestion | NumberQuestion | CurveQuestion):
         raise ValueError(f"step {step.number} asks nothing")
     ask = inline_html(block.ask, measured)
     match block:
-        case Choice(options=options):
+        case ChoiceQuestion(options=options):
             texts = tuple(inline_html(option, measured) for option in options)
             return ClassQuestion(number, "choice", ask, options=texts)
-        case Number():
+        case NumberQuestion():
             return ClassQuestion(number, "number", ask, unit=unit)
-        case Curve(line=line):
+        case CurveQuestion(line=line):
             return ClassQuestion(
                 number,
                 "curve",

@@ -8,24 +8,24 @@ import msgspec
 
 from app.lessons.answers import (
     Answer,
+    LessonProgress,
     Notebook,
-    Progress,
     Score,
     admitted,
     score_choice,
     score_curve,
     score_number,
 )
-from app.lessons.blocks import Choice, Curve, Explain, Goal, Number, Run
+from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Explain, Goal, LessonRun, NumberQuestion
 from app.lessons.checking import trace_for
-from app.lessons.lesson import Lesson, Step
-from app.lessons.measures import Told
-from app.lessons.playing import Outcome, Trace, play
+from app.lessons.lesson import Lesson, LessonStep
+from app.lessons.measures import MeasuredNumber
+from app.lessons.playing import LessonOutcome, Trace, play
 from app.scenario.schema import ScenarioError
 from app.simulation.search_memory import Memory
 
 
-class Course:
+class LessonCourse:
     """Course of one session through one lesson. Safe to use from several threads.
 
     A prediction can be given once, before its run; it is scored at the next explanation.
@@ -34,16 +34,16 @@ class Course:
     def __init__(self, lesson: Lesson, notebook: Notebook) -> None:
         self.lesson, self._notebook = lesson, notebook
         self._lock = threading.RLock()
-        self.outcomes: dict[int, Outcome] = {}
+        self.outcomes: dict[int, LessonOutcome] = {}
         if self.progress.step > len(lesson.steps):  # the lesson was shorter once
             self._note(step=1)
 
     @property
-    def progress(self) -> Progress:
+    def progress(self) -> LessonProgress:
         return self._notebook.of(self.lesson.name)
 
     @property
-    def step(self) -> Step:
+    def step(self) -> LessonStep:
         """Step that the page shows."""
         return self.lesson.steps[self.progress.step - 1]
 
@@ -53,9 +53,9 @@ class Course:
         return self.progress.answers.get(self.step.number)
 
     @property
-    def told(self) -> dict[str, Told]:
+    def told(self) -> dict[str, MeasuredNumber]:
         """Measured numbers of the runs up to the shown step, by name."""
-        known: dict[str, Told] = {}
+        known: dict[str, MeasuredNumber] = {}
         for number, outcome in sorted(self.outcomes.items()):
             if number <= self.step.number:
                 known |= outcome.told
@@ -67,28 +67,28 @@ class Course:
         return {name: str(told) for name, told in self.told.items()}
 
     @property
-    def last_run(self) -> Step | None:
+    def last_run(self) -> LessonStep | None:
         """Step of the last run up to the shown step, None where an explanation came after it."""
         for step in reversed(self.lesson.steps[: self.step.number]):
-            if isinstance(step.block, Run):
+            if isinstance(step.block, LessonRun):
                 return step
             if isinstance(step.block, Explain) and step.number < self.step.number:
                 return None
         return None
 
     @property
-    def missing(self) -> list[Step]:
+    def missing(self) -> list[LessonStep]:
         """Steps of the runs before the shown step that have no outcome, such as after a restart."""
         earlier = self.lesson.steps[: self.step.number - 1]
-        return [step for step in earlier if isinstance(step.block, Run) and step.number not in self.outcomes]
+        return [step for step in earlier if isinstance(step.block, LessonRun) and step.number not in self.outcomes]
 
     @property
     def ready(self) -> bool:
         """Whether the shown step has been done."""
         match self.step.block:
-            case Choice() | Number() | Curve():
+            case ChoiceQuestion() | NumberQuestion() | CurveQuestion():
                 return self.answer is not None
-            case Run():
+            case LessonRun():
                 return self.step.number in self.outcomes
             case Goal():
                 return self.step.number in self.progress.goals
@@ -100,16 +100,16 @@ class Course:
         """Whether the question of the shown step can still be answered: no later run has been seen."""
         return self.answer is None and not any(number > self.step.number for number in self.outcomes)
 
-    def traces(self, run: Step) -> list[Trace]:
+    def traces(self, run: LessonStep) -> list[Trace]:
         """Lines of a run's picture, those of the earlier runs that it is compared with first."""
         block = run.block
-        assert isinstance(block, Run)
+        assert isinstance(block, LessonRun)
         if run.number not in self.outcomes:
             return []
         titles = {
             step.block.title: step.number
             for step in self.lesson.steps[: run.number - 1]
-            if isinstance(step.block, Run) and step.number in self.outcomes
+            if isinstance(step.block, LessonRun) and step.number in self.outcomes
         }
         beside = [
             trace
@@ -120,17 +120,17 @@ class Course:
         ]
         return [*beside, *self.outcomes[run.number].traces]
 
-    def predictions(self, run: Step) -> list[tuple[Step, Answer]]:
+    def predictions(self, run: LessonStep) -> list[tuple[LessonStep, Answer]]:
         """Predictions for a run: answered questions since the run or explanation before it."""
         found = []
         for step in reversed(self.lesson.steps[: run.number - 1]):
-            if isinstance(step.block, Run | Explain):
+            if isinstance(step.block, LessonRun | Explain):
                 break
             if step.kind == "predict" and (answer := self.progress.answers.get(step.number)) is not None:
                 found.append((step, answer))
         return found[::-1]
 
-    def explained(self) -> list[tuple[Step, Answer]]:
+    def explained(self) -> list[tuple[LessonStep, Answer]]:
         """Answered questions since the explanation before the shown step, with their scores."""
         found = []
         for step in reversed(self.lesson.steps[: self.step.number - 1]):
@@ -150,7 +150,7 @@ class Course:
                 raise ScenarioError("answer: it is locked, as the run has been seen; allowed: before it")
             self._answer(self.step, Answer(admitted(question, given)))
 
-    def take(self, run: Step, outcome: Outcome) -> None:
+    def take(self, run: LessonStep, outcome: LessonOutcome) -> None:
         """Keep the outcome of a run."""
         with self._lock:
             self.outcomes = {**self.outcomes, run.number: outcome}
@@ -181,18 +181,18 @@ class Course:
             if answer is not None and answer.score is None and (score := self._score_of(step, answer)) is not None:
                 self._answer(step, Answer(answer.given, score.points, score.verdict))
 
-    def _score_of(self, step: Step, answer: Answer) -> Score | None:
+    def _score_of(self, step: LessonStep, answer: Answer) -> Score | None:
         match step.block, answer.given:
-            case Choice() as question, int() as given:
+            case ChoiceQuestion() as question, int() as given:
                 return score_choice(question, given)
-            case Number() as question, float() | int() as given if question.measure in self.told:
+            case NumberQuestion() as question, float() | int() as given if question.measure in self.told:
                 return score_number(question, given, self.told)
-            case Curve() as question, list() as given if (trace := trace_for(step, self.outcomes)) is not None:
+            case CurveQuestion() as question, list() as given if (trace := trace_for(step, self.outcomes)) is not None:
                 return score_curve(question, given, trace)
             case _:
                 return None
 
-    def _answer(self, step: Step, answer: Answer) -> None:
+    def _answer(self, step: LessonStep, answer: Answer) -> None:
         self._note(answers={**self.progress.answers, step.number: answer})
 
     def _note(self, **changes: object) -> None:

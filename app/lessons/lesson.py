@@ -11,7 +11,17 @@ from typing import Any
 
 import msgspec
 
-from app.lessons.blocks import KINDS, Choice, Content, Curve, Goal, Head, Number, Run, Setting
+from app.lessons.blocks import (
+    KINDS,
+    ChoiceQuestion,
+    Content,
+    CurveQuestion,
+    Goal,
+    Head,
+    LessonRun,
+    NumberQuestion,
+    StartScenario,
+)
 from app.scenario.data import LARGEST, shipped, with_values
 from app.scenario.schema import Scenario, ScenarioError
 from parameters import allowed
@@ -27,7 +37,7 @@ class LessonError(ScenarioError):
 
 
 @dataclass(frozen=True)
-class Step:
+class LessonStep:
     """Step of a lesson.
     number: from 1.
     line: number of the block's first line in the file.
@@ -43,9 +53,9 @@ class Step:
     scenario: Scenario | None
 
     @property
-    def question(self) -> Choice | Number | Curve | None:
+    def question(self) -> ChoiceQuestion | NumberQuestion | CurveQuestion | None:
         """Question of the step, None for none."""
-        return self.block if isinstance(self.block, Choice | Number | Curve) else None
+        return self.block if isinstance(self.block, ChoiceQuestion | NumberQuestion | CurveQuestion) else None
 
 
 @dataclass(frozen=True)
@@ -57,9 +67,9 @@ class Lesson:
     name: str
     source: str
     head: Head
-    steps: tuple[Step, ...]
+    steps: tuple[LessonStep, ...]
 
-    def refusal(self, step: Step, reason: str) -> LessonError:
+    def refusal(self, step: LessonStep, reason: str) -> LessonError:
         """Error at the block of a step."""
         return LessonError(f"{self.source}, line {step.line}: {reason}")
 
@@ -67,7 +77,7 @@ class Lesson:
 def read(text: str, name: str, source: str) -> Lesson:
     """Lesson from its file's text. Raises LessonError. name, source: as in `Lesson`."""
     head: Head | None = None
-    steps: list[Step] = []
+    steps: list[LessonStep] = []
     setting: Scenario | None = None
     for line, prose, kind, body in _blocks(text, source):
         block = _decoded(kind, body, source, line)
@@ -79,16 +89,16 @@ def read(text: str, name: str, source: str) -> Lesson:
         if head is None:
             raise LessonError(f"{source}, line {line}: {kind}: before the block lesson; allowed: after it")
         try:
-            if isinstance(block, Setting):
+            if isinstance(block, StartScenario):
                 setting = with_values(_base(block.base), block.set)
             here = setting
-            if isinstance(block, Run | Goal):
+            if isinstance(block, LessonRun | Goal):
                 if setting is None:
                     raise ScenarioError(f"{kind}: before any scenario; allowed: after one")
                 here = with_values(setting, block.set)
         except ScenarioError as error:
             raise LessonError(f"{source}, line {line}: {error}") from error
-        steps.append(Step(len(steps) + 1, line, kind, prose, block, here))
+        steps.append(LessonStep(len(steps) + 1, line, kind, prose, block, here))
     if head is None:
         raise LessonError(f"{source}, line 1: no block lesson; allowed: one, at the beginning")
     if not steps or len(steps) > MOST_STEPS:

@@ -47,7 +47,7 @@ DIGITS = 3
 
 
 @dataclass(frozen=True)
-class Told:
+class MeasuredNumber:
     """Measured number with its unit."""
 
     value: float
@@ -90,7 +90,7 @@ def signal_of(
     return stretch["t"], values[:, int(index) - 1]
 
 
-def measured(loop: ClosedLoop, each: Measure) -> Told:
+def measured(loop: ClosedLoop, each: Measure) -> MeasuredNumber:
     """Measured number of a run that has ended. Raises ScenarioError."""
     factor = factor_of(each.unit)
     if (each.metric is None) == (each.signal is None):
@@ -104,10 +104,10 @@ def measured(loop: ClosedLoop, each: Measure) -> Told:
     value = max(value, default=0.0) if isinstance(value, list) else value
     if value is not None and not isinstance(value, int | float):
         raise ScenarioError(f"metric: {each.metric!r:.40} is no number")
-    return Told(math.inf if value is None else factor * float(value), each.unit)
+    return MeasuredNumber(math.inf if value is None else factor * float(value), each.unit)
 
 
-def taken(system: System, recording: Recording, now: float, each: Measure) -> Told:
+def taken(system: System, recording: Recording, now: float, each: Measure) -> MeasuredNumber:
     """Measured number of a signal, in a run that goes on. now: time of the run, s. Raises ScenarioError."""
     factor, half = factor_of(each.unit), 0.5 * system.scenario.controller.period
     end = now if each.end is None else min(each.end, now)
@@ -115,7 +115,9 @@ def taken(system: System, recording: Recording, now: float, each: Measure) -> To
     t, values = signal_of(system, recording, str(each.signal), start - half, end + half)
     if len(t) < 2:
         raise ScenarioError(f"measure of {each.signal}: nothing is recorded from {start:g} s to {end:g} s")
-    return Told(_statistic(t, values, each) * (1.0 if each.statistic in ("settles", "below") else factor), each.unit)
+    return MeasuredNumber(
+        _statistic(t, values, each) * (1.0 if each.statistic in ("settles", "below") else factor), each.unit
+    )
 
 
 def _statistic(t: np.ndarray, values: np.ndarray, each: Measure) -> float:
@@ -147,7 +149,7 @@ def _statistic(t: np.ndarray, values: np.ndarray, each: Measure) -> float:
             return math.inf if over[-1] + 1 == len(t) else float(t[over[-1] + 1] - t[0])
 
 
-def unmet(conditions: Iterable[Condition], known: Mapping[str, Told]) -> list[str]:
+def unmet(conditions: Iterable[Condition], known: Mapping[str, MeasuredNumber]) -> list[str]:
     """Sentences on the conditions that do not hold. Raises ScenarioError for a measure that is not known."""
     sentences = []
     for condition in conditions:
@@ -160,11 +162,11 @@ def unmet(conditions: Iterable[Condition], known: Mapping[str, Told]) -> list[st
             bound = condition.times * (_known(limit, known).value if isinstance(limit, str) else float(limit))
             holds = value.value > bound if word == "above" else value.value < bound
             if not holds:
-                sentences.append(f"{condition.measure} is {value}; wanted: {word} {Told(bound, value.unit)}")
+                sentences.append(f"{condition.measure} is {value}; wanted: {word} {MeasuredNumber(bound, value.unit)}")
     return sentences
 
 
-def _known(name: str, known: Mapping[str, Told]) -> Told:
+def _known(name: str, known: Mapping[str, MeasuredNumber]) -> MeasuredNumber:
     if name not in known:
         raise ScenarioError(f"measure {name!r:.40}; {allowed(name, known)}")
     return known[name]

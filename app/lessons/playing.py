@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.analysis.thinning import Grid
-from app.lessons.blocks import Goal, Line, Run
-from app.lessons.lesson import Lesson, Step
-from app.lessons.measures import Told, factor_of, measured, signal_of, taken
+from app.analysis.thinning import BucketGrid
+from app.lessons.blocks import Goal, LessonRun, PictureLine
+from app.lessons.lesson import Lesson, LessonStep
+from app.lessons.measures import MeasuredNumber, factor_of, measured, signal_of, taken
 from app.scenario.data import edited, with_value, with_values
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.commands import Perform, TimedChange
@@ -29,13 +29,13 @@ class Trace:
     values: (N,) in the unit of the line."""
 
     run: str
-    line: Line
+    line: PictureLine
     t: np.ndarray
     values: np.ndarray
 
 
 @dataclass(frozen=True)
-class Outcome:
+class LessonOutcome:
     """Outcome of a lesson's run.
     told: measured numbers by name.
     traces: lines of the run's picture.
@@ -43,14 +43,14 @@ class Outcome:
     refusal: sentence with which an edit was refused, "" for none.
     stopped: reason for which the run ended early, "" for none."""
 
-    told: dict[str, Told]
+    told: dict[str, MeasuredNumber]
     traces: tuple[Trace, ...]
     q: np.ndarray
     refusal: str = ""
     stopped: str = ""
 
 
-def performance(step: Step) -> Perform:
+def performance(step: LessonStep) -> Perform:
     """Command that plays a step's run on the page."""
     run, scenario = _run_of(step)
     changes, so_far = [], scenario
@@ -61,7 +61,7 @@ def performance(step: Step) -> Perform:
     return Perform(scenario, tuple(changes), run.seconds)
 
 
-def play(step: Step, memory: Memory | None = None) -> Outcome:
+def play(step: LessonStep, memory: Memory | None = None) -> LessonOutcome:
     """Outcome of a step's run. Raises ScenarioError."""
     performed = performance(step)
     loop, refusal = ClosedLoop(performed.scenario, memory=memory), ""
@@ -80,7 +80,7 @@ def play(step: Step, memory: Memory | None = None) -> Outcome:
     run, _ = _run_of(step)
     told = {name: measured(loop, each) for name, each in run.measures.items()}
     lines = tuple(_trace(loop.system, loop.recording, line, run.title) for line in run.show)
-    return Outcome(told, lines, last_q(loop.recording), refusal, loop.stopped or "")
+    return LessonOutcome(told, lines, last_q(loop.recording), refusal, loop.stopped or "")
 
 
 def last_q(recording: Recording) -> np.ndarray:
@@ -89,19 +89,19 @@ def last_q(recording: Recording) -> np.ndarray:
     return pieces[-1][-1, recording.columns["q"]].copy() if pieces else np.empty(0)
 
 
-def _trace(system: System, recording: Recording, line: Line, title: str) -> Trace:
+def _trace(system: System, recording: Recording, line: PictureLine, title: str) -> Trace:
     """Points of a line of a picture, thinned so that the extremes stay. Raises ScenarioError."""
     t, values = signal_of(system, recording, line.signal, -np.inf, np.inf)
     values = factor_of(line.unit) * values
     if len(t) > POINTS:
-        grid = Grid.over(float(t[0]), float(t[-1]), POINTS // 2)
+        grid = BucketGrid.over(float(t[0]), float(t[-1]), POINTS // 2)
         thinned = grid.thin(t, values[:, None])[:, 0]
         known = np.isfinite(thinned)
         t, values = grid.times[known], thinned[known]
     return Trace(title, line, t, values)
 
 
-def reached(step: Step, values: dict[str, float], memory: Memory | None = None) -> dict[str, Told]:
+def reached(step: LessonStep, values: dict[str, float], memory: Memory | None = None) -> dict[str, MeasuredNumber]:
     """Measured numbers of a goal, by name, at the end of its run with these values of its controls, by path. Raises
     ScenarioError."""
     goal = step.block
@@ -115,8 +115,8 @@ def reached(step: Step, values: dict[str, float], memory: Memory | None = None) 
     return {name: taken(loop.system, loop.recording, loop.t, each) for name, each in goal.measures.items()}
 
 
-def _run_of(step: Step) -> tuple[Run, Scenario]:
-    assert isinstance(step.block, Run)
+def _run_of(step: LessonStep) -> tuple[LessonRun, Scenario]:
+    assert isinstance(step.block, LessonRun)
     assert step.scenario is not None
     return step.block, step.scenario
 
@@ -128,6 +128,6 @@ def _plain(scenario: Scenario, field: str) -> object:
     return value
 
 
-def runs(lesson: Lesson) -> list[Step]:
+def runs(lesson: Lesson) -> list[LessonStep]:
     """Steps of a lesson that are runs."""
-    return [step for step in lesson.steps if isinstance(step.block, Run)]
+    return [step for step in lesson.steps if isinstance(step.block, LessonRun)]

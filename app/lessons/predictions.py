@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.lessons.answers import Answer
-from app.lessons.blocks import Curve, Line, Number, Run
-from app.lessons.lesson import Step
+from app.lessons.blocks import CurveQuestion, LessonRun, NumberQuestion, PictureLine
+from app.lessons.lesson import LessonStep
 
 OVER_TIME = ("settles", "below")
 
@@ -29,14 +29,16 @@ class Predicted:
         return bool(self.courses or self.levels or self.instants)
 
 
-def predicted(run: Run, line: Line, answers: Sequence[tuple[Step, Answer]]) -> Predicted:
+def predicted(run: LessonRun, line: PictureLine, answers: Sequence[tuple[LessonStep, Answer]]) -> Predicted:
     """Predictions for a line of a run: curves drawn for its signal, and numbers that are measured on its signal."""
     courses, levels, instants = [], [], []
     for step, answer in answers:
         question, given = step.block, answer.given
-        if isinstance(question, Curve) and question.line.shows(line) and isinstance(given, list):
+        if isinstance(question, CurveQuestion) and question.line.shows(line) and isinstance(given, list):
             courses.append(np.array(given))
-        elif isinstance(question, Number) and isinstance(given, int | float) and question.measure in run.measures:
+        elif (
+            isinstance(question, NumberQuestion) and isinstance(given, int | float) and question.measure in run.measures
+        ):
             measure = run.measures[question.measure]
             if measure.signal == line.signal and measure.statistic in OVER_TIME:
                 instants.append(measure.start + given)

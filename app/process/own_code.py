@@ -106,7 +106,7 @@ def _kinds(found: OwnCode) -> list[tuple[str, type[Any], dict[str, str], dict[st
     ]
 
 
-def own_shape(form: own_surfaces.Own) -> Shape:
+def own_shape(form: own_surfaces.OwnForm) -> Shape:
     """Shape of a surface of the user's own, for kernels. Raises ValueError where no surface has this name or takes
     these parameters, OwnCodeError where it cannot be compiled."""
     own = _named("surface", form.name, own_code().surfaces)
@@ -114,7 +114,7 @@ def own_shape(form: own_surfaces.Own) -> Shape:
         return own.shape(form)
 
 
-def own_course(path: own_trajectories.Own, n: int, free: range) -> Course:
+def own_course(path: own_trajectories.OwnPath, n: int, free: range) -> Course:
     """Course of a trajectory of the user's own, as a displacement of n coordinates, of which it may move those in
     `free`. Raises ValueError where no trajectory has this name or takes these parameters, OwnCodeError where it cannot
     be compiled."""

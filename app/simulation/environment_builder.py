@@ -163,7 +163,7 @@ def surfaces_of(scenario: Scenario, near: np.ndarray) -> tuple[Surface, ...]:
 def surface(form: Form, near: np.ndarray) -> Surface:
     """Surface of a form, see `surface_of`. Raises ScenarioError."""
     with scenario_errors():
-        shape = own_shape(form) if isinstance(form, own_surfaces.Own) else None
+        shape = own_shape(form) if isinstance(form, own_surfaces.OwnForm) else None
         return Surface.of(form, near, shape)
 
 
@@ -291,7 +291,7 @@ def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> Course:
     """Desired motion of the free coordinates, (n,), from the start. Raises ScenarioError."""
     path, free = scenario.motion, _free(mode, layout)
     with scenario_errors():
-        if isinstance(path, own_trajectories.Own):
+        if isinstance(path, own_trajectories.OwnPath):
             return numbered(path, own_course(path, layout.n, free))
         return course_of("motion", path, layout.n, free)
 

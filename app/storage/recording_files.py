@@ -37,7 +37,7 @@ class TooLarge(ValueError):
 
 
 @dataclass(frozen=True)
-class Table:
+class RecordingTable:
     """A stretch of a recording of an arm with n joints.
     pieces: its `length` rows, oldest first, as `Recording.pieces` gives them.
     seconds: its duration."""
@@ -49,18 +49,20 @@ class Table:
     pieces: Iterable[np.ndarray]
 
 
-def table(scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf) -> Table:
+def table(
+    scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf
+) -> RecordingTable:
     """Table of the rows of this stretch of time, s, without copying them."""
     pieces = recording.pieces(t_from, t_to)
     seconds = float(pieces[-1][-1, 0] - pieces[0][0, 0]) if pieces else 0.0
-    return Table(scenario, recording.n, sum(len(piece) for piece in pieces), seconds, pieces)
+    return RecordingTable(scenario, recording.n, sum(len(piece) for piece in pieces), seconds, pieces)
 
 
 def _silent(share: float) -> None:
     del share
 
 
-def write_csv(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent) -> None:
+def write_csv(data: RecordingTable, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent) -> None:
     """Write a recording as CSV: the scenario as comment lines, a line of names with units, a line per row.
 
     Numbers read back to the very same bits. Raises TooLarge when the file would have more than `limit` bytes.
@@ -78,7 +80,7 @@ def write_csv(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell =
             tell(done / data.length)
 
 
-def csv_header(data: Table) -> list[str]:
+def csv_header(data: RecordingTable) -> list[str]:
     """Names of the columns: "t [s]", "q[0] [rad]", ..."""
     names = []
     for signal in SIGNALS:
@@ -88,7 +90,9 @@ def csv_header(data: Table) -> list[str]:
     return names
 
 
-def write_npz(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent, level: int = 1) -> None:
+def write_npz(
+    data: RecordingTable, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent, level: int = 1
+) -> None:
     """Write a recording as NPZ: named signals, (N,) or (N, width), with `units`, `docs` and `scenario` (TOML) beside
     them.
 

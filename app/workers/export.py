@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import structlog
 
-from app.export.export_jobs import DataJob, ExportDone, Failure, FigureJob, Job, MadeJob, PlaybackJob, Progress
+from app.export.export_jobs import DataJob, ExportDone, ExportProgress, Failure, FigureJob, Job, MadeJob, PlaybackJob
 from app.export.figures import render
 from app.process.log import configure_as_parent
 from app.scenario.schema import ScenarioError
 from app.simulation.signals import columns_of
-from app.storage.recording_files import Table, TooLarge, write_csv, write_npz
+from app.storage.recording_files import RecordingTable, TooLarge, write_csv, write_npz
 
 log = structlog.get_logger()
 
@@ -34,7 +34,7 @@ class _Reporter:
     def tell(self, share: float) -> None:
         if (percent := int(100 * share)) > self._percent:
             self._percent = percent
-            self._asker.send(Progress(share))
+            self._asker.send(ExportProgress(share))
 
 
 def serve(asker: Connection, path: Path) -> None:
@@ -74,7 +74,7 @@ def _make(job: Job, asker: Connection, path: Path) -> None:
             path.write_text(standalone_html(frames, limit, tell, figure), encoding="utf-8")
 
 
-def _received(data: Table, asker: Connection) -> Iterator[np.ndarray]:
+def _received(data: RecordingTable, asker: Connection) -> Iterator[np.ndarray]:
     """The rows as they arrive."""
     width, missing = max(where.stop for where in columns_of(data.n).values()), data.length
     while missing:

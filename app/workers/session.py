@@ -30,7 +30,7 @@ from app.access.session_messages import (
     Failed,
     FromSession,
     Keep,
-    Kept,
+    KeptFolder,
     Prepare,
     Ready,
     Remark,
@@ -62,7 +62,7 @@ IN_USE = 600.0  # s between two notes that an upload is in use
 LOOK = 0.05  # s between two looks whether the scenario has changed; a visitor's copy may be older by that much
 
 
-class Gateway:
+class GatewayConnection:
     """This process's end of the connection to the gateway."""
 
     def __init__(self, connection: socket.socket) -> None:
@@ -85,7 +85,7 @@ class Gateway:
 class Pulse:
     """Heartbeat: tells the gateway that this process lives and its pages are answered, until `stop`."""
 
-    def __init__(self, gateway: Gateway, dashboard: Dashboard, late: Callable[[], float | None]) -> None:
+    def __init__(self, gateway: GatewayConnection, dashboard: Dashboard, late: Callable[[], float | None]) -> None:
         self._gateway, self._dashboard, self._late = gateway, dashboard, late
         self._stopped = threading.Event()
         threading.Thread(target=self._run, name="pulse", daemon=True).start()
@@ -101,7 +101,7 @@ class Pulse:
                 self._stopped.wait(BEAT)
 
 
-def serve(gateway: Gateway, previewer: Previewer) -> None:
+def serve(gateway: GatewayConnection, previewer: Previewer) -> None:
     """Serve one session, from the preparation to the end of the connection. Raises EOFError or ConnectionError then."""
     prepare = gateway.next()
     assert isinstance(prepare, Prepare)
@@ -148,7 +148,7 @@ def serve(gateway: Gateway, previewer: Previewer) -> None:
             autosave.close()
 
 
-def _folder(kept: Kept, dashboard: Dashboard) -> StateFolder | None:
+def _folder(kept: KeptFolder, dashboard: Dashboard) -> StateFolder | None:
     """Folder of the session, None where it cannot be used; the page shows the reason then."""
     try:
         folder = StateFolder(Path(kept.folder))
@@ -164,14 +164,14 @@ def _folder(kept: Kept, dashboard: Dashboard) -> StateFolder | None:
     return folder
 
 
-def _kept_from_now(kept: Kept, runner: Runner, dashboard: Dashboard) -> Autosave | None:
+def _kept_from_now(kept: KeptFolder, runner: Runner, dashboard: Dashboard) -> Autosave | None:
     """Autosave of a session that has begun without a folder."""
     folder = _folder(kept, dashboard)
     return None if folder is None else Autosave(folder, lambda: runner.latest, dashboard.fail, begun=True)
 
 
 def _autosave(
-    kept: Kept, scenario: Scenario, runner: Runner, dashboard: Dashboard
+    kept: KeptFolder, scenario: Scenario, runner: Runner, dashboard: Dashboard
 ) -> tuple[Autosave | None, tuple[Pinned, ...]]:
     """Autosave of the session from its beginning, None where its folder cannot be used; and the pinned runs that are
     restored from the folder. Runs that cannot be restored are shown or offered."""
@@ -194,7 +194,7 @@ def _autosave(
     return autosave, runs
 
 
-def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:
+def _report(gateway: GatewayConnection, runner: Runner, told: Scenario) -> None:
     pause, pinned, due = threading.Event(), 0, time.monotonic() + IN_USE
     with contextlib.suppress(OSError):
         while not pause.wait(LOOK):
@@ -218,7 +218,7 @@ def limit_resources() -> None:
 def run(file: int, previewer: Previewer) -> None:
     """Serve one session over this connection to the gateway, and end this process."""
     with socket.socket(fileno=file) as connection:
-        gateway = Gateway(connection)
+        gateway = GatewayConnection(connection)
         try:
             serve(gateway, previewer)
         except (EOFError, ConnectionError):

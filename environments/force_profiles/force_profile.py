@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 from parameters import Section, field, slider
 
 
-class Signal(NamedTuple):
+class ForceSignal(NamedTuple):
     """A scalar (N), its rate and second derivative."""
 
     value: float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Union
 
-from environments.force_profiles.force_profile import ForceCourse, ForceProfile, Signal
+from environments.force_profiles.force_profile import ForceCourse, ForceProfile, ForceSignal
 from environments.force_profiles.sinusoid import ForceSinusoid
 from environments.force_profiles.step import ConstantForce, ForceStep
 from kernels import choice, inline, kernel
@@ -35,6 +35,6 @@ def _force_alone(course, t):
     return force_at(course[0], t)
 
 
-def evaluated(course: ForceCourse, t: float) -> Signal:
+def evaluated(course: ForceCourse, t: float) -> ForceSignal:
     """Force at time t (s)."""
-    return Signal(*_force_alone(Record(course).data, t))
+    return ForceSignal(*_force_alone(Record(course).data, t))

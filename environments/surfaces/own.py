@@ -43,7 +43,7 @@ class OwnSurface:
     chart: Callable[..., None]
     parameters: tuple[Parameter, ...] = ()
 
-    def shape(self, form: Own) -> Shape:
+    def shape(self, form: OwnForm) -> Shape:
         """Shape for kernels, with the parameters of a scenario. Raises ValueError with one sentence, and numba's
         errors."""
         values = values_of(self.parameters, form.parameters, "surface.parameters")
@@ -76,7 +76,7 @@ def _chart(zeta, shape, t, chart):
     return STILL
 
 
-class Own(Form, frozen=True, forbid_unknown_fields=True, tag="own"):
+class OwnForm(Form, frozen=True, forbid_unknown_fields=True, tag="own"):
     """A surface of your own (`--use`)."""
 
     title = "own"

@@ -12,13 +12,13 @@ from environments.surfaces.chart import Chart, Shape, Shapes, one_of
 from environments.surfaces.cylinder import Cylinder
 from environments.surfaces.form import Form, SurfaceMotion
 from environments.surfaces.formula import FormulaSurface
-from environments.surfaces.own import Own
+from environments.surfaces.own import OwnForm
 from environments.surfaces.plane import Plane
 from environments.surfaces.sphere import Sphere
 from kernels import choice, inline, kernel
 from kernels.records import Record
 
-SURFACES: tuple[type[Form], ...] = (Plane, Cylinder, Sphere, FormulaSurface, Own)
+SURFACES: tuple[type[Form], ...] = (Plane, Cylinder, Sphere, FormulaSurface, OwnForm)
 if TYPE_CHECKING:
     AnyForm = Form
 else:

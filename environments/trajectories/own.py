@@ -31,7 +31,7 @@ class OwnTrajectory:
     path: Callable[..., None]
     parameters: tuple[Parameter, ...] = ()
 
-    def course(self, path: Own, n: int, free: range) -> Course:
+    def course(self, path: OwnPath, n: int, free: range) -> Course:
         """Course with the parameters of a scenario, as a displacement of n coordinates. Raises ValueError with one
         sentence, and numba's errors."""
         values = values_of(self.parameters, path.parameters, "motion.parameters")
@@ -46,7 +46,7 @@ def _move(course, t, value, rate, acceleration):
     call(own.address, t, own.parameters, value[first:], rate[first:], acceleration[first:])
 
 
-class Own(Trajectory, frozen=True, forbid_unknown_fields=True, tag="own"):
+class OwnPath(Trajectory, frozen=True, forbid_unknown_fields=True, tag="own"):
     """A path of your own (`--use`)."""
 
     title = "own"

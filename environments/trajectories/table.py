@@ -8,13 +8,13 @@ import numpy as np
 
 from environments.trajectories.circle import Circle
 from environments.trajectories.line import Line
-from environments.trajectories.own import Own
+from environments.trajectories.own import OwnPath
 from environments.trajectories.point_to_point import Hold, PointToPoint
 from environments.trajectories.trajectory import Course, Path, Trajectory
 from kernels import choice, inline, kernel
 from kernels.records import Record
 
-TRAJECTORIES: tuple[type[Trajectory], ...] = (Hold, PointToPoint, Circle, Line, Own)
+TRAJECTORIES: tuple[type[Trajectory], ...] = (Hold, PointToPoint, Circle, Line, OwnPath)
 ROTATIONS: tuple[type[Trajectory], ...] = (Hold, PointToPoint, Circle, Line)  # of the coordinates that are angles
 if TYPE_CHECKING:
     AnyTrajectory = AnyRotation = Trajectory

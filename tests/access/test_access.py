@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from app.access.admission import Names, OriginError, Tokens
-from app.access.rate_limits import Limits, Meter, Overrun, harmless, takes_part
+from app.access.rate_limits import ConnectionLimits, ConnectionRateLimiter, Overrun, harmless, takes_part
 from drivers.viser_protocol import CAMERA
 
 PUBLIC = Names(public=("https://lab.example.org",))
@@ -82,7 +82,7 @@ def test_tokens_differ_and_open_what_they_are_for() -> None:
 
 def test_more_messages_than_allowed_end_the_connection_and_the_usual_ones_do_not() -> None:
     now = 0.0
-    meter = Meter(Limits(rate=100.0, burst=50.0), clock=lambda: now)
+    meter = ConnectionRateLimiter(ConnectionLimits(rate=100.0, burst=50.0), clock=lambda: now)
     message = packed(**CAMERA)
     for _ in range(500):  # a drag
         now += 1 / 60
@@ -94,39 +94,44 @@ def test_more_messages_than_allowed_end_the_connection_and_the_usual_ones_do_not
 
 
 def test_files_are_bounded_alone_together_and_by_what_was_announced() -> None:
-    limits = Limits(upload=1000, uploads=1500)
+    limits = ConnectionLimits(upload=1000, uploads=1500)
 
-    def start(meter: Meter, name: str, size: int) -> bool:
+    def start(meter: ConnectionRateLimiter, name: str, size: int) -> bool:
         return meter.admits(packed(type="FileTransferStartUpload", transfer_uuid=name, size_bytes=size, part_count=1))
 
-    def part(meter: Meter, name: str, size: int) -> bool:
+    def part(meter: ConnectionRateLimiter, name: str, size: int) -> bool:
         return meter.admits(packed(type="FileTransferPart", transfer_uuid=name, part_index=0, content=bytes(size)))
 
     with pytest.raises(Overrun, match="a file of"):
-        start(Meter(limits), "a", 1001)
+        start(ConnectionRateLimiter(limits), "a", 1001)
     with pytest.raises(Overrun, match="one after the other"):
-        [start(Meter(limits), "a", 1000), (two := Meter(limits)), start(two, "b", 1000), start(two, "c", 1000)]
-    meter = Meter(limits)
+        [
+            start(ConnectionRateLimiter(limits), "a", 1000),
+            (two := ConnectionRateLimiter(limits)),
+            start(two, "b", 1000),
+            start(two, "c", 1000),
+        ]
+    meter = ConnectionRateLimiter(limits)
     assert not part(meter, "never announced", 10)
     for name in "abcdef":  # one after the other, complete
         assert start(meter, name, 1000)
         assert part(meter, name, 1000)
-    start(meter := Meter(limits), "long", 1000)
+    start(meter := ConnectionRateLimiter(limits), "long", 1000)
     assert part(meter, "long", 900)
     with pytest.raises(Overrun, match="longer than it was said"):
         part(meter, "long", 101)
-    start(meter := Meter(limits), "crumbs", 1000)
+    start(meter := ConnectionRateLimiter(limits), "crumbs", 1000)
     assert sum(part(meter, "crumbs", 0) for _ in range(2000)) == 1000
 
 
 @pytest.mark.parametrize("raw", [b"", b"garbage", b"\xc1", packed(no="type"), packed(type=5), "text", b"\x91" * 5000])
 def test_what_is_no_message_of_a_page_ends_the_connection(raw: bytes | str) -> None:
     with pytest.raises(Overrun, match="not a message of the page"):
-        Meter(Limits()).admits(raw)
+        ConnectionRateLimiter(ConnectionLimits()).admits(raw)
 
 
 def test_visers_public_share_server_is_never_asked_for() -> None:
-    assert not Meter(Limits()).admits(packed(type="ShareUrlRequest"))
+    assert not ConnectionRateLimiter(ConnectionLimits()).admits(packed(type="ShareUrlRequest"))
 
 
 @pytest.mark.parametrize(

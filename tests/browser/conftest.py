@@ -12,7 +12,7 @@ from app.dashboard.page import Dashboard
 from app.session.commands import Pause
 from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, SENT, UNDRAWN, VIEWPORT, Session, wait_without_notice
+from drivers.pages import NO_HINTS, PATIENCE, SENT, UNDRAWN, VIEWPORT, PageSession, wait_without_notice
 from tests.browser.shared_page import SCENARIO, SharedPage
 from tests.support.drawn import serving
 
@@ -133,11 +133,11 @@ def shared(browser: Browser, served: tuple[Dashboard, Runner]) -> Iterator[tuple
 
 
 @pytest.fixture
-def own_session(browser: Browser) -> Iterator[Session]:
+def own_session(browser: Browser) -> Iterator[PageSession]:
     """A page of a dashboard that no other test has used: what is chosen on it, as for a map, stays the dashboard's."""
     pages = Pages(browser)
     with serving(SCENARIO) as (dashboard, runner):
-        yield Session(opened(pages, dashboard), runner)
+        yield PageSession(opened(pages, dashboard), runner)
         pages.close()
     pages.require_no_errors()
 
@@ -154,7 +154,7 @@ def own_page(shared: tuple[SharedPage, Pages]) -> Iterator[None]:
 @pytest.fixture
 def session(
     shared: tuple[SharedPage, Pages], served: tuple[Dashboard, Runner], request: pytest.FixtureRequest
-) -> Iterator[Session]:
+) -> Iterator[PageSession]:
     """A page of a loop that has just begun, its console free of errors; it rests between such tests. The page may be
     that of the test before, put back in order: see `own_page`."""
     page, pages = shared

@@ -12,7 +12,7 @@ from playwright.sync_api import Page
 from app.scenario.data import shipped
 from app.session.commands import Load, Pause, Play, Reset, SetSpeed, Unpin
 from app.session.runner import Runner
-from drivers.pages import VIEWPORT, Session
+from drivers.pages import VIEWPORT, PageSession
 
 SCENARIO = shipped()["ur5-hybrid"]
 SETTLED = 20.0  # s until a page that was put back in order shows it; then another one is opened
@@ -63,7 +63,7 @@ class SharedPage:
         self._address = ""
         self._first: dict[str, list[Any]] = {}
 
-    def begin_anew(self) -> Session:
+    def begin_anew(self) -> PageSession:
         """A loop that has just begun, and its page as it was when it was opened, or else another one."""
         try:
             return self._begun()
@@ -76,7 +76,7 @@ class SharedPage:
         self._page, self._first = None, {}
         self._close()
 
-    def _begun(self) -> Session:
+    def _begun(self) -> PageSession:
         pins = [Unpin(pinned.number) for pinned in self._runner.snapshot.pinned]
         for command in (*pins, Load(SCENARIO), SetSpeed(1.0), Pause(), Reset()):
             self._runner.post(command)
@@ -88,7 +88,7 @@ class SharedPage:
         if self._page is None:
             self._page = self._open_page()
             self._address = self._page.url
-        session = Session(self._page, self._runner)
+        session = PageSession(self._page, self._runner)
         session.wait(lambda now: now.scenario == SCENARIO and now.phase == "running")
         if not self._first:
             self._first = self._page.evaluate(_APPEARANCE)

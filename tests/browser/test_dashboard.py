@@ -9,17 +9,17 @@ from playwright.sync_api import expect
 from app.access.admission import PortTaken
 from app.dashboard.page import Dashboard
 from app.dashboard.theme.style import RELEASED
-from app.dashboard.widgets.controls import Scale, decades
+from app.dashboard.widgets.controls import SliderScale, decades
 from app.dashboard.widgets.equation import lines
 from app.dashboard.widgets.matrix_text import read_back, written
 from app.scenario.data import shipped
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
-from drivers.pages import CHARTS, SHOWN, Session
+from drivers.pages import CHARTS, SHOWN, PageSession
 
 
 @pytest.mark.usefixtures("own_page")
-def test_the_page_comes_up_and_shows_the_running_loop(session: Session):
+def test_the_page_comes_up_and_shows_the_running_loop(session: PageSession):
     page = session.page
     page.locator("canvas[data-engine]").wait_for()
     page.get_by_text("promise holds").wait_for()
@@ -28,7 +28,7 @@ def test_the_page_comes_up_and_shows_the_running_loop(session: Session):
     assert page.locator(".uplot-container:visible").count() == 4
 
 
-def test_another_scenario_and_mode(session: Session):
+def test_another_scenario_and_mode(session: PageSession):
     session.choose("Scenario", shipped()["ur5-motion"].title)
     session.wait(lambda now: now.scenario.name == "ur5-motion" and now.phase == "running")
     session.choose("Mode", "Impedance")
@@ -37,7 +37,7 @@ def test_another_scenario_and_mode(session: Session):
     session.page.locator(".vs-note", has_text="The tool yields to forces").wait_for()
 
 
-def test_a_number_takes_effect_on_enter_not_digit_by_digit(session: Session):
+def test_a_number_takes_effect_on_enter_not_digit_by_digit(session: PageSession):
     session.wait(lambda now: abs(now.recording.signals(("F_c",))["F_c"][-1, 0] - 20.0) < 0.1)
     field = session.number("F_d [N]")
     field.fill("")
@@ -50,7 +50,7 @@ def test_a_number_takes_effect_on_enter_not_digit_by_digit(session: Session):
     session.wait(lambda now: abs(now.recording.signals(("F_c",))["F_c"][-1, 0] - 35.0) < 0.1)
 
 
-def test_a_number_takes_effect_when_its_field_is_left(session: Session):
+def test_a_number_takes_effect_when_its_field_is_left(session: PageSession):
     field = session.number("F_d [N]")
     field.fill("12.5")
     field.blur()
@@ -61,7 +61,7 @@ def test_a_number_takes_effect_when_its_field_is_left(session: Session):
     assert session.now.scenario.force.value == 12.5
 
 
-def test_a_held_slider_previews_and_let_go_it_applies(session: Session):
+def test_a_held_slider_previews_and_let_go_it_applies(session: PageSession):
     before = session.now
     move, text = session.grip("F_d [N]")
     move(0.75)
@@ -83,7 +83,7 @@ def test_a_held_slider_previews_and_let_go_it_applies(session: Session):
     session.page.get_by_text("let go: apply").wait_for(state="hidden")
 
 
-def test_escape_takes_a_held_slider_back(session: Session):
+def test_escape_takes_a_held_slider_back(session: PageSession):
     before = session.now
     move, text = session.grip("F_d [N]")
     move(0.9)
@@ -99,7 +99,7 @@ def test_escape_takes_a_held_slider_back(session: Session):
     session.wait(lambda _: abs(float(thumb.get_attribute("aria-valuenow") or "nan") - 20.0 / 60.0) < 2e-3)
 
 
-def test_the_window_of_a_preview_can_be_moved_away_and_takes_the_value_back(session: Session):
+def test_the_window_of_a_preview_can_be_moved_away_and_takes_the_value_back(session: PageSession):
     move, _ = session.grip("F_d [N]")
     move(0.9)
     session.page.mouse.up()
@@ -133,7 +133,7 @@ _SPREAD = f"""() => {{
 }}"""
 
 
-def test_true_arms_of_the_declared_set_stand_behind_a_preview(session: Session):
+def test_true_arms_of_the_declared_set_stand_behind_a_preview(session: PageSession):
     session.page.get_by_role("button", name="play / pause").click()
     session.wait(lambda now: now.phase == "paused")
     move, _ = session.grip("F_d [N]")
@@ -145,7 +145,7 @@ def test_true_arms_of_the_declared_set_stand_behind_a_preview(session: Session):
     session.wait(lambda _: session.page.evaluate(_SPREAD) == 0.0)
 
 
-def test_arrow_keys_move_a_slider_and_not_the_run(session: Session):
+def test_arrow_keys_move_a_slider_and_not_the_run(session: PageSession):
     thumb = session.row("F_d [N]").get_by_role("slider")
     thumb.focus()
     thumb.press("ArrowRight")
@@ -155,7 +155,7 @@ def test_arrow_keys_move_a_slider_and_not_the_run(session: Session):
     assert session.now.phase == "running"
 
 
-def test_marks_that_a_slow_server_has_not_taken_off_do_not_count_for_the_next_turn(session: Session):
+def test_marks_that_a_slow_server_has_not_taken_off_do_not_count_for_the_next_turn(session: PageSession):
     """The server tells one turn from the next by whether the number of marks is even or odd."""
     turn = """(input, mark) => {
       input.dispatchEvent(new CustomEvent("vsmrc-tell", { bubbles: true, detail: mark }));
@@ -167,7 +167,7 @@ def test_marks_that_a_slow_server_has_not_taken_off_do_not_count_for_the_next_tu
     assert marks[0] != marks[1] != marks[2]
 
 
-def test_a_preview_that_cannot_be_says_why_and_the_run_goes_on(session: Session):
+def test_a_preview_that_cannot_be_says_why_and_the_run_goes_on(session: PageSession):
     before = session.now
     session.tab("Model")
     session.tab("K_m")
@@ -182,7 +182,7 @@ def test_a_preview_that_cannot_be_says_why_and_the_run_goes_on(session: Session)
     assert session.now.phase == "running"
 
 
-def test_without_previews_a_slider_acts_at_once(session: Session):
+def test_without_previews_a_slider_acts_at_once(session: PageSession):
     folder = session.page.get_by_text("What if", exact=True).first
     folder.click()
     previews = session.page.get_by_role("checkbox", name="Preview")
@@ -209,7 +209,7 @@ def test_without_previews_a_slider_acts_at_once(session: Session):
         folder.click()
 
 
-def test_an_invalid_gain_shows_its_reason_and_the_run_goes_on(session: Session):
+def test_an_invalid_gain_shows_its_reason_and_the_run_goes_on(session: PageSession):
     session.tab("Model")
     before = session.now
     field = session.number("M_m φ")
@@ -222,7 +222,7 @@ def test_an_invalid_gain_shows_its_reason_and_the_run_goes_on(session: Session):
     session.wait(lambda now: now.phase == "running" and now.t > before.t)
 
 
-def test_a_surface_too_stiff_is_refused_with_its_remedy_which_helps(session: Session):
+def test_a_surface_too_stiff_is_refused_with_its_remedy_which_helps(session: PageSession):
     session.runner.post(Load(shipped()["planar3r-hybrid"]))
     session.wait(lambda now: now.scenario.name == "planar3r-hybrid")
     session.tab("World")
@@ -243,7 +243,7 @@ def test_a_surface_too_stiff_is_refused_with_its_remedy_which_helps(session: Ses
     session.wait(lambda now: now.scenario.contact.K_e == 1e7)
 
 
-def test_text_that_is_no_number_is_refused_on_the_page(session: Session):
+def test_text_that_is_no_number_is_refused_on_the_page(session: PageSession):
     before = session.now
     field = session.number("F_d [N]")
     field.fill("<b>twenty</b>")
@@ -253,7 +253,7 @@ def test_text_that_is_no_number_is_refused_on_the_page(session: Session):
     assert session.now.revision == before.revision
 
 
-def test_pause_and_step(session: Session):
+def test_pause_and_step(session: PageSession):
     session.page.get_by_role("button", name="play / pause").click()
     session.wait(lambda now: now.phase == "paused")
     t = session.now.t
@@ -264,7 +264,7 @@ def test_pause_and_step(session: Session):
     session.wait(lambda now: now.t < t)
 
 
-def test_looking_at_every_tab_changes_nothing(session: Session):
+def test_looking_at_every_tab_changes_nothing(session: PageSession):
     before = session.now
     for name in ("Model", "Controller", "World", "Robot", "Export", "Torque", "Task"):
         session.tab(name)
@@ -274,14 +274,14 @@ def test_looking_at_every_tab_changes_nothing(session: Session):
     assert session.now.refusal_number == before.refusal_number
 
 
-def test_every_shipped_scenario_can_be_shown(session: Session):
+def test_every_shipped_scenario_can_be_shown(session: PageSession):
     for name, scenario in shipped().items():
         session.runner.post(Load(scenario))
         session.wait(lambda now, name=name: now.scenario.name == name and now.t > 0.2)
         session.page.locator(".vs-title", has_text=scenario.title).wait_for()
 
 
-def test_law_and_push_are_two_large_buttons_in_the_scene(session: Session):
+def test_law_and_push_are_two_large_buttons_in_the_scene(session: PageSession):
     page, began = session.page, session.now.run
     scene = page.locator("canvas[data-engine]").bounding_box()
     swap, push = page.locator(".vs-acts button").all()
@@ -301,7 +301,7 @@ def test_law_and_push_are_two_large_buttons_in_the_scene(session: Session):
     assert session.now.run == began  # neither begins the run anew
 
 
-def test_from_an_impedance_every_mode_key_leads_on_and_says_what_it_adapted(session: Session):
+def test_from_an_impedance_every_mode_key_leads_on_and_says_what_it_adapted(session: PageSession):
     page, impedance = session.page, shipped()["ur5-impedance"]
     for key, mode in (("3", "hybrid"), ("4", "hybrid-impedance"), ("5", "constrained")):
         session.runner.post(Load(impedance))
@@ -319,8 +319,8 @@ def test_a_busy_port_is_said():
             Dashboard(port=other.getsockname()[1])
 
 
-@pytest.mark.parametrize("scale", [Scale(0, 60), decades(0.1, 100), decades(1, 1e5, zero=True)])
-def test_slider_positions_and_values_are_inverse(scale: Scale):
+@pytest.mark.parametrize("scale", [SliderScale(0, 60), decades(0.1, 100), decades(1, 1e5, zero=True)])
+def test_slider_positions_and_values_are_inverse(scale: SliderScale):
     for position in (0.1, 0.37, 0.5, 1.0):
         assert scale.position(scale.value(position)) == pytest.approx(position, abs=0.003)
     assert scale.value(0.0) == (0.0 if scale.zero else scale.low)

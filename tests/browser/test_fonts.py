@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page
 from app.dashboard.theme.fonts import FACES
 from app.session.commands import Pause
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, Session, wait_without_notice
+from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, PageSession, wait_without_notice
 from drivers.visitors import serving
 from tests.support.fonts import TEXTS
 from tests.support.layout import lasting
@@ -56,7 +56,7 @@ def opened(browser: Browser, url: str) -> Page:
     return page
 
 
-def test_the_page_is_laid_out_alike_whatever_fonts_a_machine_has(session: Session, poor: Browser):
+def test_the_page_is_laid_out_alike_whatever_fonts_a_machine_has(session: PageSession, poor: Browser):
     session.wait(lambda now: now.t > 0.3)
     session.runner.post(Pause())
     page = opened(poor, session.page.url)

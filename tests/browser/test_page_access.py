@@ -18,7 +18,7 @@ from app.dashboard.theme.colors import RUNS, css
 from app.scenario.data import shipped
 from app.session.commands import Edit
 from app.session.runner import Runner
-from drivers.pages import Session, wait_without_notice
+from drivers.pages import PageSession, wait_without_notice
 from tests.support.axe import violations
 from tests.support.layout import lasting
 
@@ -55,7 +55,7 @@ def test_axe_finds_nothing_on_a_phone_and_every_target_is_as_large_as_a_finger(
     assert not page.evaluate(SMALL)
 
 
-def test_the_keyboard_reaches_every_control_and_shows_where_it_is(session: Session):
+def test_the_keyboard_reaches_every_control_and_shows_where_it_is(session: PageSession):
     page = session.page
     page.get_by_role("button", name="ψ₁", exact=True).wait_for()
     page.locator("canvas[data-engine]").click(position={"x": 20, "y": 200})
@@ -77,7 +77,7 @@ def test_the_keyboard_reaches_every_control_and_shows_where_it_is(session: Sessi
     assert not [place for place in reached if not place["name"]]
 
 
-def test_lines_and_folders_answer_to_keys_and_sliders_tell_their_value(session: Session):
+def test_lines_and_folders_answer_to_keys_and_sliders_tell_their_value(session: PageSession):
     page = session.page
     entry = page.locator(".u-label[role=button]").first
     entry.focus()
@@ -95,7 +95,7 @@ def test_lines_and_folders_answer_to_keys_and_sliders_tell_their_value(session: 
     expect(slider).to_have_attribute("aria-valuetext", "20 N")
 
 
-def test_the_keyboard_widens_a_dock_and_goes_through_the_cells_of_a_table(session: Session):
+def test_the_keyboard_widens_a_dock_and_goes_through_the_cells_of_a_table(session: PageSession):
     page = session.page
     edge = page.locator("[data-dock-region-resize=left][role=separator]")
     wide = page.locator("[data-dock-region=left]").bounding_box()
@@ -126,7 +126,7 @@ def test_the_keyboard_widens_a_dock_and_goes_through_the_cells_of_a_table(sessio
     expect(tip).to_contain_text("σ_min(J_q)")
 
 
-def test_the_keyboard_leads_from_event_to_event(session: Session):
+def test_the_keyboard_leads_from_event_to_event(session: PageSession):
     session.wait(lambda now: now.t > 0.5)
     session.runner.post(Edit("force.value", 25.0))
     session.wait(lambda now: now.scenario.force.value == 25.0)

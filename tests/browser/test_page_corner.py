@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from drivers.pages import Session
+from drivers.pages import PageSession
 from tests.support.layout import lasting_faults
 
 
 @pytest.mark.usefixtures("own_page")
-def test_a_second_surface_is_put_beside_the_tool_pressed_and_taken_away(session: Session):
+def test_a_second_surface_is_put_beside_the_tool_pressed_and_taken_away(session: PageSession):
     page = session.page
     session.tab("World")
     page.get_by_text("Second surface", exact=True).click()

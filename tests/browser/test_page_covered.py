@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import expect
 
-from drivers.pages import Session
+from drivers.pages import PageSession
 
 # Controls that something else would take the press of, each after it was scrolled into view: name and what lies there.
 COVERED = """() => {
@@ -28,7 +28,7 @@ COVERED = """() => {
 SIZES = ((1024, 768), (1280, 720), (1920, 1080), (853, 480), (390, 844))  # 853 x 480 is 1280 x 720 at 150 %
 
 
-def require_nothing_covered(session: Session, where: str) -> None:
+def require_nothing_covered(session: PageSession, where: str) -> None:
     """Nothing is covered once the page has been laid out."""
     for _ in range(40):
         if not (found := session.page.evaluate(COVERED)):
@@ -37,7 +37,7 @@ def require_nothing_covered(session: Session, where: str) -> None:
     pytest.fail(f"{where}: {found}")
 
 
-def drag_dock(session: Session, side: str, to: float) -> None:
+def drag_dock(session: PageSession, side: str, to: float) -> None:
     """Pull the edge of a dock to this place of the window, px."""
     box = session.page.locator(f"[data-dock-region-resize={side}]").bounding_box()
     assert box is not None
@@ -49,7 +49,7 @@ def drag_dock(session: Session, side: str, to: float) -> None:
 
 
 @pytest.mark.usefixtures("own_page")
-def test_no_control_is_covered_at_any_size_and_dock_width(session: Session):
+def test_no_control_is_covered_at_any_size_and_dock_width(session: PageSession):
     page = session.page
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
@@ -62,7 +62,7 @@ def test_no_control_is_covered_at_any_size_and_dock_width(session: Session):
 
 
 @pytest.mark.usefixtures("own_page")
-def test_controls_that_are_folded_away_leave_timeline_buttons_and_style(session: Session):
+def test_controls_that_are_folded_away_leave_timeline_buttons_and_style(session: PageSession):
     """viser takes down what it collapses. By mouse and by key; a plot is then enlarged over the whole window."""
     page = session.page
     handle = page.locator('[data-dock-region-collapse="right"]')
@@ -91,7 +91,7 @@ def test_controls_that_are_folded_away_leave_timeline_buttons_and_style(session:
 
 
 @pytest.mark.usefixtures("own_page")
-def test_the_presentation_has_the_sliders_moved_last_of_any_tab_and_covers_nothing(session: Session):
+def test_the_presentation_has_the_sliders_moved_last_of_any_tab_and_covers_nothing(session: PageSession):
     page = session.page
     session.choose("Scenario", "Panda presses, elbow angle added (Remark 5)")
     session.wait(lambda now: len(now.coordinates) == 7)

@@ -15,11 +15,11 @@ from app.dashboard.page import Dashboard
 from app.scenario.data import edited, from_toml, shipped, to_toml
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
-from drivers.pages import PATIENCE, VIEWPORT, Session
+from drivers.pages import PATIENCE, VIEWPORT, PageSession
 from tests.support.svg import letters_of
 
 
-def taken(session: Session, button: str, folder: Path) -> Path:
+def taken(session: PageSession, button: str, folder: Path) -> Path:
     """Click and wait for the file."""
     session.tab("Export")
     with session.page.expect_download() as download:
@@ -29,7 +29,7 @@ def taken(session: Session, button: str, folder: Path) -> Path:
     return path
 
 
-def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: Session, tmp_path: Path):
+def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: PageSession, tmp_path: Path):
     session.wait(lambda now: now.t > 1.0)
     before = session.now
     svg = letters_of(taken(session, "SVG", tmp_path).read_bytes())
@@ -63,7 +63,7 @@ def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: 
 
 
 def test_picture_and_playback_show_the_scene(
-    session: Session, served: tuple[Dashboard, Runner], tmp_path: Path, open_page: Callable[..., Page]
+    session: PageSession, served: tuple[Dashboard, Runner], tmp_path: Path, open_page: Callable[..., Page]
 ):
     dashboard, _ = served
     session.wait(lambda now: now.t > 1.0)
@@ -103,7 +103,7 @@ def test_picture_and_playback_show_the_scene(
     )
 
 
-def test_a_scenario_is_loaded_and_a_wrong_one_refused(session: Session, tmp_path: Path):
+def test_a_scenario_is_loaded_and_a_wrong_one_refused(session: PageSession, tmp_path: Path):
     wanted = edited(edited(shipped()["ur5-motion"], "name", "mine"), "controller.layer", 0.02)
     (tmp_path / "mine.toml").write_text(to_toml(wanted))
     (tmp_path / "wrong.toml").write_text("mode = 'levitation'")
@@ -118,7 +118,7 @@ def test_a_scenario_is_loaded_and_a_wrong_one_refused(session: Session, tmp_path
 
 
 def test_a_failure_is_said_on_the_page_and_the_run_goes_on(
-    session: Session, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    session: PageSession, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
     before = session.now

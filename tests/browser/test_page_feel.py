@@ -7,7 +7,7 @@ from playwright.sync_api import expect
 from app.dashboard.widgets.help import KEYS
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause, Play
-from drivers.pages import CHARTS, Session, wait_without_notice
+from drivers.pages import CHARTS, PageSession, wait_without_notice
 from tests.support.layout import faults, lasting_faults
 
 _THEME = "document.documentElement.dataset.mantineColorScheme"
@@ -27,7 +27,7 @@ _NOTE_FOCUS = """() => addEventListener("click", () => { window.focusAfterClick 
   { once: true })"""
 
 
-def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
+def test_keys_act_in_the_loop_but_not_while_typing(session: PageSession):
     page = session.page
     page.keyboard.press("2")
     session.wait(lambda now: now.scenario.mode == "impedance")
@@ -130,7 +130,7 @@ def test_first_steps_come_once_and_a_reload_in_the_middle_of_a_run_is_harmless(s
     assert runner.snapshot.t > t
 
 
-def test_a_field_gives_the_keys_back_on_enter_and_on_escape(session: Session):
+def test_a_field_gives_the_keys_back_on_enter_and_on_escape(session: PageSession):
     page, text = session.page, session.number("radius [m]")
     for key, radius in (("Enter", 0.03), ("Escape", 0.03)):
         text.fill("0.03" if key == "Enter" else "0.04")
@@ -143,7 +143,7 @@ def test_a_field_gives_the_keys_back_on_enter_and_on_escape(session: Session):
         session.wait(lambda now, phase=phase: now.phase == phase)
 
 
-def test_a_message_moves_nothing(session: Session):
+def test_a_message_moves_nothing(session: PageSession):
     page = session.page
     buttons = page.get_by_role("button", name="play / pause")
     buttons.wait_for()
@@ -160,7 +160,7 @@ def test_a_message_moves_nothing(session: Session):
     }""")
 
 
-def test_a_drag_over_a_message_selects_it_at_most_and_nothing_of_the_page(session: Session):
+def test_a_drag_over_a_message_selects_it_at_most_and_nothing_of_the_page(session: PageSession):
     page = session.page
     message = page.locator(".vs-strip .vs-message", has_text="controller.period: -1")
     for held in (False, True):
@@ -181,14 +181,14 @@ def test_a_drag_over_a_message_selects_it_at_most_and_nothing_of_the_page(sessio
         page.mouse.click(640, 250)
 
 
-def test_the_target_model_stays_within_the_scene_of_a_small_window(session: Session):
+def test_the_target_model_stays_within_the_scene_of_a_small_window(session: PageSession):
     session.runner.post(Pause())
     for width, height in ((1024, 768), (853, 480), (1024, 768)):  # the second is 1280 x 720 at 150 %
         session.page.set_viewport_size({"width": width, "height": height})
         session.wait(lambda _: session.page.evaluate(WITHIN) and not faults(session.page))
 
 
-def test_everything_has_a_name_and_a_slider_its_value_with_unit(session: Session):
+def test_everything_has_a_name_and_a_slider_its_value_with_unit(session: PageSession):
     page = session.page
     page.wait_for_function("document.title === 'VSMRC Lab'")
     slider = page.get_by_role("slider", name="F_d [N]", exact=True)

@@ -4,12 +4,12 @@ import numpy as np
 
 from app.scenario.data import shipped
 from app.session.commands import Load
-from drivers.pages import Session
+from drivers.pages import PageSession
 
 RUNNING = "z - 0.165 - 0.01*sin(20*x - 2*t)"
 
 
-def test_a_formula_is_typed_refused_mended_and_pressed_upon(session: Session):
+def test_a_formula_is_typed_refused_mended_and_pressed_upon(session: PageSession):
     session.tab("World")
     session.choose("Shape", "formula")
     session.wait(lambda now: now.scenario.surface.__struct_config__.tag == "formula" and now.t > 0.2)
@@ -33,7 +33,7 @@ def test_a_formula_is_typed_refused_mended_and_pressed_upon(session: Session):
     session.wait(lambda now: field.input_value() == now.scenario.surface.text)
 
 
-def test_controls_without_meaning_are_hidden_and_the_side_turns_the_force(session: Session):
+def test_controls_without_meaning_are_hidden_and_the_side_turns_the_force(session: PageSession):
     session.runner.post(Load(shipped()["ur5-wave"]))
     session.wait(lambda now: now.scenario.name == "ur5-wave" and now.force[2] < -15.0)
     session.tab("World")

@@ -5,31 +5,31 @@ import json
 from playwright.sync_api import expect
 
 from app.session.commands import SetSpeed
-from drivers.pages import SHOWN, Session
+from drivers.pages import SHOWN, PageSession
 from tests.support.layout import lasting_faults
 
 EMPTY = f"{SHOWN}.every((chart) => chart.data[0].length <= 2)"
 
 
-def at_step(session: Session, number: int) -> None:
+def at_step(session: PageSession, number: int) -> None:
     session.page.locator(f".vs-lesson[data-step='{number}']").wait_for()
 
 
-def press(session: Session, name: str) -> None:
+def press(session: PageSession, name: str) -> None:
     """Press a button by keyboard alone."""
     button = session.page.get_by_role("button", name=name)
     button.focus()
     session.page.keyboard.press("Enter")
 
 
-def run_through(session: Session) -> None:
+def run_through(session: PageSession) -> None:
     """Run, and wait until the picture of the run is there."""
     press(session, "Run (")
     session.page.get_by_role("button", name="Run again (").wait_for()
     session.page.locator(".vs-lines").first.wait_for()
 
 
-def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: Session):
+def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession):
     page = session.page
     session.runner.post(SetSpeed(5.0))
     session.tab("Lessons")
@@ -119,7 +119,7 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: Session):
     session.runner.post(SetSpeed(1.0))
 
 
-def test_a_line_is_drawn_by_mouse_and_playing_freely_is_undone(session: Session):
+def test_a_line_is_drawn_by_mouse_and_playing_freely_is_undone(session: PageSession):
     page = session.page
     session.tab("Lessons")
     page.get_by_role("combobox", name="Lesson").or_(page.get_by_label("Lesson", exact=True)).first.click()

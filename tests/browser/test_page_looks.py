@@ -8,7 +8,7 @@ from playwright.sync_api import Page
 
 from app.scenario.data import shipped
 from app.session.commands import Load, Pause
-from drivers.pages import VIEWPORT, Session, each_view
+from drivers.pages import VIEWPORT, PageSession, each_view
 from tests.support.axe import violations
 from tests.support.fonts import strangers
 from tests.support.layout import faults, lasting, lasting_faults
@@ -35,7 +35,7 @@ def wrong(page: Page) -> list[str]:
     [("light", VIEWPORT, "ur5-hybrid"), ("dark", {"width": 1920, "height": 1080}, "ur5-wave")],
 )
 def test_everything_is_seen_on_any_tab_and_in_the_presentation(
-    session: Session, theme: str, size: dict[str, int], name: str
+    session: PageSession, theme: str, size: dict[str, int], name: str
 ) -> None:
     page = session.page
     page.locator("canvas[data-engine][role=img]").wait_for()

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.sweep.question import FILE
-from drivers.pages import PATIENCE, Session
+from drivers.pages import PATIENCE, PageSession
 from tests.support.full_speed import full_speed  # noqa: F401
 from tests.support.layout import lasting_faults
 
@@ -21,7 +21,7 @@ PICKED = re.compile(r"boundary layer [\d.]+, reaching gain K_s [\d.]+: residual 
 
 
 @pytest.fixture
-def session(own_session: Session) -> Session:
+def session(own_session: PageSession) -> PageSession:
     """The page of a dashboard on which nothing was chosen for another map."""
     return own_session
 
@@ -57,7 +57,7 @@ def pick(page: Page, menu: str, option: str) -> None:
     expect(page.get_by_label(menu, exact=True).locator("visible=true")).to_have_value(option)
 
 
-def write(session: Session, label: str, text: str, number: int = 0) -> None:
+def write(session: PageSession, label: str, text: str, number: int = 0) -> None:
     field = session.page.get_by_label(label, exact=True).locator("visible=true").nth(number)
     field.fill(text)
     field.press("Enter")
@@ -65,7 +65,7 @@ def write(session: Session, label: str, text: str, number: int = 0) -> None:
 
 @pytest.mark.usefixtures("full_speed")
 def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens_its_run(
-    session: Session, open_page: Callable[..., Page]
+    session: PageSession, open_page: Callable[..., Page]
 ):
     page = session.page
     session.tab("Controller")
@@ -118,7 +118,7 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
 
 @pytest.mark.usefixtures("full_speed")
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
-def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: Session, width: int, height: int):
+def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: PageSession, width: int, height: int):
     page = session.page
     page.set_viewport_size({"width": width, "height": height})
     page.locator("form:visible [role=slider][aria-valuetext]").first.wait_for()
@@ -155,7 +155,7 @@ def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: 
 
 
 @pytest.mark.usefixtures("full_speed")
-def test_a_search_finds_candidates_of_which_one_is_previewed_and_then_applied(session: Session):
+def test_a_search_finds_candidates_of_which_one_is_previewed_and_then_applied(session: PageSession):
     page = session.page
     session.tab("Robustness")
     page.get_by_text("Search for better gains").click()

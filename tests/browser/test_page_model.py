@@ -3,17 +3,17 @@
 import numpy as np
 
 from app.dashboard.theme.style import MARKS
-from drivers.pages import Session
+from drivers.pages import PageSession
 
 COUPLED = "0 0 0 0 0 0\n0 4000 900 0 0 0\n0 900 4000 0 0 0\n0 0 0 4000 0 0\n0 0 0 0 4000 0\n0 0 0 0 0 4000"
 
 
-def enter(session: Session, label: str, text: str) -> None:
+def enter(session: PageSession, label: str, text: str) -> None:
     session.number(label).fill(text)
     session.number(label).press("Enter")
 
 
-def test_omega_dragged_and_typed_sets_damping_and_stiffness(session: Session):
+def test_omega_dragged_and_typed_sets_damping_and_stiffness(session: PageSession):
     before = session.now.matrices
     session.tab("Model")
     session.choose("Edit by", "ω and ζ per axis")
@@ -39,7 +39,7 @@ def test_omega_dragged_and_typed_sets_damping_and_stiffness(session: Session):
     assert session.now.phase == "running"
 
 
-def test_whole_matrices_are_pasted_judged_and_applied(session: Session):
+def test_whole_matrices_are_pasted_judged_and_applied(session: PageSession):
     session.tab("Model")
     session.choose("Edit by", "full matrices")
     before = session.now
@@ -70,7 +70,7 @@ def test_whole_matrices_are_pasted_judged_and_applied(session: Session):
     session.choose("Edit by", "diagonals")
 
 
-def test_the_controller_as_far_as_it_has_a_meaning(session: Session):
+def test_the_controller_as_far_as_it_has_a_meaning(session: PageSession):
     session.tab("Controller")
     page = session.page
     session.choose("Switching", "s / ‖s‖ (discontinuous)")
@@ -92,7 +92,7 @@ def test_the_controller_as_far_as_it_has_a_meaning(session: Session):
     assert session.now.phase == "running"
 
 
-def test_another_model_is_reached_by_a_blend(session: Session):
+def test_another_model_is_reached_by_a_blend(session: PageSession):
     session.tab("Model")
     session.choose("Edit by", "full matrices")
     page = session.page
@@ -109,7 +109,7 @@ def test_another_model_is_reached_by_a_blend(session: Session):
     session.choose("Edit by", "diagonals")
 
 
-def test_the_simplest_baseline_with_weak_drives(session: Session):
+def test_the_simplest_baseline_with_weak_drives(session: PageSession):
     session.tab("Controller")
     session.choose("Law", "PD + gravity")
     session.wait(lambda now: now.scenario.controller.law == "pd-gravity" and now.live["d"] == 0.0)
@@ -120,7 +120,7 @@ def test_the_simplest_baseline_with_weak_drives(session: Session):
     session.page.locator(".vs-status", has_text="torque at its limit: joint").wait_for()
 
 
-def test_with_shift_a_slider_moves_a_tenth_as_far_by_mouse_and_key(session: Session):
+def test_with_shift_a_slider_moves_a_tenth_as_far_by_mouse_and_key(session: PageSession):
     page, slider = session.page, session.row("F_d [N]").get_by_role("slider")
 
     def at() -> float:
@@ -158,7 +158,7 @@ def test_with_shift_a_slider_moves_a_tenth_as_far_by_mouse_and_key(session: Sess
         page.locator("form[data-held]").wait_for(state="detached")
 
 
-def test_linked_axes_move_together(session: Session):
+def test_linked_axes_move_together(session: PageSession):
     session.tab("Model")
     session.page.get_by_label("Link equal axes").first.check()
     session.tab("K_m")
@@ -168,7 +168,7 @@ def test_linked_axes_move_together(session: Session):
     session.page.get_by_label("Link equal axes").first.uncheck()
 
 
-def test_linked_sliders_follow_the_one_that_is_held_and_go_back_with_it(session: Session):
+def test_linked_sliders_follow_the_one_that_is_held_and_go_back_with_it(session: PageSession):
     page, before = session.page, session.now
 
     def text(label: str) -> str:
@@ -212,7 +212,7 @@ def test_linked_sliders_follow_the_one_that_is_held_and_go_back_with_it(session:
     page.get_by_label("Link equal axes").first.uncheck()
 
 
-def test_a_pole_dragged_on_the_map_is_previewed_then_applied_and_esc_leaves_it(session: Session):
+def test_a_pole_dragged_on_the_map_is_previewed_then_applied_and_esc_leaves_it(session: PageSession):
     page = session.page
     session.tab("Model")
     before = session.now.matrices["K_m"].copy()
@@ -246,7 +246,7 @@ def test_a_pole_dragged_on_the_map_is_previewed_then_applied_and_esc_leaves_it(s
     assert session.now.phase == "running"
 
 
-def test_a_push_measures_the_impedance_beside_the_running_loop(session: Session):
+def test_a_push_measures_the_impedance_beside_the_running_loop(session: PageSession):
     """Dots appear over the lines, and go with the next change of the scenario."""
     session.tab("Model")
     page = session.page

@@ -10,7 +10,7 @@ from playwright.sync_api import Page
 
 from app.process import own_code
 from app.scenario.data import kind_of, load, to_plain
-from drivers.pages import PATIENCE, VIEWPORT, Session
+from drivers.pages import PATIENCE, VIEWPORT, PageSession
 from tests.support.drawn import serving
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
@@ -18,17 +18,17 @@ OWN = ("pid_gravity.py", "figure_eight.py", "cone.py")
 
 
 @pytest.fixture
-def own(open_page: Callable[..., Page]) -> Iterator[Session]:
+def own(open_page: Callable[..., Page]) -> Iterator[PageSession]:
     """A page of a server that was started with the examples."""
     own_code.use([EXAMPLES / name for name in OWN])
     with serving(load("ur5-impedance")) as (dashboard, runner):
         page = open_page(dashboard.url, viewport=VIEWPORT)
         page.set_default_timeout(PATIENCE * 1e3)
         page.get_by_text("real time").wait_for()
-        yield Session(page, runner)
+        yield PageSession(page, runner)
 
 
-def test_a_law_of_one_s_own_stands_in_the_menu_with_its_parameter(own: Session) -> None:
+def test_a_law_of_one_s_own_stands_in_the_menu_with_its_parameter(own: PageSession) -> None:
     own.tab("Controller")
     assert own.row("k_i [N/(m·s)]").count() == 0
     own.choose("Law", "PID + gravity")

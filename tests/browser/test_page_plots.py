@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, expect
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.plot_table import CAUSES, TABS
 from app.session.commands import Edit, Pause, Reset
-from drivers.pages import CHARTS, SHOWN, Session
+from drivers.pages import CHARTS, SHOWN, PageSession
 
 FULL = f"{SHOWN}.length && {SHOWN}.every((c) => c.data[0].length > 20 && c.data.length > 1)"
 # how many charts on the screen, and how many of the others, get data within a while
@@ -23,7 +23,7 @@ DRAWN = f"""async (wait) => {{
 }}"""
 
 
-def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: Session):
+def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: PageSession):
     page = session.page
     setup = Setup.of(session.runner.snapshot, 0, 0)
     drawn = {name: [plot for plot in tab.plots if plot.draw(setup) is not None] for name, tab in TABS.items()}
@@ -40,7 +40,7 @@ def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: Session)
 
 
 @pytest.mark.usefixtures("own_page")
-def test_the_chosen_window_moves_the_axes_and_builds_no_chart_anew(session: Session):
+def test_the_chosen_window_moves_the_axes_and_builds_no_chart_anew(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 4.5)
     page.wait_for_function(f"{FULL} && {SHOWN}.every((c) => c.scales.x.min === -8)")
@@ -55,7 +55,7 @@ def test_the_chosen_window_moves_the_axes_and_builds_no_chart_anew(session: Sess
     session.choose("window", "8 s")
 
 
-def test_a_line_that_begins_with_what_does_not_exist_has_an_axis(session: Session):
+def test_a_line_that_begins_with_what_does_not_exist_has_an_axis(session: PageSession):
     session.runner.post(Edit("controller.law", "computed-torque"))
     session.runner.post(Reset())
     session.wait(lambda now: now.scenario.controller.law == "computed-torque" and now.recording.first == 0.0)
@@ -68,7 +68,7 @@ def test_a_line_that_begins_with_what_does_not_exist_has_an_axis(session: Sessio
     }}""")
 
 
-def test_a_run_that_has_just_been_reset_keeps_the_axes_of_its_plots(session: Session):
+def test_a_run_that_has_just_been_reset_keeps_the_axes_of_its_plots(session: PageSession):
     session.page.wait_for_function(FULL)
     for command in (Pause(), Reset()):
         session.runner.post(command)
@@ -77,7 +77,7 @@ def test_a_run_that_has_just_been_reset_keeps_the_axes_of_its_plots(session: Ses
     session.page.wait_for_function(f"{SHOWN}.every((c) => c.data[0].length < 20 && c.bbox.left > 30 && {numbers} > 1)")
 
 
-def test_the_chosen_joint_is_drawn_and_a_paused_run_is_not_drawn_again(session: Session):
+def test_the_chosen_joint_is_drawn_and_a_paused_run_is_not_drawn_again(session: PageSession):
     page = session.page
     session.tab("Torque")
     page.get_by_label("joint", exact=True).wait_for()
@@ -97,7 +97,7 @@ def test_the_chosen_joint_is_drawn_and_a_paused_run_is_not_drawn_again(session: 
     page.wait_for_function(FULL)
 
 
-def test_nothing_is_drawn_for_a_page_that_nobody_sees(session: Session):
+def test_nothing_is_drawn_for_a_page_that_nobody_sees(session: PageSession):
     page = session.page
     page.wait_for_function(FULL)
     page.evaluate(
@@ -109,7 +109,7 @@ def test_nothing_is_drawn_for_a_page_that_nobody_sees(session: Session):
     page.wait_for_function(f"(window.vsOld ??= {SHOWN}[0].data) !== {SHOWN}[0].data")
 
 
-def test_points_that_came_one_after_the_other_are_the_whole_data(session: Session):
+def test_points_that_came_one_after_the_other_are_the_whole_data(session: PageSession):
     page = session.page
     page.wait_for_function(FULL)
     began = session.now.t
@@ -125,7 +125,7 @@ def test_points_that_came_one_after_the_other_are_the_whole_data(session: Sessio
     assert differ == []
 
 
-def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: Session):
+def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: PageSession):
     page = session.page
     page.wait_for_function(FULL)
     session.runner.post(Pause())
@@ -154,7 +154,7 @@ def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: Session)
     page.wait_for_function(f"{SHOWN}[1].axes[0]._splits?.length <= 10")  # no longer those of the large one
 
 
-def test_the_legend_has_the_values_of_now_and_hides_a_line(session: Session):
+def test_the_legend_has_the_values_of_now_and_hides_a_line(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 1.0)
     session.runner.post(Pause())
@@ -174,7 +174,7 @@ def test_the_legend_has_the_values_of_now_and_hides_a_line(session: Session):
     page.locator(".u-series.u-off").wait_for(state="detached")
 
 
-def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: Session):
+def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 1.0)
     session.runner.post(Pause())
@@ -192,7 +192,7 @@ def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: S
 
 
 @pytest.mark.usefixtures("own_page")
-def test_two_cursors_measure_a_step(session: Session):
+def test_two_cursors_measure_a_step(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 2.0)
     step = {"kind": "step", "start": 20.0, "value": 30.0, "time": session.now.t + 0.5, "rise": 0.1}

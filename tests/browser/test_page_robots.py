@@ -4,25 +4,25 @@ from pathlib import Path
 
 import pytest
 
-from drivers.pages import Session
+from drivers.pages import PageSession
 
 BENT = Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf"
 
 
 @pytest.fixture
-def tab(session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Session:
+def tab(session: PageSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PageSession:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     session.tab("Robot")
     return session
 
 
-def enter(session: Session, label: str, text: str) -> None:
+def enter(session: PageSession, label: str, text: str) -> None:
     field = session.number(label)
     field.fill(text)
     field.press("Enter")
 
 
-def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_for(tab: Session):
+def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_for(tab: PageSession):
     upload = tab.page.locator("input[type=file][accept*='.urdf']")
     tab.choose("Arm", "own URDF")
     tab.page.locator(".vs-message", has_text="robot.urdf: none is given").wait_for()
@@ -51,7 +51,7 @@ def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_fo
     tab.wait(lambda now: now.scenario.robot.urdf == str(BENT))
 
 
-def test_the_verdict_turns_red_names_the_inequality_and_turns_green_again(tab: Session):
+def test_the_verdict_turns_red_names_the_inequality_and_turns_green_again(tab: PageSession):
     green = tab.page.get_by_text("truth within the declared bounds")
     red = tab.page.locator(".vs-status").get_by_text("truth outside the declared bounds")
     green.wait_for()

@@ -17,12 +17,12 @@ from app.scenario.data import shipped, with_values
 from app.session.commands import Load, Reset
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
-from drivers.pages import Session
+from drivers.pages import PageSession
 from tests.browser.test_page_stage import OVER
 
 
 @pytest.fixture
-def scene(session: Session, served: tuple[Dashboard, Runner]) -> Iterator[Scene]:
+def scene(session: PageSession, served: tuple[Dashboard, Runner]) -> Iterator[Scene]:
     """A page whose arm yields to a hand alone, looked at from the side."""
     yielding = {"contact.kind": "free", "motion": "hold", "truth.push": (0.0, 0.0, 0.0)}
     session.runner.post(Load(with_values(shipped()["ur5-impedance"], yielding)))
@@ -37,7 +37,7 @@ def scene(session: Session, served: tuple[Dashboard, Runner]) -> Iterator[Scene]
 class Scene:
     """A page with its camera."""
 
-    def __init__(self, session: Session, client: ClientHandle) -> None:
+    def __init__(self, session: PageSession, client: ClientHandle) -> None:
         self.session, self.page, self.client = session, session.page, client
 
     def view(self, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -170,7 +170,7 @@ def test_camera_and_switches_are_the_pages_and_not_the_runs(scene: Scene):
 
 
 @pytest.mark.usefixtures("own_page")
-def test_legend_and_labels_lie_over_nothing_whatever_the_window(session: Session):
+def test_legend_and_labels_lie_over_nothing_whatever_the_window(session: PageSession):
     page = session.page
     page.locator(".vs-legend-button").click()
     page.locator(".vs-legend").wait_for()

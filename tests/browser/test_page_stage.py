@@ -9,7 +9,7 @@ from app.dashboard.widgets.chosen_sliders import MOST
 from app.dashboard.widgets.guided_minute import steps
 from app.session.commands import Edit, PushNow
 from controllers.modes import MODES
-from drivers.pages import SHOWN, Session
+from drivers.pages import SHOWN, PageSession
 
 OVER = """(parts) => {
   const boxes = parts.map((part) => [...document.querySelectorAll(part)].filter((e) => e.checkVisibility()));
@@ -20,7 +20,7 @@ OVER = """(parts) => {
 }"""
 
 
-def test_the_timeline_has_a_tick_for_what_has_happened_and_leads_there(session: Session):
+def test_the_timeline_has_a_tick_for_what_has_happened_and_leads_there(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 0.5)
     session.runner.post(PushNow())
@@ -44,7 +44,7 @@ def test_the_timeline_has_a_tick_for_what_has_happened_and_leads_there(session: 
 
 
 @pytest.mark.usefixtures("own_page")
-def test_nothing_lies_over_the_timeline_whatever_the_window(session: Session):
+def test_nothing_lies_over_the_timeline_whatever_the_window(session: PageSession):
     parts = [".vs-timeline button", "div:has(> .vs-timeline) + div input", "div:has(> .vs-ticks) + form input"]
     scenario = session.page.get_by_label("Scenario", exact=True)
     for width, height in ((1024, 768), (1280, 720), (1920, 1080), (390, 844)):
@@ -59,7 +59,7 @@ def test_nothing_lies_over_the_timeline_whatever_the_window(session: Session):
         assert box["y"] < 250 or width < 500  # controls begin high enough to see many
 
 
-def test_the_guided_minute_leads_through_the_five_modes(session: Session):
+def test_the_guided_minute_leads_through_the_five_modes(session: PageSession):
     page = session.page
     page.locator("canvas[data-engine]").click(position={"x": 20, "y": 200})
     page.keyboard.press("g")
@@ -73,7 +73,7 @@ def test_the_guided_minute_leads_through_the_five_modes(session: Session):
     minute.wait_for(state="hidden")
 
 
-def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: Session):
+def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: PageSession):
     page = session.page
     font = "Number(getComputedStyle(document.querySelector('.vs-title')).fontSize.replace('px', ''))"
     small = page.evaluate(font)
@@ -105,7 +105,7 @@ def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: 
     assert page.evaluate(font) == small
 
 
-def test_large_buttons_of_a_presentation_in_a_small_window_stand_in_a_row(session: Session):
+def test_large_buttons_of_a_presentation_in_a_small_window_stand_in_a_row(session: PageSession):
     page = session.page
     page.set_viewport_size({"width": 1024, "height": 768})
     page.keyboard.press("v")

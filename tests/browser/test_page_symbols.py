@@ -8,7 +8,7 @@ from playwright.sync_api import Page, expect
 
 from app.dashboard.page import Dashboard
 from app.session.runner import Runner
-from drivers.pages import CHARTS, PATIENCE, Session
+from drivers.pages import CHARTS, PATIENCE, PageSession
 
 ALPHAS = f"{CHARTS}.flatMap((plot) => plot.series.slice(1).map((series) => [series.label, series.alpha ?? 1]))"
 
@@ -18,7 +18,7 @@ def alphas(page: Page) -> dict[str, float]:
     return dict(page.evaluate(ALPHAS))
 
 
-def test_a_symbol_explains_itself_under_the_mouse_and_its_line_stands_out(session: Session) -> None:
+def test_a_symbol_explains_itself_under_the_mouse_and_its_line_stands_out(session: PageSession) -> None:
     page, tip = session.page, session.page.locator("#vs-symbol")
     session.wait(lambda now: now.t > 1.0)
     page.locator('.vs-equation [data-symbol="K_m"]').hover()
@@ -42,7 +42,7 @@ def test_a_symbol_explains_itself_under_the_mouse_and_its_line_stands_out(sessio
     expect(tip).to_be_visible()
 
 
-def test_a_symbol_explains_itself_by_keyboard_and_labels_have_indices(session: Session) -> None:
+def test_a_symbol_explains_itself_by_keyboard_and_labels_have_indices(session: PageSession) -> None:
     page, tip = session.page, session.page.locator("#vs-symbol")
     session.tab("Controller")
     expect(session.row("K_s [N·s/m]").locator(".vs-set sub")).to_have_text("s")
@@ -60,7 +60,7 @@ def test_a_symbol_explains_itself_by_keyboard_and_labels_have_indices(session: S
 
 
 def test_a_symbol_explains_itself_by_touch(
-    session: Session, served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
+    session: PageSession, served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
 ) -> None:
     session.wait(lambda now: now.t > 0.5)
     page = open_page(served[0].link, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True)
@@ -80,7 +80,7 @@ def test_a_symbol_explains_itself_by_touch(
     expect(page.locator("#vs-symbol")).to_be_hidden()
 
 
-def test_the_help_leads_to_every_symbol(session: Session) -> None:
+def test_the_help_leads_to_every_symbol(session: PageSession) -> None:
     page = session.page
     page.keyboard.press("?")
     page.locator("[data-glossary]").click()

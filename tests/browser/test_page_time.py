@@ -5,14 +5,14 @@ import pytest
 from playwright.sync_api import expect
 
 from app.session.commands import Edit
-from drivers.pages import Session
+from drivers.pages import PageSession
 
 
-def press(session: Session, button: str) -> None:
+def press(session: PageSession, button: str) -> None:
     session.page.get_by_role("button", name=button, exact=True).click()
 
 
-def test_looking_back_shows_what_was_and_a_fork_goes_on_from_there(session: Session):
+def test_looking_back_shows_what_was_and_a_fork_goes_on_from_there(session: PageSession):
     session.wait(lambda now: now.t > 1.5)
     session.runner.post(Edit("force.value", 35.0))
     session.wait(lambda now: now.scenario.force.value == 35.0 and now.t > 2.5)
@@ -38,7 +38,7 @@ def test_looking_back_shows_what_was_and_a_fork_goes_on_from_there(session: Sess
     assert [(p.t, p.scenario.force.value) for p in session.now.pinned] == [(end, 35.0)]
 
 
-def test_a_fork_at_the_end_is_refused_with_a_button_that_forks_at_the_last_change(session: Session):
+def test_a_fork_at_the_end_is_refused_with_a_button_that_forks_at_the_last_change(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 0.5)
     session.runner.post(Edit("force.value", 35.0))
@@ -55,7 +55,7 @@ def test_a_fork_at_the_end_is_refused_with_a_button_that_forks_at_the_last_chang
     page.wait_for_function("!document.querySelector('.vs-strip').innerText.includes('fork')", timeout=1500)
 
 
-def test_play_shows_the_past_again_and_then_goes_on(session: Session):
+def test_play_shows_the_past_again_and_then_goes_on(session: PageSession):
     session.wait(lambda now: now.t > 1.0)
     move, field = session.grip("time t [s]", at=0.9)
     move(0.3)
@@ -75,7 +75,7 @@ def test_play_shows_the_past_again_and_then_goes_on(session: Session):
     np.testing.assert_array_equal(session.now.recording.rows(t_to=end - 5e-4), rows)
 
 
-def test_runs_are_pinned_compared_and_forgotten(session: Session):
+def test_runs_are_pinned_compared_and_forgotten(session: PageSession):
     session.tab("Runs")
     session.wait(lambda now: now.t > 0.5)
     press(session, "Pin this run")

@@ -14,13 +14,13 @@ from app.scenario.data import from_toml, to_toml
 from app.session.commands import Reset
 from app.session.runner import Runner
 from controllers.modes import MODES
-from drivers.pages import PATIENCE, VIEWPORT, Session, wait_without_notice
+from drivers.pages import PATIENCE, VIEWPORT, PageSession, wait_without_notice
 from environments.robots import CATALOGUE
 
 ARMS = ("ur10", "planar3r", "ur3", "panda", "ur5")
 
 
-def test_a_slider_is_dragged_over_its_whole_range_while_the_loop_runs(session: Session):
+def test_a_slider_is_dragged_over_its_whole_range_while_the_loop_runs(session: PageSession):
     before = session.now
     move, text = session.grip("F_d [N]")
     positions = [i / 10 for i in range(11)]
@@ -40,7 +40,7 @@ def test_a_slider_is_dragged_over_its_whole_range_while_the_loop_runs(session: S
     assert max(b - a for a, b in itertools.pairwise(t)) == pytest.approx(held.scenario.controller.period)
 
 
-def test_fifty_hurried_changes_of_mode_and_arm_leave_a_loop_that_runs_and_a_page_that_agrees(session: Session):
+def test_fifty_hurried_changes_of_mode_and_arm_leave_a_loop_that_runs_and_a_page_that_agrees(session: PageSession):
     for arm in ARMS:
         session.tab("Robot")
         session.choose("Arm", CATALOGUE[arm].title)
@@ -60,12 +60,12 @@ def test_fifty_hurried_changes_of_mode_and_arm_leave_a_loop_that_runs_and_a_page
     assert (session.now.revision, session.now.refusal_number) == (settled.revision, settled.refusal_number)
 
 
-def test_two_pages_of_one_loop(session: Session, served: tuple[Dashboard, Runner], open_page: Callable[..., Page]):
+def test_two_pages_of_one_loop(session: PageSession, served: tuple[Dashboard, Runner], open_page: Callable[..., Page]):
     """What one of them does, both show; neither answers for the other, and one that closes lets go."""
     page = open_page(served[0].url, viewport=VIEWPORT)
     page.set_default_timeout(PATIENCE * 1e3)
     wait_without_notice(page)
-    other = Session(page, session.runner)
+    other = PageSession(page, session.runner)
     before = session.now
     session.number("F_d [N]").fill("26")
     move, _ = other.grip("F_d [N]")  # held there, typed here
@@ -75,7 +75,7 @@ def test_two_pages_of_one_loop(session: Session, served: tuple[Dashboard, Runner
     page.close()
     session.wait(lambda _: session.number("F_d [N]").input_value() == "26")
     session.runner.post(Reset())
-    again = Session(open_page(served[0].url, viewport=VIEWPORT), session.runner)
+    again = PageSession(open_page(served[0].url, viewport=VIEWPORT), session.runner)
     session.wait(lambda _: again.number("F_d [N]").input_value() == "26")
     again.choose("Mode", MODES["motion"].label)
     session.page.locator(".vs-mode", has_text=MODES["motion"].label).wait_for()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app.dashboard.widgets.candidate_chart import candidates_html
-from app.dashboard.widgets.controls import Desk, NumberRow, Place, Scale, decades
+from app.dashboard.widgets.controls import Desk, FieldPlace, NumberRow, SliderScale, decades
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace
 from app.dashboard.widgets.swept_fields import FIELDS, FieldChoice, field_of_row, prepared
 from app.dashboard.widgets.whatif import WhatIf
@@ -34,17 +34,19 @@ def seen(**more: Any) -> Any:
 
 def test_a_slider_is_swept_around_its_value_and_over_its_length_where_it_is_linear() -> None:
     value = BASE.controller.layer
-    swept = field_of_row(NumberRow(Place("controller.layer"), "layer [m/s]", decades(1e-4, 1.0)), seen())
+    swept = field_of_row(NumberRow(FieldPlace("controller.layer"), "layer [m/s]", decades(1e-4, 1.0)), seen())
     assert (swept.name, swept.path, swept.unit) == ("boundary layer", "controller.layer", "m/s")
     assert (swept.low, swept.high, swept.logarithmic) == pytest.approx((value / 10, value * 10, True))
-    swept = field_of_row(NumberRow(Place("truth.coulomb"), "Coulomb [N·m]", Scale(0, 10)), seen())
+    swept = field_of_row(NumberRow(FieldPlace("truth.coulomb"), "Coulomb [N·m]", SliderScale(0, 10)), seen())
     assert (swept.low, swept.high, swept.logarithmic) == (0, 10, False)
-    swept = field_of_row(NumberRow(Place("declared.viscous"), "viscous [N·m·s]", Scale(0, 10)), seen())
+    swept = field_of_row(NumberRow(FieldPlace("declared.viscous"), "viscous [N·m·s]", SliderScale(0, 10)), seen())
     assert swept.name == "largest viscous friction per joint (declared)"
-    near_the_end = field_of_row(NumberRow(Place("controller.layer"), "layer", decades(0.9 * value, 2 * value)), seen())
+    near_the_end = field_of_row(
+        NumberRow(FieldPlace("controller.layer"), "layer", decades(0.9 * value, 2 * value)), seen()
+    )
     assert (near_the_end.low, near_the_end.high) == pytest.approx((0.9 * value, 2 * value))
     with pytest.raises(ScenarioError, match="K_m: it has no slider now"):
-        field_of_row(NumberRow(Place("target_model.K_m"), "K_m", None), seen())
+        field_of_row(NumberRow(FieldPlace("target_model.K_m"), "K_m", None), seen())
 
 
 def test_an_entry_of_a_matrix_is_swept_also_where_the_mode_gives_the_matrix() -> None:
@@ -54,7 +56,7 @@ def test_an_entry_of_a_matrix_is_swept_also_where_the_mode_gives_the_matrix() ->
     assert list(with_values(base, {swept.path: 900.0}).target_model.K_m or ()) == [0.0, 900.0, 4000.0]
     place = SimpleNamespace(read=lambda _: 3.0, entry=OscillatorPlace("target_model", "omega", 1).entry)
     with pytest.raises(ScenarioError, match="ω ψ: it follows from several matrices; allowed: an entry of M_m"):
-        field_of_row(NumberRow(cast(Place, place), "ω ψ", decades(1, 100)), seen())
+        field_of_row(NumberRow(cast(FieldPlace, place), "ω ψ", decades(1, 100)), seen())
 
 
 @pytest.mark.parametrize(

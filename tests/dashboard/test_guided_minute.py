@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.dashboard.widgets.guided_minute import Step, steps
+from app.dashboard.widgets.guided_minute import GuidedStep, steps
 from app.scenario.data import edited
 from app.scenario.schema import Scenario
 from app.session.changes import pushed
@@ -22,7 +22,7 @@ def ran(scenario: Scenario, to: float) -> dict[str, np.ndarray]:
     return loop.recording.signals(("t", "e_r", "F_c", "F_cd", "F_push", "multiplier"))
 
 
-def step(mode: str) -> Step:
+def step(mode: str) -> GuidedStep:
     return next(each for each in steps() if each.scenario.mode == mode)
 
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.analysis.perturbation import Known, PerturbationAnalysis
-from app.analysis.thinning import Grid
+from app.analysis.perturbation import DerivedSignals, PerturbationAnalysis
+from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.charts import BUCKETS, DecimatedLines, Setup
 from app.dashboard.plots.dock import SETTLED
 from app.dashboard.plots.plot_table import LEAD, TABS
@@ -32,7 +32,7 @@ def test_a_course_that_is_continued_is_that_of_all_rows() -> None:
     lines = [line for plot in plots if (drawing := plot.draw(setup)) for line in drawing.lines]
     assert len(lines) > 40
 
-    def known(grid: Grid, begin: float) -> Known:
+    def known(grid: BucketGrid, begin: float) -> DerivedSignals:
         rows = loop.recording.stretch(begin, loop.t)
         return analysis.recorded(rows, tuple(loop.recording.epochs), grid.openings(rows["t"]))
 
@@ -42,7 +42,7 @@ def test_a_course_that_is_continued_is_that_of_all_rows() -> None:
             loop.step()
         if steps == 411:
             loop.edit(edited(loop.system.scenario, "controller.layer", 0.03))
-        grid = Grid.up_to(loop.t, LONG, BUCKETS)
+        grid = BucketGrid.up_to(loop.t, LONG, BUCKETS)
         whole = DecimatedLines.of(grid, known(grid, loop.t - LONG - LEAD), lines)
         if course is not None:
             since = max(grid.first, int((drawn_at - SETTLED) // grid.width))
@@ -128,7 +128,7 @@ def test_pages_have_what_was_drawn_whenever_they_have_read_everything(data: st.D
                         page.read()
                 case _:
                     pages[-1].read()
-            grid = Grid.up_to(now, 2.0, 20)
+            grid = BucketGrid.up_to(now, 2.0, 20)
             x = np.append(np.minimum(grid.times - now, 0.0), 0.0)
             # of a changed run all but the beginning is another
             lines = [np.sin(3.0 * (x + now)) + seed * (x + now > 3.0 + seed), np.where(x + now > 1.0, 1.0, np.nan)]
@@ -150,7 +150,7 @@ def test_a_run_that_goes_on_costs_its_new_points_only(monkeypatch: pytest.Monkey
     monkeypatch.setattr(plot_feed, "is_with_all", lambda *_: True)
     feed = PlotFeed(None, 48)  # pyright: ignore[reportArgumentType]
     for now in np.arange(20.0, 25.0, 0.1):
-        grid = Grid.up_to(now, 8.0, BUCKETS)
+        grid = BucketGrid.up_to(now, 8.0, BUCKETS)
         x = np.append(np.minimum(grid.times - now, 0.0), 0.0)
         feed.send(now, x, [np.sin(x + now)] * 5)
     assert max(sizes[1:]) < 0.06 * sizes[0]

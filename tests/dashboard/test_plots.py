@@ -9,10 +9,10 @@ import pinocchio as pin
 import pytest
 
 from app.analysis.metrics import FIGURES
-from app.analysis.perturbation import Known, PerturbationAnalysis
+from app.analysis.perturbation import DerivedSignals, PerturbationAnalysis
 from app.analysis.spectrum import amplitude_spectrum, variation_rate
 from app.analysis.steady_force import steady_force_error
-from app.analysis.thinning import Grid
+from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.charts import BUCKETS, ChartLine, Frame, Setup
 from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.plots.plot_table import TABS, column, needed_stack, torque_stack
@@ -32,9 +32,9 @@ def ran(scenario: Scenario, seconds: float) -> ClosedLoop:
     return loop
 
 
-def known(loop: ClosedLoop, t_from: float = 0.0) -> Known:
+def known(loop: ClosedLoop, t_from: float = 0.0) -> DerivedSignals:
     rows = loop.recording.stretch(t_from)
-    grid = Grid.over(t_from, loop.t, BUCKETS)
+    grid = BucketGrid.over(t_from, loop.t, BUCKETS)
     return PerturbationAnalysis(loop.system).recorded(rows, tuple(loop.recording.epochs), grid.openings(rows["t"]))
 
 
@@ -46,7 +46,7 @@ def hybrid() -> ClosedLoop:
 def test_thinning_keeps_a_spike_of_one_sample_and_the_direction_of_a_ramp():
     t = np.arange(8000) * 1e-3
     spike = np.where(t == t[4711], 1.0, 0.0)
-    thinned = Grid.over(0.0, 8.0, BUCKETS).thin(t, np.stack([spike, t, -t], axis=1))
+    thinned = BucketGrid.over(0.0, 8.0, BUCKETS).thin(t, np.stack([spike, t, -t], axis=1))
     assert np.nanmax(thinned[:, 0]) == 1.0
     assert len(thinned) <= 2 * BUCKETS + 2
     inside = np.isfinite(thinned[:, 1])
@@ -57,7 +57,7 @@ def test_thinning_keeps_a_spike_of_one_sample_and_the_direction_of_a_ramp():
 def test_what_is_drawn_stands_still_while_time_goes_on():
     t = np.arange(9000) * 1e-3
     wave = np.sin(40 * t)[:, None]
-    now, later = (Grid.over(end - 4.0, end, BUCKETS) for end in (8.0, 8.5))
+    now, later = (BucketGrid.over(end - 4.0, end, BUCKETS) for end in (8.0, 8.5))
     seen = dict(zip(now.times, now.thin(t[t < 8.0], wave[t < 8.0])[:, 0], strict=True))
     again = dict(zip(later.times, later.thin(t, wave)[:, 0], strict=True))
     shared = sorted(set(seen) & set(again))[:-2]  # the last bucket was not full
@@ -66,7 +66,7 @@ def test_what_is_drawn_stands_still_while_time_goes_on():
 
 
 def test_buckets_without_rows_are_nan():
-    thinned = Grid.over(0.0, 1.0, 10).thin(np.array([0.31, 0.62]), np.array([[1.0], [2.0]]))
+    thinned = BucketGrid.over(0.0, 1.0, 10).thin(np.array([0.31, 0.62]), np.array([[1.0], [2.0]]))
     assert np.isfinite(thinned[:, 0]).nonzero()[0].tolist() == [6, 7, 12, 13]
 
 
@@ -140,7 +140,7 @@ def test_nothing_bounds_s_under_a_law_without_a_sliding_surface():
     assert bounds
     assert all(curve.x[np.isfinite(curve.y)].max() < 0.1 for curve in bounds)
     drawn = [plot.draw(Setup.of(snapshot, 0, 0)) for plot in TABS["Sliding"].plots]
-    frame = Frame(loop.t, 0.2, Grid.over(0.0, loop.t, BUCKETS), seen)
+    frame = Frame(loop.t, 0.2, BucketGrid.over(0.0, loop.t, BUCKETS), seen)
     for drawing in drawn:
         assert drawing is not None
         x, *lines = frame.courses([line for line in drawing.lines if not line.backdrop])
@@ -267,7 +267,7 @@ def test_reaching_and_sliding_phases_and_their_marks():
     first = len(stands) if stands.all() else int(np.argmin(stands))  # a promise that begins anew has another V_0
     assert first > 20
     np.testing.assert_allclose(seen["V_bound"][late][:first], promise[:first], atol=1e-12)
-    grid = Grid.over(0.0, loop.t, BUCKETS)
+    grid = BucketGrid.over(0.0, loop.t, BUCKETS)
     assert np.nanmax(grid.thin(t, seen["measured"][:, None])) == 1.0
 
 
@@ -292,7 +292,7 @@ def test_units_are_those_of_the_task_space():
 def test_every_plot_has_finite_lines_of_one_length(name: str):
     loop = ran(shipped()[name], 0.5)
     rows = known(loop)
-    frame = Frame(loop.t, 0.5, Grid.over(0.0, loop.t, BUCKETS), rows, (rows, None))
+    frame = Frame(loop.t, 0.5, BucketGrid.over(0.0, loop.t, BUCKETS), rows, (rows, None))
     setup = setup_of(loop)
     assert {title for title, tab in TABS.items() if tab.choosers} == {"Tracking", "Torque"}
     for tab in TABS.values():
@@ -329,7 +329,7 @@ def test_a_pinned_run_is_laid_on_the_shown_ones_time_and_has_gaps_where_it_has_n
     rows = hybrid.recording.stretch()
     late = {"t": rows["t"][:400] + 0.3, "sigma_min": 7.0 + rows["t"][:400]}
     line = ChartLine("", (0, 0, 0), column("sigma_min"), compared=True)
-    frame = Frame(1.0, 1.0, Grid.over(0.0, 1.0, 100), rows, (late,))
+    frame = Frame(1.0, 1.0, BucketGrid.over(0.0, 1.0, 100), rows, (late,))
     x, pinned, shown = frame.courses([line])
     inside = (x > -0.69) & (x < -0.31)
     np.testing.assert_allclose(pinned[inside], 7.0 + 0.7 + x[inside], atol=0.01)
@@ -341,7 +341,7 @@ def test_a_pinned_run_is_laid_on_the_shown_ones_time_and_has_gaps_where_it_has_n
 def test_a_preview_goes_on_where_every_line_knows_what_lies_ahead(hybrid: ClosedLoop):
     rows = hybrid.recording.stretch()
     ahead = {name: values[::100] for name, values in rows.items()}
-    frame = Frame(1.0, 1.0, Grid.over(0.0, 1.0, 100), rows, (), np.arange(10) * 0.1 + 0.1, ahead)
+    frame = Frame(1.0, 1.0, BucketGrid.over(0.0, 1.0, 100), rows, (), np.arange(10) * 0.1 + 0.1, ahead)
     line = ChartLine("s", (0, 0, 0), column("s_norm"))
     x, drawn = frame.courses([line])
     assert x[-1] == pytest.approx(1.0)
@@ -359,7 +359,7 @@ def test_a_band_is_drawn_ahead_only_as_quantiles_of_the_arms_that_still_run(hybr
     signals = {"t": np.tile(begun + later, 5), "s_norm": arms.ravel()}
     band = Band(begun, 1.3, later, 5, signals, 1, "it left", whole=True)
     foreseen = {"t": now + ahead, "s_norm": 2.0 + ahead}
-    frame = Frame(now, 1.0, Grid.over(0.0, 1.0, 100), rows, (), ahead, foreseen, band, begun - now + later)
+    frame = Frame(now, 1.0, BucketGrid.over(0.0, 1.0, 100), rows, (), ahead, foreseen, band, begun - now + later)
     line = ChartLine("s", (0, 0, 0), column("s_norm"), band=(0.0, 0.5, 1.0))
     x, shown = frame.courses([line])
     least, median, largest = frame.spread(x, [shown], [line])

@@ -17,9 +17,9 @@ import pytest
 from app.cli.figures import figures
 from app.evidence.drawing import HeatMap, charts_in_columns, heat_maps
 from app.evidence.make import make
-from app.evidence.section import Findings, Job, Section
+from app.evidence.section import EvidenceSection, Findings, Job
 from app.evidence.sections import SECTIONS
-from app.export.figures import Chart, Curve
+from app.export.figures import Curve, FigureChart
 from app.process.markdown import Table
 from app.scenario.data import edited, load
 from app.scenario.schema import ScenarioError
@@ -40,7 +40,7 @@ def test_numbers_tables_and_figures_are_on_the_page(tmp_path: Path) -> None:
         numbers: dict[str, str] = dict.fromkeys(("loop_slopes", "band_slopes"), "0.98 to 1.02")
         return Findings(numbers, tables, {"orders": b"<svg/>"})
 
-    section = Section("convergence", lambda thin: [Job(abs, (n,)) for n in (-7, 3)[::thin]], conclude)
+    section = EvidenceSection("convergence", lambda thin: [Job(abs, (n,)) for n in (-7, 3)[::thin]], conclude)
     page = make([section], 1, tmp_path, workers=2).read_text(encoding="utf-8")
     assert (tmp_path / "evidence" / "convergence-orders.svg").read_bytes() == b"<svg/>"
     assert "](evidence/convergence-orders.svg)" in page
@@ -60,14 +60,14 @@ def test_runs_are_played_by_the_engine_that_is_asked_for(tmp_path: Path, engine:
         found.extend(results)
         return Findings(dict.fromkeys(("plant", "loop", "band", "loop_slopes", "band_slopes"), ""), {}, {"orders": b""})
 
-    section = Section("convergence", lambda _: [Job(engine_of_a_run, ("ur5-hybrid",))], conclude)
+    section = EvidenceSection("convergence", lambda _: [Job(engine_of_a_run, ("ur5-hybrid",))], conclude)
     page = make([section], 1, tmp_path, workers=1, engine=engine).read_text(encoding="utf-8")
     assert found == [engine]
     assert (f"--engine {engine}" in page) == (engine != "pinocchio")
 
 
 def test_what_a_section_lacks_is_said(tmp_path: Path) -> None:
-    section = Section(
+    section = EvidenceSection(
         "convergence", lambda thin: [Job(abs, (thin,))], lambda results: Findings({"plant": str(results)})
     )
     with pytest.raises(KeyError, match=r"orders_figure"):
@@ -125,7 +125,7 @@ def test_no_figure_shows_markup_as_text() -> None:
     ]
     x = np.geomspace(1e-6, 1e4, 50)
     curve = Curve("one", (10, 20, 30), x, x)
-    charts = [Chart("of x", "m", (curve,), logarithmic=log, logarithmic_x=not log) for log in (True, False)]
+    charts = [FigureChart("of x", "m", (curve,), logarithmic=log, logarithmic_x=not log) for log in (True, False)]
     drawn = [*(heat_maps([each], "caption") for each in maps), charts_in_columns(charts, "caption")]
     drawn += [path.read_bytes() for path in (ROOT / "docs" / "evidence").glob("*.svg")]
     for svg in drawn:
@@ -138,7 +138,7 @@ def test_no_figure_shows_markup_as_text() -> None:
 def test_charts_of_the_evidence_stand_in_two_columns() -> None:
     curve, sizes = Curve("one", (10, 20, 30), np.arange(5.0), np.arange(5.0)), []
     for count in (1, 2, 3, 4):
-        svg = charts_in_columns([Chart("of x", "m", (curve,))] * count, "caption").decode()
+        svg = charts_in_columns([FigureChart("of x", "m", (curve,))] * count, "caption").decode()
         found = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
         assert found is not None
         sizes.append((float(found[1]), float(found[2])))

@@ -10,11 +10,19 @@ import pytest
 
 from app.evidence import arms, closed_forms, convergence, theorem
 from app.evidence.adversary import Hunt
-from app.evidence.arms import Outside, Plant, Reaching, Refused
-from app.evidence.closed_forms import ForceLoop, Multiplier, Oscillation, Response, Start, Steady, recovered
+from app.evidence.arms import DrawnPlant, Outside, Reaching, RefusedPlant
+from app.evidence.closed_forms import (
+    MeasuredForceLoop,
+    MeasuredOscillation,
+    MeasuredStart,
+    Multiplier,
+    Response,
+    SteadyState,
+    recovered,
+)
 from app.evidence.plants import drawn
-from app.evidence.section import Section
-from app.export.figures import Chart, Curve, Figure, render
+from app.evidence.section import EvidenceSection
+from app.export.figures import Curve, Figure, FigureChart, render
 from app.scenario.data import shipped
 from app.scenario.declared_bounds import outside
 from app.scenario.departures import Departure
@@ -24,7 +32,7 @@ from app.session.headless_run import simulate
 pytestmark = pytest.mark.slow  # long or many simulations
 
 
-def run(section: Section, thin: int) -> list[Any]:
+def run(section: EvidenceSection, thin: int) -> list[Any]:
     """The results of few jobs; every name in the prose has its number, table or figure."""
     results = [job.function(*job.arguments) for job in section.jobs(thin)]
     assert section.text(section.conclude(results), "evidence").startswith(section.heading)
@@ -46,7 +54,7 @@ def test_departures_end_at_the_edge_of_what_is_declared() -> None:
 def test_what_is_promised_inside_is_kept_and_breaks_outside() -> None:
     results = run(theorem.SECTION, thin=70)
     batches = [one for batch in results if isinstance(batch, list) for one in batch]
-    plants = [one for one in batches if isinstance(one, Plant)]
+    plants = [one for one in batches if isinstance(one, DrawnPlant)]
     promised = [one for one in plants if isinstance(one, Reaching) and one.share > 0.0]
     away = [one for one in batches if isinstance(one, Outside)] + arms.outside("ur5", "hybrid", 0)
     hunts = [one for one in results if isinstance(one, Hunt)]
@@ -54,7 +62,7 @@ def test_what_is_promised_inside_is_kept_and_breaks_outside() -> None:
     assert len(promised) >= 3
     for one in plants:
         assert one.verdict != "broken"
-        assert bool(isinstance(one, Refused) or one.failed or one.stopped) == (one.verdict == "nothing promised")
+        assert bool(isinstance(one, RefusedPlant) or one.failed or one.stopped) == (one.verdict == "nothing promised")
     for one in promised:
         assert one.excess <= 0.0
         assert not one.early_excess > 0.0
@@ -80,7 +88,7 @@ def test_runs_follow_the_closed_forms() -> None:
     rests = [one for batch in results if isinstance(batch, list) for one in batch]
     assert len(rests) == 16
     for one in rests:
-        assert isinstance(one, Steady)
+        assert isinstance(one, SteadyState)
         assert one.e_fn == pytest.approx(one.e_fn_expected, abs=1e-6)
         assert one.e_rf == pytest.approx(one.e_rf_expected, abs=1e-9)
     assert max(abs(one.e_fn) for one in rests) > 10.0
@@ -88,14 +96,14 @@ def test_runs_follow_the_closed_forms() -> None:
         match one:
             case Response():
                 assert one.error < 0.03 * one.period
-            case Start(choice="remove"):
+            case MeasuredStart(choice="remove"):
                 assert one.s_0 < 1e-12
                 assert one.largest < 1.0
-            case Oscillation():
+            case MeasuredOscillation():
                 omega, zeta = one.found
                 assert omega == pytest.approx(one.omega, rel=0.02 if one.share == 1.0 else 0.004)
                 assert zeta == pytest.approx(one.zeta, abs=0.01 if one.share == 1.0 else 0.002)
-            case ForceLoop():
+            case MeasuredForceLoop():
                 assert one.found == pytest.approx(one.factor, abs=5e-3)
             case Multiplier():
                 assert one.phi < 1e-12
@@ -134,7 +142,7 @@ def test_oscillations_are_recovered(omega: float, zeta: float) -> None:
 def test_orders_are_drawn_on_logarithmic_axes() -> None:
     steps = np.array([1e-6, 1e-4, 1e-2])
     curve = Curve("measured", (66, 135, 245), steps, steps, width=0.0, dotted=True)
-    chart = Chart("order", "rad", (curve,), x_label="step [s]", logarithmic=True, logarithmic_x=True)
+    chart = FigureChart("order", "rad", (curve,), x_label="step [s]", logarithmic=True, logarithmic_x=True)
     drawing = render(Figure((chart,), ""), "svg").decode()
     assert drawing.count(">10⁻⁶<") == 2
     assert drawing.count(">0.01<") == 2

@@ -24,7 +24,7 @@ from app.dashboard.plots.plot_table import TABS
 from app.dashboard.scene.standalone import snapshots, standalone_html
 from app.dashboard.theme.colors import SERIES
 from app.export.export_jobs import DataJob, ExportError, ExportJobs, FigureJob, PlaybackJob, file_name
-from app.export.figures import BINS, CONTRAST, Chart, Curve, Figure, printed, render, thinned
+from app.export.figures import BINS, CONTRAST, Curve, Figure, FigureChart, printed, render, thinned
 from app.export.formats import ALL_PLOTS
 from app.export.playback_frames import FRAMES_PER_SECOND, PlaybackFrames, playback_frames
 from app.scenario.caption import caption
@@ -176,7 +176,7 @@ def test_a_figure_stacks_terms_over_one_another(snapshot: Snapshot) -> None:
 
 def test_a_hostile_name_stays_text() -> None:
     curve = Curve("<b>&$x_1^", SERIES[0], np.arange(3.0), np.ones(3))
-    svg = render(Figure((Chart("<script>", "mm", (curve,)),), "caption <script> $\\frac{"), "svg").decode()
+    svg = render(Figure((FigureChart("<script>", "mm", (curve,)),), "caption <script> $\\frac{"), "svg").decode()
     assert "<script>" not in svg
     assert "caption <script> $\\frac{" in letters_of(svg.encode())
     assert "<b>&$x_1^" in letters_of(svg.encode()).replace(" ", "")

@@ -20,9 +20,9 @@ from app.export.figures import (
     SINGLE,
     SMALL,
     TITLE,
-    Chart,
     Curve,
     Figure,
+    FigureChart,
     FigureOptions,
     drawn,
     inches_of,
@@ -126,7 +126,7 @@ def test_letters_that_are_symbols_are_told_from_words_and_units(text: str, symbo
 def test_every_axis_has_three_numbers_at_least() -> None:
     x = np.linspace(0.0, 1.0, 20)
     ends = [(0.0, 0.0123), (0.0, 8.4), (0.0, 29.7), *((-2.6, high) for high in np.arange(1.0, 1.2, 0.02))]
-    charts = tuple(Chart("", "N", (Curve("a", (0, 0, 0), x, low + (high - low) * x),)) for low, high in ends)
+    charts = tuple(FigureChart("", "N", (Curve("a", (0, 0, 0), x, low + (high - low) * x),)) for low, high in ends)
     for axes in drawn(Figure(charts, ""), FigureOptions()).axes:
         least, most = axes.get_ylim()
         assert sum(least <= tick <= most for tick in axes.get_yticks()) >= 3, (least, most)
@@ -172,7 +172,9 @@ def test_a_gap_of_a_line_stays_a_gap() -> None:
     y = np.where(np.abs(np.arange(3000.0) - 1500) < 500, np.nan, 1.0)
     gap = Curve("‖s‖", SERIES[0], np.arange(3000.0), y)
     full = Curve("d", SERIES[1], np.arange(3000.0), np.ones(3000))
-    paths = [len(drawn(Figure((Chart("", "", (curve,)),), ""), FigureOptions()).axes[0].lines) for curve in (gap, full)]
+    paths = [
+        len(drawn(Figure((FigureChart("", "", (curve,)),), ""), FigureOptions()).axes[0].lines) for curve in (gap, full)
+    ]
     assert paths == [2, 1]
 
 

@@ -19,7 +19,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.access.admission import PortTaken
-from app.access.rate_limits import Limits
+from app.access.rate_limits import ConnectionLimits
 from app.dashboard.page import Dashboard
 from app.gateway.serve import serve
 from app.gateway.server_settings import PageStyle, ServerSettings
@@ -176,7 +176,7 @@ def test_a_path_with_a_line_in_it_leads_to_itself(shared: Server) -> None:
     ("what", "reason"),
     [
         (b"garbage", "not a message of the page"),
-        (b"\x00" * (Limits().message + 1), "a message of 12.0 MB; allowed: 12 MB"),
+        (b"\x00" * (ConnectionLimits().message + 1), "a message of 12.0 MB; allowed: 12 MB"),
         ({"type": "FileTransferStartUpload", "size_bytes": 10**9, "part_count": 1, "transfer_uuid": "x"}, "a file of"),
         ([CAMERA] * 4000, "too many messages"),
     ],

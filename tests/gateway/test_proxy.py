@@ -20,7 +20,7 @@ import pytest
 from aiohttp import web
 from websockets.exceptions import InvalidStatus
 
-from app.access.rate_limits import Limits, Meter
+from app.access.rate_limits import ConnectionLimits, ConnectionRateLimiter
 from app.gateway.relay import relay
 from drivers.visitors import PATIENCE, Server, serving, visiting
 from tests.support import nginx
@@ -143,7 +143,9 @@ def test_a_page_that_does_not_read_is_sent_no_more_and_holds_up_nobody() -> None
 
         async def through(request: web.Request) -> web.WebSocketResponse:
             process: Any = SimpleNamespace(port=inner, key="key")
-            return await relay(request, client, process, Meter(Limits()), bytes, asyncio.Event())
+            return await relay(
+                request, client, process, ConnectionRateLimiter(ConnectionLimits()), bytes, asyncio.Event()
+            )
 
         async with aiohttp.ClientSession() as client, _at(endless) as inner, _at(through) as outer:
             reader, writer = await asyncio.open_connection("127.0.0.1", outer, limit=2**16)

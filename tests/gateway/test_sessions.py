@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from app.access.session_messages import Begin, Changed, Kept
+from app.access.session_messages import Begin, Changed, KeptFolder
 from app.gateway import session_pool
 from app.gateway.session import Session
 from app.gateway.session_pool import SessionPool
@@ -33,14 +33,14 @@ class Fake:
 
     def __init__(self, prepared: str) -> None:
         self.prepared, self.begun, self.alive = prepared, "", True
-        self.kept: Kept | None = None
+        self.kept: KeptFolder | None = None
         self.remarks = list[str]()
         self._says: asyncio.Queue[Changed | None] = asyncio.Queue()
 
     def begin(self, begin: Begin) -> None:
         self.begun, self.kept = begin.scenario or self.prepared, begin.kept
 
-    def keep(self, kept: Kept) -> None:
+    def keep(self, kept: KeptFolder) -> None:
         self.kept = kept
 
     def remark(self, sentence: str) -> None:

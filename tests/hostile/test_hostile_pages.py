@@ -25,8 +25,8 @@ from websockets.asyncio.client import ClientConnection
 
 from app.dashboard.page import Dashboard
 from app.dashboard.theme.style import COMMIT
-from app.dashboard.transport.message_filter import BURST, RATE, STEERING, Meter
-from app.dashboard.transport.messages import LARGEST_UPLOAD, Page, PageVisitor, Refused
+from app.dashboard.transport.message_filter import BURST, RATE, STEERING, PageRateLimiter
+from app.dashboard.transport.messages import LARGEST_UPLOAD, Page, PageVisitor, RefusedMessage
 from app.scenario.data import shipped
 from app.session.runner import Runner
 from drivers.viser_protocol import PROTOCOL
@@ -163,7 +163,7 @@ def test_what_pages_send_is_admitted(message: dict[str, Any]) -> None:
     ],
 )  # fmt: skip
 def test_what_no_page_sends_is_refused_in_a_sentence(message: bytes | str, said: str) -> None:
-    with pytest.raises(Refused, match=said) as caught:
+    with pytest.raises(RefusedMessage, match=said) as caught:
         visitor().admit(message)
     assert len(str(caught.value)) < 400
 
@@ -173,16 +173,16 @@ def test_uploads_hold_no_more_than_was_announced() -> None:
     page.admit(pack(upload() | {"part_count": 3, "size_bytes": 5}))
     page.admit(pack(part(1)))
     for again in (part(1), part(7), part(0, b"four"), part(0, name="other")):
-        with pytest.raises(Refused, match="allowed"):
+        with pytest.raises(RefusedMessage, match="allowed"):
             page.admit(pack(again))
     page.admit(pack(part(0)))
-    with pytest.raises(Refused, match="1 in all that are missing"):
+    with pytest.raises(RefusedMessage, match="1 in all that are missing"):
         page.admit(pack(part(2, b"")))
     page.admit(pack(part(2, b"a")))
     assert page.finished == {"t"}
     for number in range(4):
         page.admit(pack(upload(str(number))))
-    with pytest.raises(Refused, match="4 at a time"):
+    with pytest.raises(RefusedMessage, match="4 at a time"):
         page.admit(pack(upload("5")))
 
 
@@ -209,15 +209,17 @@ def nearly_honest(draw: st.DrawFn) -> bytes:
 @given(st.one_of(st.binary(max_size=60), ANYTHING.map(pack), nearly_honest()))
 @settings(max_examples=400, deadline=None)
 def test_what_is_admitted_viser_can_read(raw: bytes) -> None:
-    with suppress(Refused):
+    with suppress(RefusedMessage):
         visitor().admit(raw)
         Message.deserialize(raw)
 
 
 def test_a_page_that_sends_too_much_waits_and_an_honest_one_never_does() -> None:
-    meter = Meter(RATE, BURST, BURST, at=0.0)  # 100 movements and 20 steps of a slider a second, for five minutes
+    meter = PageRateLimiter(
+        RATE, BURST, BURST, at=0.0
+    )  # 100 movements and 20 steps of a slider a second, for five minutes
     assert not any(meter.wait(100 + 20 * STEERING, now=float(second)) for second in range(300))
-    meter = Meter(RATE, BURST, BURST, at=0.0)
+    meter = PageRateLimiter(RATE, BURST, BURST, at=0.0)
     now = 0.0
     for _ in range(50_000):
         now += meter.wait(1.0, now)
@@ -230,7 +232,7 @@ def test_a_page_that_sends_too_much_waits_and_an_honest_one_never_does() -> None
 @pytest.fixture
 def unmetered(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Dashboard, Runner]]:
     """A dashboard whose pages may send as fast as they can: harder than any that is served."""
-    monkeypatch.setattr(Meter, "wait", lambda *_: 0.0)
+    monkeypatch.setattr(PageRateLimiter, "wait", lambda *_: 0.0)
     runner = Runner(shipped()["ur5-hybrid"])
     dashboard = Dashboard(runner, port=0, fps=8.0)
     runner.start()

@@ -11,7 +11,7 @@ import pytest
 from app.access.classroom import POINTS, ClassQuestion
 from app.dashboard.widgets.class_panel import answers_html
 from app.lessons.class_desk import FILE, ClassDesk
-from app.lessons.lesson import Step
+from app.lessons.lesson import LessonStep
 from tests.lessons.test_lessons import lesson
 
 STEPS = lesson().steps
@@ -26,7 +26,7 @@ def desk() -> tuple[ClassDesk, list[ClassQuestion | None]]:
     return made, sent
 
 
-def ask(made: ClassDesk, step: Step, unit: str = "") -> None:
+def ask(made: ClassDesk, step: LessonStep, unit: str = "") -> None:
     made.ask("test", step, unit, {"way": "27.9 mm"})
 
 

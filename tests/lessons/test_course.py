@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from app.lessons.answers import FILE, Notebook, admitted, csv_of, json_of, score_choice, score_curve, score_number
-from app.lessons.blocks import Choice, Curve, Line, Number
-from app.lessons.course import Course
-from app.lessons.measures import Told
+from app.lessons.blocks import ChoiceQuestion, CurveQuestion, NumberQuestion, PictureLine
+from app.lessons.course import LessonCourse
+from app.lessons.measures import MeasuredNumber
 from app.lessons.playing import Trace, performance, play, runs
 from app.scenario.data import shipped
 from app.scenario.schema import ScenarioError
@@ -23,13 +23,13 @@ from app.session.commands import SetSpeed
 from app.session.runner import Runner
 from tests.lessons.test_lessons import lesson
 
-NUMBER = Number(ask="?", measure="way", tolerance=1.0, wrong=(0.0,))
-LINE = Line(signal="e_r.2", unit="mm", title="way")
-CURVE = Curve(ask="?", line=LINE, start=0.0, end=1.0, low=-1.0, high=1.0, tolerance=0.1, wrong=(((0.0, 0.0),),))
-CHOICE = Choice(ask="?", options=("a", "b"), right=2)
+NUMBER = NumberQuestion(ask="?", measure="way", tolerance=1.0, wrong=(0.0,))
+LINE = PictureLine(signal="e_r.2", unit="mm", title="way")
+CURVE = CurveQuestion(ask="?", line=LINE, start=0.0, end=1.0, low=-1.0, high=1.0, tolerance=0.1, wrong=(((0.0, 0.0),),))
+CHOICE = ChoiceQuestion(ask="?", options=("a", "b"), right=2)
 
 
-def through(course: Course, to: str) -> None:
+def through(course: LessonCourse, to: str) -> None:
     """Go on to the next step of this kind."""
     course.go(1)
     while course.step.kind != to:
@@ -37,7 +37,7 @@ def through(course: Course, to: str) -> None:
 
 
 def test_an_answer_counts_once_before_the_run_and_is_scored_at_the_explanation() -> None:
-    course = Course(lesson(), Notebook())
+    course = LessonCourse(lesson(), Notebook())
     course.go(1)
     course.give(27.5)
     with pytest.raises(ScenarioError, match="locked"):
@@ -71,7 +71,7 @@ def test_an_answer_counts_once_before_the_run_and_is_scored_at_the_explanation()
 def test_progress_survives_a_restart_and_the_runs_are_played_again(tmp_path: Path) -> None:
     notebook = Notebook()
     assert notebook.keep_in(tmp_path) == ""
-    course = Course(lesson(), notebook)
+    course = LessonCourse(lesson(), notebook)
     course.go(1)
     course.give(3.0)
     course.go(1)
@@ -82,7 +82,7 @@ def test_progress_survives_a_restart_and_the_runs_are_played_again(tmp_path: Pat
 
     later = Notebook()
     assert later.keep_in(tmp_path) == ""
-    again = Course(lesson(), later)
+    again = LessonCourse(lesson(), later)
     assert again.progress == course.progress
     assert again.step.kind == "explain"
     assert again.measured == {}
@@ -102,12 +102,12 @@ def test_a_damaged_file_of_progress_is_set_aside_and_lessons_go_on(tmp_path: Pat
     told = notebook.keep_in(tmp_path)
     assert told.startswith("the progress in lessons cannot be read: ")
     assert (tmp_path / f"set-aside-{FILE}").read_text(encoding="utf-8") == "{"
-    Course(lesson(), notebook).go(1)
+    LessonCourse(lesson(), notebook).go(1)
     assert json.loads((tmp_path / FILE).read_text(encoding="utf-8"))["test"]["step"] == 2
 
 
 def test_answers_are_right_within_their_tolerance_only() -> None:
-    told = {"way": Told(10.0, "mm")}
+    told = {"way": MeasuredNumber(10.0, "mm")}
     assert [score_number(NUMBER, given, told).points for given in (8.99, 9.0, 11.0, 11.01)] == [0.0, 1.0, 1.0, 0.0]
     assert "off by 1.01 mm" in score_number(NUMBER, 11.01, told).verdict
     assert [score_choice(CHOICE, given).points for given in (1, 2)] == [0.0, 1.0]
@@ -126,7 +126,7 @@ def test_answers_are_right_within_their_tolerance_only() -> None:
         (CURVE, [[0.0, 0.0]] * 501), (CURVE, [[0.0, 0.0, 0.0], [1.0, 0.0]]),
     ],
 )  # fmt: skip
-def test_what_is_no_answer_is_refused(question: Choice | Number | Curve, given: object) -> None:
+def test_what_is_no_answer_is_refused(question: ChoiceQuestion | NumberQuestion | CurveQuestion, given: object) -> None:
     with pytest.raises(ScenarioError, match="answer: "):
         admitted(question, given)
 

@@ -14,9 +14,9 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_mode, nearest, on_surface
 from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
-from environments.surfaces.own import Own as OwnForm
+from environments.surfaces.own import OwnPath as OwnForm
 from environments.surfaces.table import Surface
-from environments.trajectories.own import Own as OwnPath
+from environments.trajectories.own import OwnPath
 from environments.trajectories.table import evaluated, numbered
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"

@@ -1,4 +1,4 @@
-"""The table of symbols, docs/symbols.md, against the syntax trees of the modules that it names."""
+"""Names: the table of symbols, docs/symbols.md, against the syntax trees of the modules that it names, and classes."""
 
 from __future__ import annotations
 
@@ -139,3 +139,16 @@ def test_a_name_that_is_only_used_or_spoken_of_is_a_fault() -> None:
     for kind in kinds:
         row = Row("", " ".join(f"`{name}`" for name in names), kind, "", "", "(9)", "")
         assert row.faults(MODULE) == [*(f"no {kind} {name}" for name in names), "(9) is not cited"]
+
+
+def test_a_class_has_a_name_of_its_own() -> None:
+    """One word means one thing. The independent simulator has the words of what it checks, and shares no code with
+    it."""
+    rooms = ("app", "controllers", "drivers", "environments", "kernels", "parameters")
+    files = [file for room in rooms for file in (ROOT / room).rglob("*.py") if file.stem != "independent_simulator"]
+    found: defaultdict[str, list[str]] = defaultdict(list)
+    for file in files:
+        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                found[node.name].append(str(file.relative_to(ROOT)))
+    assert {name: places for name, places in found.items() if len(places) > 1} == {}

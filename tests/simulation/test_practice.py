@@ -13,7 +13,7 @@ from app.analysis.metrics import measure
 from app.analysis.perturbation import PerturbationAnalysis
 from app.dashboard.widgets.status import status_html
 from app.evidence import baselines, practice, simulators
-from app.evidence.section import Section
+from app.evidence.section import EvidenceSection
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.runner import Runner
@@ -44,7 +44,7 @@ def run(scenario: Scenario, seconds: float) -> ClosedLoop:
     return loop
 
 
-def found(section: Section, thin: int) -> list[Any]:
+def found(section: EvidenceSection, thin: int) -> list[Any]:
     return [job.function(*job.arguments) for job in section.jobs(thin)]
 
 

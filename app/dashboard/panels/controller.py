@@ -8,7 +8,7 @@ import viser
 
 from app.dashboard.widgets.arm_choice import InForce
 from app.dashboard.widgets.constants_table import constants_html
-from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
+from app.dashboard.widgets.controls import Control, Desk, Dropdown, FieldPlace, NumberField, PlaceWhere, decades
 from app.dashboard.widgets.own_parameters import own_number
 from app.dashboard.widgets.theorem_table import TheoremTable
 from app.session.snapshot import Snapshot
@@ -20,7 +20,7 @@ from parameters import Parameter
 _SAID = '<div class="vs-checks"><div class="vs-message vs-warn">{}</div></div>'
 
 
-def _own(desk: Desk, law: ControlLaw, p: Parameter) -> Number:
+def _own(desk: Desk, law: ControlLaw, p: Parameter) -> NumberField:
     """Control of an own parameter of a user's law; hidden under other laws."""
 
     def running(snapshot: Snapshot) -> float | None:
@@ -42,7 +42,7 @@ class ControllerPanel:
             "s / (‖s‖ + s_b)": "rational",
             "tanh": "tanh",
         }
-        law = Choice(desk, "controller.law", "Law", {law.title: kind for kind, law in laws().items()})
+        law = Dropdown(desk, "controller.law", "Law", {law.title: kind for kind, law in laws().items()})
         self._about = gui.add_html("")
         self._facts = TheoremTable(gui)
         self._controls: list[Control] = [law, *(_own(desk, law, p) for law in laws().values() for p in law.parameters)]
@@ -52,30 +52,30 @@ class ControllerPanel:
             d = PlaceWhere("controller.d", lambda scenario: scenario.controller.gain == "constant")
             layer = PlaceWhere("controller.layer", lambda scenario: scenario.controller.switching != "discontinuous")
             self._controls += [
-                Choice(desk, "controller.gain", "Gain d", {"by the theorem (17)": "theorem", "constant": "constant"}),
-                Number(desk, d, "constant d [N]", decades(1, 1000)),
-                Number(desk, Place("controller.epsilon"), "margin ε [N]", decades(0.1, 100)),
-                Choice(desk, "controller.bounds", "Bounds", {"in task space (tight)": "tight", "as in (7)": "paper"}),
+                Dropdown(desk, "controller.gain", "Gain d", {"by the theorem (17)": "theorem", "constant": "constant"}),
+                NumberField(desk, d, "constant d [N]", decades(1, 1000)),
+                NumberField(desk, FieldPlace("controller.epsilon"), "margin ε [N]", decades(0.1, 100)),
+                Dropdown(desk, "controller.bounds", "Bounds", {"in task space (tight)": "tight", "as in (7)": "paper"}),
             ]
             self._feedback = gui.add_html("")
             self._controls += [
-                Choice(desk, "controller.switching", "Switching", switching),
-                Number(desk, layer, "layer s_b [m/s]", decades(1e-4, 0.1)),
-                Number(desk, Place("controller.K_s"), "K_s [N·s/m]", decades(1, 2000)),
+                Dropdown(desk, "controller.switching", "Switching", switching),
+                NumberField(desk, layer, "layer s_b [m/s]", decades(1e-4, 0.1)),
+                NumberField(desk, FieldPlace("controller.K_s"), "K_s [N·s/m]", decades(1, 2000)),
             ]
         with surface:
             self._controls += [
-                Number(desk, Place("controller.F_1"), "F_1 [1/s]", decades(0.5, 200)),
-                Number(desk, Place("controller.F_2"), "F_2", decades(0.05, 20)),
-                Number(desk, Place("controller.A"), "A ≤ 0 [1/s]"),
-                Choice(
+                NumberField(desk, FieldPlace("controller.F_1"), "F_1 [1/s]", decades(0.5, 200)),
+                NumberField(desk, FieldPlace("controller.F_2"), "F_2", decades(0.05, 20)),
+                NumberField(desk, FieldPlace("controller.A"), "A ≤ 0 [1/s]"),
+                Dropdown(
                     desk,
                     "controller.on_change",
                     "On change",
                     {"z anew: no reaching": "remove", "z kept: watch it reach": "watch"},
                 ),
             ]
-            self._controls.append(Number(desk, InForce("controller.z_0", _kept_z), "z(0) [m/s]"))
+            self._controls.append(NumberField(desk, InForce("controller.z_0", _kept_z), "z(0) [m/s]"))
             gui.add_html(
                 '<div class="vs-note">K_s, F_1, F_2, A: one number for all axes, or one per axis, separated by '
                 "commas.</div>"
@@ -83,18 +83,18 @@ class ControllerPanel:
         with gui.add_folder("Domain Ω"):
             stop_or_flag = {"stops the run": "stop", "is said, and the run goes on": "flag"}
             self._controls += [
-                Number(desk, Place("simulation.domain_radius"), "radius [rad]", decades(0.01, 3)),
-                Number(desk, Place("simulation.sigma_min"), "σ_min ≥ [m]", decades(0.001, 0.2, zero=True)),
-                Choice(desk, "simulation.leaving_domain", "Leaving it", stop_or_flag),
-                Choice(desk, "simulation.bound_violation", "‖s‖ over (20)", stop_or_flag),
+                NumberField(desk, FieldPlace("simulation.domain_radius"), "radius [rad]", decades(0.01, 3)),
+                NumberField(desk, FieldPlace("simulation.sigma_min"), "σ_min ≥ [m]", decades(0.001, 0.2, zero=True)),
+                Dropdown(desk, "simulation.leaving_domain", "Leaving it", stop_or_flag),
+                Dropdown(desk, "simulation.bound_violation", "‖s‖ over (20)", stop_or_flag),
             ]
         with gui.add_folder("Constants of the theorem", expand_by_default=False):
             self._constants = gui.add_html("")
         with gui.add_folder("Computation"):
             estimates = {"M, C, G on-line": "online", "along r_d (Remark 3)": "along-reference"}
             self._controls += [
-                Choice(desk, "controller.estimates", "Estimates", estimates),
-                Number(desk, Place("controller.period"), "period [s]", decades(1e-4, 0.02)),
+                Dropdown(desk, "controller.estimates", "Estimates", estimates),
+                NumberField(desk, FieldPlace("controller.period"), "period [s]", decades(1e-4, 0.02)),
             ]
 
     def show(self, snapshot: Snapshot) -> None:

@@ -16,16 +16,16 @@ from app.dashboard.theme.style import MARKS
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.class_panel import ClassPanel
-from app.dashboard.widgets.controls import Desk, Number, Place, Scale
+from app.dashboard.widgets.controls import Desk, FieldPlace, NumberField, SliderScale
 from app.dashboard.widgets.file_delivery import FileDelivery
 from app.dashboard.widgets.model_fields import DiagonalPlace
 from app.dashboard.widgets.outcome_chart import outcome_html, pad_html
 from app.export.export_jobs import FigureJob
 from app.export.formats import Format
 from app.lessons import blocks
-from app.lessons.answers import Answer, Progress, csv_of, json_of
-from app.lessons.course import Course
-from app.lessons.lesson import Lesson, Step, shipped_lessons
+from app.lessons.answers import Answer, LessonProgress, csv_of, json_of
+from app.lessons.course import LessonCourse
+from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
 from app.lessons.markup import html_of, inline_html
 from app.lessons.measures import taken, unmet
 from app.lessons.playing import last_q, performance, play
@@ -55,7 +55,7 @@ class LessonsPanel:
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
         self._lessons = shipped_lessons()
-        self._course: Course | None = None
+        self._course: LessonCourse | None = None
         self._memory = Memory()
         self._delivery = FileDelivery()
         self._busy: threading.Thread | None = None
@@ -92,7 +92,7 @@ class LessonsPanel:
     # what the user does
 
     def _open(self, lesson: Lesson) -> None:
-        self._course = Course(lesson, self._desk.notebook)
+        self._course = LessonCourse(lesson, self._desk.notebook)
         if self._course.progress.finished and self._course.progress.step == len(lesson.steps):
             self._course.go(1 - len(lesson.steps))
         self._make_up(self._course)
@@ -118,7 +118,7 @@ class LessonsPanel:
 
     async def _on_run(self, _: object) -> None:
         course = self._course
-        if course is None or self._busy is not None or not isinstance(course.step.block, blocks.Run):
+        if course is None or self._busy is not None or not isinstance(course.step.block, blocks.LessonRun):
             return
         step = course.step
         self._desk.lock.post(performance(step))
@@ -137,7 +137,7 @@ class LessonsPanel:
         name = name_of_figure(course.lesson, run, form)
         self._delivery.give(event, "Figure", name, lambda tell: self._desk.export_jobs.made(job, tell))
 
-    def _go(self, course: Course, by: int) -> None:
+    def _go(self, course: LessonCourse, by: int) -> None:
         before = course.step.number
         self._try(lambda: course.go(by))
         if course.step.number != before:
@@ -159,7 +159,7 @@ class LessonsPanel:
         except OSError as error:
             self._desk.complain(f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on")
 
-    def _make_up(self, course: Course) -> None:
+    def _make_up(self, course: LessonCourse) -> None:
         if course.missing:
             self._work(lambda: course.make_up(self._memory))
 
@@ -188,12 +188,12 @@ class LessonsPanel:
             return
         step, lock = course.step, self._desk.lock
         lock.fields = None
-        begins = isinstance(step.block, blocks.Setting | blocks.Goal) or again
+        begins = isinstance(step.block, blocks.StartScenario | blocks.Goal) or again
         if begins and step.scenario is not None:
             lock.post(Load(step.scenario))
             lock.post(Reset())
             lock.post(Play())
-        elif isinstance(step.block, blocks.Run) and step.scenario is not None:
+        elif isinstance(step.block, blocks.LessonRun) and step.scenario is not None:
             lock.post(Load(step.scenario))
             lock.post(Reset())
             lock.post(Pause())
@@ -214,7 +214,7 @@ class LessonsPanel:
             return
         step, answer = course.step, course.answer
         self._goal.show(step, course, snapshot, self._entered)
-        playing = snapshot.phase == "running" and isinstance(step.block, blocks.Run)
+        playing = snapshot.phase == "running" and isinstance(step.block, blocks.LessonRun)
         of = (course.lesson.name, step.number, answer, course.progress, len(course.outcomes), self._busy, playing)
         if of == self._shown:
             return
@@ -242,10 +242,10 @@ class LessonsPanel:
         self._next.color = None if course.ready else "gray"
         self._back.disabled = busy or step.number == 1
 
-    def _show_run(self, step: Step, course: Course, *, busy: bool, playing: bool) -> None:
-        runs = isinstance(step.block, blocks.Run)
+    def _show_run(self, step: LessonStep, course: LessonCourse, *, busy: bool, playing: bool) -> None:
+        runs = isinstance(step.block, blocks.LessonRun)
         self._run.visible = runs
-        if isinstance(step.block, blocks.Run):
+        if isinstance(step.block, blocks.LessonRun):
             again = step.number in course.outcomes
             seconds = f"{step.block.seconds:g} s"
             label = "Run again" if again else "Run"
@@ -259,7 +259,7 @@ def _field(path: str) -> str:
     return field if last.isdecimal() else path
 
 
-def _head(course: Course) -> str:
+def _head(course: LessonCourse) -> str:
     lesson, step = course.lesson, course.step
     language, title = escape(lesson.head.language), escape(lesson.head.title)
     share = step.number / len(lesson.steps)
@@ -270,7 +270,7 @@ def _head(course: Course) -> str:
     )
 
 
-def _text(course: Course) -> str:
+def _text(course: LessonCourse) -> str:
     """Text of the shown step as HTML; an explanation begins with the scores of the predictions."""
     step, measured = course.step, course.measured
     parts = []
@@ -282,23 +282,23 @@ def _text(course: Course) -> str:
     parts.append(html_of(step.text, measured))
     if isinstance(step.block, blocks.Explain) and step.block.equation:
         parts.append(f'<p class="vs-dim">equation {escape(step.block.equation)} of the note</p>')
-    if isinstance(step.block, blocks.Choice | blocks.Number | blocks.Curve | blocks.Goal):
+    if isinstance(step.block, blocks.ChoiceQuestion | blocks.NumberQuestion | blocks.CurveQuestion | blocks.Goal):
         parts.append(f'<p class="vs-question">{inline_html(step.block.ask, measured)}</p>')
     return f'<div class="vs-lesson vs-prose" lang="{escape(course.lesson.head.language)}">{"".join(parts)}</div>'
 
 
-def _scored(step: Step, answer: Answer, measured: dict[str, str]) -> str:
+def _scored(step: LessonStep, answer: Answer, measured: dict[str, str]) -> str:
     if answer.score is None or step.question is None:
         return ""
     mark = chip("right", "vs-good") if answer.score >= 1.0 else chip("not so", "vs-warn")
     given = ""
-    if isinstance(step.block, blocks.Choice) and isinstance(answer.given, int):
+    if isinstance(step.block, blocks.ChoiceQuestion) and isinstance(answer.given, int):
         given = inline_html(step.block.options[answer.given - 1], measured)
     verdict = "" if answer.verdict == "right" else inline_html(answer.verdict, measured)
     return f'<div class="vs-scored">{mark} <i>{given}</i> {verdict}</div>'
 
 
-def _notes(run: Step, course: Course, snapshot: Snapshot) -> str:
+def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:
     """Notes on a run as HTML: a refused edit, an early stop, and changes by hand of the run in the scene."""
     outcome = course.outcomes[run.number]
     notes = []
@@ -313,12 +313,12 @@ def _notes(run: Step, course: Course, snapshot: Snapshot) -> str:
     return "".join(f'<div class="vs-note">{escape(note)}</div>' for note in notes)
 
 
-def _name_of(run: Step) -> str:
+def _name_of(run: LessonStep) -> str:
     return "" if run.scenario is None else run.scenario.name
 
 
-def _ends(run: Step) -> float:
-    return run.block.seconds if isinstance(run.block, blocks.Run) else 0.0
+def _ends(run: LessonStep) -> float:
+    return run.block.seconds if isinstance(run.block, blocks.LessonRun) else 0.0
 
 
 class _List:
@@ -357,7 +357,7 @@ class _List:
         if event.client is not None:
             event.client.send_file_download("class.csv", self._desk.classroom.csv().encode(), save_immediately=True)
 
-    def show(self, progress: Mapping[str, Progress], *, visible: bool) -> None:
+    def show(self, progress: Mapping[str, LessonProgress], *, visible: bool) -> None:
         """Show the chosen lesson, and the progress in it."""
         if self._folder.visible != visible:
             self._folder.visible = visible
@@ -407,8 +407,8 @@ class _Options:
 
         return on_click
 
-    def show(self, step: Step, answer: Answer | None, course: Course) -> None:
-        options = step.block.options if isinstance(step.block, blocks.Choice) else ()
+    def show(self, step: LessonStep, answer: Answer | None, course: LessonCourse) -> None:
+        options = step.block.options if isinstance(step.block, blocks.ChoiceQuestion) else ()
         self._folder.visible = bool(options)
         for number, button in enumerate(self._buttons, start=1):
             button.visible = number <= len(options)
@@ -446,8 +446,8 @@ class _NumberAnswer:
         except ValueError:
             self._desk.complain(f"your answer: {text!r:.40} is not a number; allowed: such as 12.5")
 
-    def show(self, step: Step, answer: Answer | None, course: Course) -> None:
-        asks = isinstance(step.block, blocks.Number)
+    def show(self, step: LessonStep, answer: Answer | None, course: LessonCourse) -> None:
+        asks = isinstance(step.block, blocks.NumberQuestion)
         self._form.visible = asks
         self._lock.visible = asks and course.open
         if not asks:
@@ -462,12 +462,12 @@ class _NumberAnswer:
         self._step = step.number
 
 
-def _unit_of(step: Step, course: Course) -> str:
+def _unit_of(step: LessonStep, course: LessonCourse) -> str:
     """Unit of the number that a question asks for, "" for other questions."""
-    if not isinstance(step.block, blocks.Number):
+    if not isinstance(step.block, blocks.NumberQuestion):
         return ""
     for each in course.lesson.steps:
-        if isinstance(each.block, blocks.Run) and step.block.measure in each.block.measures:
+        if isinstance(each.block, blocks.LessonRun) and step.block.measure in each.block.measures:
             return each.block.measures[step.block.measure].unit
     return ""
 
@@ -492,11 +492,11 @@ class _Pad:
         else:
             self._answer(points)
 
-    def show(self, step: Step, answer: Answer | None, course: Course) -> None:
-        asks = isinstance(step.block, blocks.Curve)
+    def show(self, step: LessonStep, answer: Answer | None, course: LessonCourse) -> None:
+        asks = isinstance(step.block, blocks.CurveQuestion)
         self._html.visible = self._field.visible = asks
         self._lock.visible = asks and course.open
-        if not isinstance(step.block, blocks.Curve):
+        if not isinstance(step.block, blocks.CurveQuestion):
             self._html.content = ""
             self._field.value = ""
             return
@@ -511,7 +511,7 @@ class _Goal:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        self._rows: list[Number] = []
+        self._rows: list[NumberField] = []
         self._of = 0
         self._folder = desk.gui.add_folder("Your controls", visible=False)
         self._state = desk.gui.add_html("")
@@ -523,7 +523,7 @@ class _Goal:
         self._desk.lock.post(Reset())
         self._desk.lock.post(Play())
 
-    def show(self, step: Step, course: Course, snapshot: Snapshot, entered: int) -> None:
+    def show(self, step: LessonStep, course: LessonCourse, snapshot: Snapshot, entered: int) -> None:
         goal = step.block
         visible = isinstance(goal, blocks.Goal)
         if self._folder.visible != visible:
@@ -535,7 +535,9 @@ class _Goal:
             self._clear()
             with self._folder:
                 self._rows = [
-                    Number(self._desk, _place(each), each.label, Scale(each.low, each.high, each.logarithmic))
+                    NumberField(
+                        self._desk, _place(each), each.label, SliderScale(each.low, each.high, each.logarithmic)
+                    )
                     for each in goal.controls
                 ]
             self._of = entered
@@ -552,7 +554,7 @@ class _Goal:
         if self._state.content:
             self._state.content = ""
 
-    def _html(self, goal: blocks.Goal, course: Course, snapshot: Snapshot) -> str:
+    def _html(self, goal: blocks.Goal, course: LessonCourse, snapshot: Snapshot) -> str:
         if course.step.number in course.progress.goals:
             return f'<div class="vs-scored">{chip("reached", "vs-good")}</div>'
         longest = max((each.last or 0.0 for each in goal.measures.values()), default=0.0)
@@ -576,6 +578,6 @@ class _Goal:
         return "".join(f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in missed)
 
 
-def _place(control: blocks.Control) -> Place:
+def _place(control: blocks.GoalSlider) -> FieldPlace:
     field, _, last = control.path.rpartition(".")
-    return DiagonalPlace(field, int(last) - 1) if last.isdecimal() else Place(control.path)
+    return DiagonalPlace(field, int(last) - 1) if last.isdecimal() else FieldPlace(control.path)

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import viser
 
-from app.dashboard.widgets.controls import Desk, Number, Place, Scale, decades
+from app.dashboard.widgets.controls import Desk, FieldPlace, NumberField, SliderScale, decades
 from app.dashboard.widgets.equation import is_fixed, symbol
 from app.dashboard.widgets.impedance_view import ImpedanceView
 from app.dashboard.widgets.matrix_editor import MatrixEditor
@@ -30,8 +30,8 @@ class _Quantity:
     scale: of the sliders.
     note: returns the text above them; unit: that of the numbers, "" for none."""
 
-    place: Callable[[int, Callable[[], bool]], Place]
-    scale: Scale
+    place: Callable[[int, Callable[[], bool]], FieldPlace]
+    scale: SliderScale
     note: Callable[[Snapshot], str]
     unit: Callable[[Snapshot], str]
 
@@ -109,7 +109,7 @@ class _PerCoordinate:
         self._link.on_update(self._on_link)
         tabs = desk.gui.add_tab_group()
         self._tabs = {name: tabs.add_tab(name) for name in quantities}
-        self._rows: dict[str, list[Number]] = {name: [] for name in quantities}
+        self._rows: dict[str, list[NumberField]] = {name: [] for name in quantities}
         self._notes: dict[str, viser.GuiHtmlHandle] = {}
         for name, tab in self._tabs.items():
             with tab:
@@ -128,7 +128,7 @@ class _PerCoordinate:
             for i in range(len(rows), len(snapshot.coordinates)):
                 with self._tabs[name]:
                     place = quantity.place(i, self._is_linked)
-                    rows.append(Number(self._desk, place, f"{name} {i + 1}", quantity.scale))
+                    rows.append(NumberField(self._desk, place, f"{name} {i + 1}", quantity.scale))
             for i, row in enumerate(rows):
                 row.show(snapshot)
                 if i < len(snapshot.coordinates):
@@ -173,7 +173,7 @@ def oscillator_note(snapshot: Snapshot, unit: str) -> str:
     return "<br>".join(told)
 
 
-def _diagonal(name: str, meaning: str, metric: str, angular: str, scale: Scale) -> _Quantity:
+def _diagonal(name: str, meaning: str, metric: str, angular: str, scale: SliderScale) -> _Quantity:
     return _Quantity(
         lambda i, linked: DiagonalPlace(f"target_model.{name}", i, linked),
         scale,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from app.dashboard.widgets.arm_choice import ArmChoice, ArmVerdict, InForce, ToolFrame, Upload, UrdfPath
-from app.dashboard.widgets.controls import Control, Desk, Number, Place, PlaceWhere, Scale, decades
+from app.dashboard.widgets.controls import Control, Desk, FieldPlace, NumberField, PlaceWhere, SliderScale, decades
 from app.dashboard.widgets.matrix_text import number
 from app.dashboard.widgets.text_field import TextField
 from app.scenario.schema import Scenario
@@ -17,7 +17,7 @@ from app.session.snapshot import Snapshot
 UNSTATED = "from the above"
 
 
-class StatedBounds(Place):
+class StatedBounds(FieldPlace):
     """Place of a bound of (7), whose value is shown as text: a number, a formula, or what the bound follows from."""
 
     def read(self, snapshot: Snapshot) -> str:
@@ -44,33 +44,33 @@ class RobotPanel:
         self._controls: list[Control] = [ArmChoice(desk), ArmVerdict(desk)]
         with gui.add_folder("The true arm"):
             self._controls += [
-                Number(desk, InForce("truth.link_scaling", _common_scaling), "links ×", Scale(0.5, 1.5)),
-                Number(desk, InForce("truth.link_scaling", _scalings), "link by link ×"),
-                Number(desk, InForce("truth.rotor_scaling", _common_rotor), "rotors ×", Scale(0.5, 1.5)),
-                Number(desk, InForce("truth.rotor_scaling", _rotor_scalings), "rotor by rotor ×"),
-                Number(desk, Place("truth.link_centre"), "centres off [m]"),
-                Number(desk, Place("truth.link_shape"), "shapes off"),
-                Number(desk, Place("truth.payload_mass"), "payload [kg]", Scale(0, 5)),
-                Number(desk, Place("truth.payload_offset"), "payload at [m]"),
-                Number(desk, Place("truth.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
-                Number(desk, Place("truth.viscous"), "viscous [N·m·s]", Scale(0, 10)),
-                Number(desk, Place("truth.torque_limit"), "torque limit ×", Scale(0, 2)),
-                Number(desk, Place("truth.disturbance"), "disturb. [N·m]", Scale(0, 20)),
-                Number(desk, Place("truth.disturbance_frequency"), "disturb. at [Hz]", Scale(0, 5)),
+                NumberField(desk, InForce("truth.link_scaling", _common_scaling), "links ×", SliderScale(0.5, 1.5)),
+                NumberField(desk, InForce("truth.link_scaling", _scalings), "link by link ×"),
+                NumberField(desk, InForce("truth.rotor_scaling", _common_rotor), "rotors ×", SliderScale(0.5, 1.5)),
+                NumberField(desk, InForce("truth.rotor_scaling", _rotor_scalings), "rotor by rotor ×"),
+                NumberField(desk, FieldPlace("truth.link_centre"), "centres off [m]"),
+                NumberField(desk, FieldPlace("truth.link_shape"), "shapes off"),
+                NumberField(desk, FieldPlace("truth.payload_mass"), "payload [kg]", SliderScale(0, 5)),
+                NumberField(desk, FieldPlace("truth.payload_offset"), "payload at [m]"),
+                NumberField(desk, FieldPlace("truth.coulomb"), "Coulomb [N·m]", SliderScale(0, 10)),
+                NumberField(desk, FieldPlace("truth.viscous"), "viscous [N·m·s]", SliderScale(0, 10)),
+                NumberField(desk, FieldPlace("truth.torque_limit"), "torque limit ×", SliderScale(0, 2)),
+                NumberField(desk, FieldPlace("truth.disturbance"), "disturb. [N·m]", SliderScale(0, 20)),
+                NumberField(desk, FieldPlace("truth.disturbance_frequency"), "disturb. at [Hz]", SliderScale(0, 5)),
             ]
         with gui.add_folder("Declared to the controller, at most"):
             self._controls += [
-                Number(desk, Place("declared.link_scaling"), "links 1 ±", Scale(0, 0.5)),
-                Number(desk, Place("declared.rotor_scaling"), "rotors 1 ±", Scale(0, 0.5)),
-                Number(desk, Place("declared.link_centre"), "centres off [m]", Scale(0, 0.05)),
-                Number(desk, Place("declared.link_shape"), "shapes 1 ±", Scale(0, 0.5)),
-                Number(desk, Place("declared.payload_mass"), "payload [kg]", Scale(0, 5)),
-                Number(desk, Place("declared.payload_offset"), "payload off [m]", Scale(0, 0.3)),
-                Number(desk, Place("declared.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
-                Number(desk, Place("declared.viscous"), "viscous [N·m·s]", Scale(0, 10)),
-                Number(desk, Place("declared.disturbance"), "disturb. [N·m]", Scale(0, 20)),
-                Number(desk, Place("declared.force_error"), "force error [N]", Scale(0, 5)),
-                Number(desk, Place("declared.moment_error"), "moments' [N·m]", Scale(0, 1)),
+                NumberField(desk, FieldPlace("declared.link_scaling"), "links 1 ±", SliderScale(0, 0.5)),
+                NumberField(desk, FieldPlace("declared.rotor_scaling"), "rotors 1 ±", SliderScale(0, 0.5)),
+                NumberField(desk, FieldPlace("declared.link_centre"), "centres off [m]", SliderScale(0, 0.05)),
+                NumberField(desk, FieldPlace("declared.link_shape"), "shapes 1 ±", SliderScale(0, 0.5)),
+                NumberField(desk, FieldPlace("declared.payload_mass"), "payload [kg]", SliderScale(0, 5)),
+                NumberField(desk, FieldPlace("declared.payload_offset"), "payload off [m]", SliderScale(0, 0.3)),
+                NumberField(desk, FieldPlace("declared.coulomb"), "Coulomb [N·m]", SliderScale(0, 10)),
+                NumberField(desk, FieldPlace("declared.viscous"), "viscous [N·m·s]", SliderScale(0, 10)),
+                NumberField(desk, FieldPlace("declared.disturbance"), "disturb. [N·m]", SliderScale(0, 20)),
+                NumberField(desk, FieldPlace("declared.force_error"), "force error [N]", SliderScale(0, 5)),
+                NumberField(desk, FieldPlace("declared.moment_error"), "moments' [N·m]", SliderScale(0, 1)),
             ]
         with gui.add_folder("Stated in their place, as in (7)"):
             self._controls += [
@@ -78,15 +78,17 @@ class RobotPanel:
                 TextField(desk, StatedBounds("declared.delta_C"), "δ_C [kg·m²/s]"),
                 TextField(desk, StatedBounds("declared.delta_G"), "δ_G [N·m]"),
                 TextField(desk, StatedBounds("declared.delta_f"), "δ_f [N·m]"),
-                Number(desk, PlaceWhere("declared.least_inertia", _inertia_stated), "M ≥ M_hat ×", Scale(0.05, 1)),
+                NumberField(
+                    desk, PlaceWhere("declared.least_inertia", _inertia_stated), "M ≥ M_hat ×", SliderScale(0.05, 1)
+                ),
             ]
         with gui.add_folder("Tool and posture"):
             self._controls += [
                 ToolFrame(desk),
-                Number(desk, InForce("robot.tool_offset", _tool_offset), "tool at [m]"),
-                Number(desk, InForce("robot.posture", _posture), "posture"),
-                Number(desk, InForce("robot.rotor_inertia", _rotors), "rotors [kg·m²]"),
-                Number(desk, Place("task_space.characteristic_length"), "length l [m]", decades(0.02, 1)),
+                NumberField(desk, InForce("robot.tool_offset", _tool_offset), "tool at [m]"),
+                NumberField(desk, InForce("robot.posture", _posture), "posture"),
+                NumberField(desk, InForce("robot.rotor_inertia", _rotors), "rotors [kg·m²]"),
+                NumberField(desk, FieldPlace("task_space.characteristic_length"), "length l [m]", decades(0.02, 1)),
             ]
         with gui.add_folder("Own URDF"):
             self._controls += [Upload(desk), UrdfPath(desk)]

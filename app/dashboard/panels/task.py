@@ -7,7 +7,7 @@ from typing import Any
 
 import viser
 
-from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
+from app.dashboard.widgets.controls import Control, Desk, Dropdown, FieldPlace, NumberField, PlaceWhere, decades
 from app.dashboard.widgets.equation import told_of_mode
 from app.dashboard.widgets.section_controls import field_controls, kind_choice
 from app.process.own_code import own_code
@@ -26,7 +26,7 @@ def _in_axes(scenario: Scenario) -> bool:
     return scenario.task_space.kind == "cartesian" and not MODES[scenario.mode].on_surface
 
 
-class Supplemental(Place):
+class Supplemental(FieldPlace):
     """Place of the supplemental joints in force: their numbers, from 1; 0 stands for those of the arm."""
 
     def read(self, snapshot: Snapshot) -> tuple[int, ...] | None:
@@ -53,7 +53,7 @@ class TaskPanel:
             "Scenario", (*self._titles, _EDITED), hint="Load one of the shipped scenarios."
         )
         self._scenario.on_update(self._load)
-        self._mode = Choice(desk, "mode", "Mode", {mode.label: name for name, mode in MODES.items()})
+        self._mode = Dropdown(desk, "mode", "Mode", {mode.label: name for name, mode in MODES.items()})
         self._note = gui.add_html("")
         self._controls: list[Control] = [self._mode]
         self._force = gui.add_folder("Desired force")
@@ -65,8 +65,8 @@ class TaskPanel:
             self._controls += [
                 kind_choice(desk, "motion", "Path", TRAJECTORIES, paths),
                 *field_controls(desk, "motion", TRAJECTORIES, paths),
-                Number(desk, Place("shift.by"), "shifted by [m]"),
-                Number(desk, Place("shift.duration"), "within [s]", decades(0.1, 10)),
+                NumberField(desk, FieldPlace("shift.by"), "shifted by [m]"),
+                NumberField(desk, FieldPlace("shift.duration"), "within [s]", decades(0.1, 10)),
             ]
         self._rotation = gui.add_folder("Desired rotation")
         with self._rotation:
@@ -81,9 +81,9 @@ class TaskPanel:
         with gui.add_folder("Task coordinates"):
             kinds = {"the tool's place": "cartesian", "the joints, r = q": "joint"}
             self._controls += [
-                Choice(desk, "task_space.kind", "r", kinds),
-                Number(desk, PlaceWhere("task_space.axes", _in_axes), "axes by [rad]"),
-                Number(desk, Supplemental("task_space.supplemental"), "joints in r"),
+                Dropdown(desk, "task_space.kind", "r", kinds),
+                NumberField(desk, PlaceWhere("task_space.axes", _in_axes), "axes by [rad]"),
+                NumberField(desk, Supplemental("task_space.supplemental"), "joints in r"),
             ]
         with gui.add_folder("Push on the tool"):
             self._controls += field_controls(desk, "truth", [TruthSection], {})

@@ -6,7 +6,17 @@ from collections.abc import Callable
 
 import viser
 
-from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, Switch, decades
+from app.dashboard.widgets.controls import (
+    Control,
+    Desk,
+    Dropdown,
+    FieldPlace,
+    NumberField,
+    PlaceWhere,
+    SliderScale,
+    Switch,
+    decades,
+)
 from app.dashboard.widgets.section_controls import field_controls, kind_choice
 from app.process.own_code import own_code
 from app.scenario.schema import Scenario
@@ -87,14 +97,14 @@ class WorldPanel:
         with gui.add_folder("Contact"):
             kinds = {contact.title: kind for kind, contact in CONTACTS.items()}
             self._controls += [
-                Choice(desk, "contact.kind", "Kind", kinds),
-                Number(desk, PlaceWhere("contact.K_e", _springy), "K_e [N/m]", decades(100, 1_000_000)),
-                Number(desk, PlaceWhere("controller.K_e_hat", _foreseen), "K̂_e [N/m]", decades(100, 1_000_000)),
-                Number(desk, PlaceWhere("contact.B_e", _springy), "B_e [N·s/m]", decades(1, 10_000, zero=True)),
-                Number(desk, PlaceWhere("contact.M_e", _massive), "M_e [kg]", decades(0.01, 100, zero=True)),
+                Dropdown(desk, "contact.kind", "Kind", kinds),
+                NumberField(desk, PlaceWhere("contact.K_e", _springy), "K_e [N/m]", decades(100, 1_000_000)),
+                NumberField(desk, PlaceWhere("controller.K_e_hat", _foreseen), "K̂_e [N/m]", decades(100, 1_000_000)),
+                NumberField(desk, PlaceWhere("contact.B_e", _springy), "B_e [N·s/m]", decades(1, 10_000, zero=True)),
+                NumberField(desk, PlaceWhere("contact.M_e", _massive), "M_e [kg]", decades(0.01, 100, zero=True)),
                 Switch(desk, PlaceWhere("contact.unilateral", _touching), "Pushes only"),
-                Number(desk, PlaceWhere("contact.friction_coulomb", _touching), "friction μ", Scale(0, 1)),
-                Number(
+                NumberField(desk, PlaceWhere("contact.friction_coulomb", _touching), "friction μ", SliderScale(0, 1)),
+                NumberField(
                     desk,
                     PlaceWhere("contact.friction_viscous", _touching),
                     "viscous [N·s/m]",
@@ -109,20 +119,20 @@ class WorldPanel:
         with gui.add_folder("Flat tool", expand_by_default=False):
             self._controls += [
                 Switch(desk, PlaceWhere("face.flat", _plain), "Touches with a flat face"),
-                Number(desk, PlaceWhere("face.K_t", _flat), "K_t [N·m/rad]", decades(1, 1000)),
-                Number(desk, PlaceWhere("face.K_t_hat", _aligned), "K̂_t [N·m/rad]", decades(1, 1000)),
-                Number(desk, PlaceWhere("face.moment", _aligned), "moments [N·m]"),
-                Number(desk, PlaceWhere("face.normal", _flat), "face normal"),
+                NumberField(desk, PlaceWhere("face.K_t", _flat), "K_t [N·m/rad]", decades(1, 1000)),
+                NumberField(desk, PlaceWhere("face.K_t_hat", _aligned), "K̂_t [N·m/rad]", decades(1, 1000)),
+                NumberField(desk, PlaceWhere("face.moment", _aligned), "moments [N·m]"),
+                NumberField(desk, PlaceWhere("face.normal", _flat), "face normal"),
             ]
         self._further = [self._add_further(desk, "second"), self._add_further(desk, "third")]
         self._coupling = gui.add_folder("Coupling", expand_by_default=False)
         with self._coupling:
             gui.add_html(_PAIRS)
             self._controls += [
-                Number(desk, PlaceWhere("coupling.K_e", _coupled), "K_e 12,13,23 [N/m]"),
-                Number(desk, PlaceWhere("coupling.K_e_hat", _coupled_estimates), "K̂_e 12,13,23 [N/m]"),
-                Number(desk, PlaceWhere("coupling.B_e", _coupled), "B_e 12,13,23 [N·s/m]"),
-                Number(desk, PlaceWhere("coupling.M_e", _coupled_masses), "M_e 12,13,23 [kg]"),
+                NumberField(desk, PlaceWhere("coupling.K_e", _coupled), "K_e 12,13,23 [N/m]"),
+                NumberField(desk, PlaceWhere("coupling.K_e_hat", _coupled_estimates), "K̂_e 12,13,23 [N/m]"),
+                NumberField(desk, PlaceWhere("coupling.B_e", _coupled), "B_e 12,13,23 [N·s/m]"),
+                NumberField(desk, PlaceWhere("coupling.M_e", _coupled_masses), "M_e 12,13,23 [kg]"),
             ]
         with gui.add_folder("Force sensor"):
             self._controls += [
@@ -131,7 +141,7 @@ class WorldPanel:
             ]
         with gui.add_folder("Integration of the plant"):
             self._controls += [
-                Choice(
+                Dropdown(
                     desk,
                     "simulation.integrator",
                     "Integrator",
@@ -141,7 +151,7 @@ class WorldPanel:
                         "Runge-Kutta 4": "rk4",
                     },
                 ),
-                Number(desk, Place("simulation.substeps"), "substeps"),
+                NumberField(desk, FieldPlace("simulation.substeps"), "substeps"),
             ]
 
     def _add_further(self, desk: Desk, section: str) -> viser.GuiFolderHandle:
@@ -166,27 +176,31 @@ class WorldPanel:
         kinds = {contact.title: kind for kind, contact in CONTACTS.items()}
         with (folder := desk.gui.add_folder(f"{section.capitalize()} surface", expand_by_default=False)):
             self._controls += [
-                Choice(desk, f"{section}.contact.kind", "Contact", kinds),
+                Dropdown(desk, f"{section}.contact.kind", "Contact", kinds),
                 kind_choice(desk, f"{section}.surface", "Shape", SURFACES, own_code().surfaces, there),
                 *field_controls(desk, f"{section}.surface", SURFACES, own_code().surfaces, there),
-                Number(desk, PlaceWhere(f"{section}.contact.K_e", springs), "K_e [N/m]", decades(100, 1_000_000)),
-                Number(desk, PlaceWhere(f"{section}.K_e_hat", foreseen), "K̂_e [N/m]", decades(100, 1_000_000)),
-                Number(
+                NumberField(desk, PlaceWhere(f"{section}.contact.K_e", springs), "K_e [N/m]", decades(100, 1_000_000)),
+                NumberField(desk, PlaceWhere(f"{section}.K_e_hat", foreseen), "K̂_e [N/m]", decades(100, 1_000_000)),
+                NumberField(
                     desk,
                     PlaceWhere(f"{section}.contact.B_e", springs),
                     "B_e [N·s/m]",
                     decades(1, 10_000, zero=True),
                 ),
-                Number(desk, PlaceWhere(f"{section}.contact.M_e", massive), "M_e [kg]", decades(0.01, 100, zero=True)),
+                NumberField(
+                    desk, PlaceWhere(f"{section}.contact.M_e", massive), "M_e [kg]", decades(0.01, 100, zero=True)
+                ),
                 Switch(desk, PlaceWhere(f"{section}.contact.unilateral", there), "Pushes only"),
-                Number(desk, PlaceWhere(f"{section}.contact.friction_coulomb", there), "friction μ", Scale(0, 1)),
-                Number(
+                NumberField(
+                    desk, PlaceWhere(f"{section}.contact.friction_coulomb", there), "friction μ", SliderScale(0, 1)
+                ),
+                NumberField(
                     desk,
                     PlaceWhere(f"{section}.contact.friction_viscous", there),
                     "viscous [N·s/m]",
                     decades(0.1, 1000, zero=True),
                 ),
-                Choice(
+                Dropdown(
                     desk,
                     f"{section}.control",
                     "Controlled",

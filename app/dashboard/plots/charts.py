@@ -16,7 +16,7 @@ import viser
 from viser import uplot
 
 from app.analysis.spectrum import amplitude_spectrum
-from app.analysis.thinning import Grid
+from app.analysis.thinning import BucketGrid
 from app.dashboard.theme.colors import Rgb, css
 from app.dashboard.transport.plot_feed import PlotFeed
 from app.scenario.units import Units
@@ -200,20 +200,20 @@ class DecimatedLines:
     points: decimated values (2 grid.count, lines), nan where nothing is known.
     newest: values (lines,) of the newest row."""
 
-    grid: Grid
+    grid: BucketGrid
     begins: int
     points: np.ndarray
     newest: np.ndarray
 
     @classmethod
-    def of(cls, grid: Grid, rows: Signals, lines: Sequence[ChartLine]) -> DecimatedLines:
+    def of(cls, grid: BucketGrid, rows: Signals, lines: Sequence[ChartLine]) -> DecimatedLines:
         """Course of all lines over the whole grid."""
         values, starts = _values(rows, lines), grid.starts(rows["t"])
         filled = np.flatnonzero(starts[:-1] < starts[1:])
         begins = 2 * int(filled[0]) if len(filled) else 2 * grid.count
         return cls(grid, begins, grid.thin(rows["t"], values), values[-1])
 
-    def continued(self, grid: Grid, since: int, rows: Signals, lines: Sequence[ChartLine]) -> DecimatedLines:
+    def continued(self, grid: BucketGrid, since: int, rows: Signals, lines: Sequence[ChartLine]) -> DecimatedLines:
         """Course continued on a later grid of equal buckets.
         since: number of the first bucket that is decimated anew.
         rows: signals up to now that begin before this bucket."""
@@ -253,7 +253,7 @@ class Frame:
 
     now: float
     window: float
-    grid: Grid
+    grid: BucketGrid
     rows: Signals
     pinned: Sequence[Signals | None] = ()
     ahead: np.ndarray = field(default_factory=lambda: np.empty(0))
@@ -356,7 +356,7 @@ def quantiles(values: np.ndarray, shares: Sequence[float]) -> np.ndarray:
     return found
 
 
-class Chart:
+class ChartWidget:
     """Chart on the page: the widget of one plot, which `draw` adapts to another run or to other pinned runs."""
 
     def __init__(self, gui: viser.GuiApi, plot: Plot) -> None:

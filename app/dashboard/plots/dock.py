@@ -12,8 +12,8 @@ import numpy as np
 import viser
 
 from app.analysis.perturbation import PerturbationAnalysis
-from app.analysis.thinning import Grid
-from app.dashboard.plots.charts import BUCKETS, Chart, Frame, Label, PinnedChart, Recent, Setup, Signals
+from app.analysis.thinning import BucketGrid
+from app.dashboard.plots.charts import BUCKETS, ChartWidget, Frame, Label, PinnedChart, Recent, Setup, Signals
 from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
 from app.dashboard.transport.visible_tabs import VisibleTabs, marker_html
 from app.dashboard.view_options import Viewing
@@ -98,7 +98,7 @@ class Plots:
         if self._analysis is None or self._recording is not recording:
             self._analysis, self._recording = PerturbationAnalysis(snapshot.system), recording
         begin = shown.now - shown.window
-        grid = Grid.up_to(shown.now, shown.window, BUCKETS)
+        grid = BucketGrid.up_to(shown.now, shown.window, BUCKETS)
         analysis = self._analysis
         known = _Later(lambda: _known(analysis, recording, grid, begin - LEAD, shown.now))
         recent = self._recent(snapshot, shown, grid, analysis)
@@ -118,7 +118,9 @@ class Plots:
         since = 0.0 if outlook.restarts else outlook.band.since - shown.now
         return replace(frame, band=outlook.band, band_ahead=since + outlook.band.ahead)
 
-    def _recent(self, snapshot: Snapshot, shown: Shown, grid: Grid, analysis: PerturbationAnalysis) -> Recent | None:
+    def _recent(
+        self, snapshot: Snapshot, shown: Shown, grid: BucketGrid, analysis: PerturbationAnalysis
+    ) -> Recent | None:
         """Rows since the refresh before, None where that drew another run or another window, or is long ago."""
         before, of = self._before, (snapshot.run, snapshot.revision, id(snapshot.recording), shown.window)
         self._number, self._before = self._number + 1, (of, shown.now)
@@ -158,7 +160,7 @@ class _TabView:
         for chooser in self._choosers.values():
             chooser.on_update(self._on_choice)
         self._note = gui.add_html(marker_html(title))
-        self._charts = [Chart(gui, plot) for plot in tab.plots]
+        self._charts = [ChartWidget(gui, plot) for plot in tab.plots]
         self._page_height = 0
 
     async def _on_window(self, event: viser.GuiEvent) -> None:
@@ -171,7 +173,7 @@ class _TabView:
                 setattr(self._viewing, chooser, widget.options.index(widget.value))
 
     def show(self, snapshot: Snapshot, setup: Setup, shown: Shown, frame: Frame, *, whole: bool) -> None:
-        """Draw the data of a refresh. whole: see `Chart.draw`."""
+        """Draw the data of a refresh. whole: see `ChartWidget.draw`."""
         with self._turn:
             self._show_choices(setup)
         ahead = 0.0 if shown.outlook is None else shown.horizon
@@ -241,7 +243,9 @@ class _Later(Mapping[str, np.ndarray]):
         return len(self._found)
 
 
-def _known(analysis: PerturbationAnalysis, recording: Recording, grid: Grid, t_from: float, t_to: float) -> Signals:
+def _known(
+    analysis: PerturbationAnalysis, recording: Recording, grid: BucketGrid, t_from: float, t_to: float
+) -> Signals:
     rows = recording.stretch(t_from, t_to)
     return analysis.recorded(rows, tuple(recording.epochs), grid.openings(rows["t"]))
 

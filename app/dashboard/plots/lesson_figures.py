@@ -8,20 +8,24 @@ import numpy as np
 
 from app.dashboard.theme.colors import MEASURED, SERIES
 from app.export.export_jobs import plain_name
-from app.export.figures import Chart, Curve, Figure
+from app.export.figures import Curve, Figure, FigureChart
 from app.lessons.answers import Answer
-from app.lessons.blocks import Line, Run
-from app.lessons.lesson import Lesson, Step
-from app.lessons.playing import Outcome, Trace
+from app.lessons.blocks import LessonRun, PictureLine
+from app.lessons.lesson import Lesson, LessonStep
+from app.lessons.playing import LessonOutcome, Trace
 from app.lessons.predictions import predicted
 
 
 def figure_of_run(
-    lesson: Lesson, run: Step, outcome: Outcome, traces: Sequence[Trace], answers: Sequence[tuple[Step, Answer]]
+    lesson: Lesson,
+    run: LessonStep,
+    outcome: LessonOutcome,
+    traces: Sequence[Trace],
+    answers: Sequence[tuple[LessonStep, Answer]],
 ) -> Figure:
     """Figure of a run, with a chart for each line that it shows, and its measured numbers in the caption."""
     block = run.block
-    assert isinstance(block, Run)
+    assert isinstance(block, LessonRun)
     charts = tuple(
         _chart(block, line, [each for each in traces if each.line.shows(line)], answers) for line in block.show
     )
@@ -30,13 +34,15 @@ def figure_of_run(
     return Figure(charts, caption)
 
 
-def name_of_figure(lesson: Lesson, run: Step, extension: str) -> str:
+def name_of_figure(lesson: Lesson, run: LessonStep, extension: str) -> str:
     """File name of the figure of a run: letters, digits, dots and dashes only."""
-    assert isinstance(run.block, Run)
+    assert isinstance(run.block, LessonRun)
     return f"{plain_name(f'{lesson.name}-{run.number}-{run.block.title}')}.{extension}"
 
 
-def _chart(run: Run, line: Line, traces: Sequence[Trace], answers: Sequence[tuple[Step, Answer]]) -> Chart:
+def _chart(
+    run: LessonRun, line: PictureLine, traces: Sequence[Trace], answers: Sequence[tuple[LessonStep, Answer]]
+) -> FigureChart:
     curves = []
     for number, trace in enumerate(traces):
         last = number == len(traces) - 1
@@ -53,4 +59,4 @@ def _chart(run: Run, line: Line, traces: Sequence[Trace], answers: Sequence[tupl
     for number, course in enumerate(courses):
         t, value = course.T
         curves.append(Curve("predicted", MEASURED, t, value, dashed=True, listed=number == 0))
-    return Chart(line.title, line.unit, tuple(curves))
+    return FigureChart(line.title, line.unit, tuple(curves))

@@ -10,11 +10,11 @@ import numpy as np
 
 from app.analysis.perturbation import PerturbationAnalysis
 from app.analysis.spectrum import amplitude_spectrum
-from app.analysis.thinning import Grid
+from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.charts import Drawing, Plot, Setup, Signals
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.widgets.equation import symbol
-from app.export.figures import FREQUENCY, TIME, Area, Chart, Curve, Figure
+from app.export.figures import FREQUENCY, TIME, Curve, Figure, FigureChart, FilledArea
 from app.export.formats import ALL_PLOTS
 from app.scenario.caption import caption, promised
 from app.scenario.schema import ScenarioError
@@ -55,7 +55,7 @@ def _plain(name: str) -> str:
     return symbol(name.strip()).replace("||", "‖").casefold()
 
 
-def _chart_with(chart: Chart, chosen: set[str]) -> Chart:
+def _chart_with(chart: FigureChart, chosen: set[str]) -> FigureChart:
     """The chart with only the chosen lines and their areas; lines that bound such an area stay, but are not drawn."""
     curves = tuple(
         curve if curve.name in chosen else replace(curve, listed=False, width=0.0, dotted=False)
@@ -79,7 +79,7 @@ def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: f
     t = rows["t"]
     if len(t) < 2:
         raise ValueError("figure: nothing recorded there yet")
-    openings = Grid.over(float(t[0]), float(t[-1]), EXAMINED).openings(t)
+    openings = BucketGrid.over(float(t[0]), float(t[-1]), EXAMINED).openings(t)
     known = PerturbationAnalysis(snapshot.system).recorded(rows, tuple(recording.epochs), openings)
     drawn = (_chart(plot, drawing, known) for plot in plots if (drawing := plot.draw(setup)) is not None)
     charts = (chart for chart in drawn if any(np.isfinite(curve.y).any() for curve in chart.curves if curve.listed))
@@ -88,7 +88,7 @@ def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: f
     return Figure(tuple(charts), f"{told} {promised(rows)}")
 
 
-def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
+def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> FigureChart:
     title, unit = title_and_unit(drawing.title)
     # shades and marks of the page are its background; a line that only bounds a filled area has no width
     lines = [line for line in drawing.lines if not line.backdrop]
@@ -107,10 +107,10 @@ def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
         for line, (x, y) in zip(lines, courses, strict=True)
     )
     shift = len(drawing.lines) - len(lines)  # backdrops come first
-    areas = tuple(Area(area.upper - shift, area.lower - shift, area.color) for area in drawing.areas)
+    areas = tuple(FilledArea(area.upper - shift, area.lower - shift, area.color) for area in drawing.areas)
     logarithmic = drawing.floor is not None
     x_label = FREQUENCY if plot.spectral else TIME
-    return Chart(title, unit, curves, areas, x_label, logarithmic, drawing.at_least, logarithmic_x=plot.spectral)
+    return FigureChart(title, unit, curves, areas, x_label, logarithmic, drawing.at_least, logarithmic_x=plot.spectral)
 
 
 def _course(values: np.ndarray, t: np.ndarray, *, spectral: bool) -> tuple[np.ndarray, np.ndarray]:

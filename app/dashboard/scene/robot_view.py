@@ -28,7 +28,7 @@ _TIP_RADIUS = 0.012  # m
 
 
 @dataclass(frozen=True)
-class Part:
+class ColoredMesh:
     """Part of an arm: the triangles of one colour that move with one joint, in that joint's frame."""
 
     joint: int
@@ -37,13 +37,13 @@ class Part:
     faces: np.ndarray
 
 
-def parts(robot: Robot, meshes: tuple[LinkMesh, ...], cell: float) -> list[Part]:
+def parts(robot: Robot, meshes: tuple[LinkMesh, ...], cell: float) -> list[ColoredMesh]:
     """Parts of the arm, without detail finer than `cell` m: the URDF's visuals, grouped by joint and colour; links
     without a frame in the reduced model are left out. A joint without a visual is drawn as a bone to the next joint.
     The tool tip is the last part."""
     groups = _visuals(robot, meshes)
     bare = set(range(robot.model.njoints)) - {joint for joint, _ in groups}
-    links = [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()]
+    links = [ColoredMesh(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()]
     return [*links, *(part for joint in sorted(bare) for part in _bone(robot, joint)), _tip(robot)]
 
 
@@ -58,7 +58,7 @@ def _visuals(robot: Robot, meshes: tuple[LinkMesh, ...]) -> dict[tuple[int, Rgb]
     return groups
 
 
-def _bone(robot: Robot, joint: int) -> Iterator[Part]:
+def _bone(robot: Robot, joint: int) -> Iterator[ColoredMesh]:
     """Bone from a joint to the next one, or to the tool point."""
     reach = sum(float(np.linalg.norm(T.translation)) for T in robot.model.jointPlacements)
     radius = float(np.clip(_BONE * reach, 0.005, 0.06))
@@ -66,15 +66,15 @@ def _bone(robot: Robot, joint: int) -> Iterator[Part]:
     end = (robot.tool_placement if last else robot.model.jointPlacements[joint + 1]).translation
     if np.linalg.norm(end) > 2 * radius:
         shaft = trimesh.creation.cylinder(radius, segment=np.array([np.zeros(3), end]))
-        yield Part(joint, _PLAIN, shaft.vertices.astype(np.float32), shaft.faces.astype(np.uint32))
+        yield ColoredMesh(joint, _PLAIN, shaft.vertices.astype(np.float32), shaft.faces.astype(np.uint32))
     ball = trimesh.creation.icosphere(2, 1.4 * radius)
-    yield Part(joint, _JOINT, ball.vertices.astype(np.float32), ball.faces.astype(np.uint32))
+    yield ColoredMesh(joint, _JOINT, ball.vertices.astype(np.float32), ball.faces.astype(np.uint32))
 
 
-def _tip(robot: Robot) -> Part:
+def _tip(robot: Robot) -> ColoredMesh:
     """The tool point, where the contact is, as a small ball."""
     ball = trimesh.creation.icosphere(2, _TIP_RADIUS).apply_translation(robot.tool_placement.translation)
-    return Part(robot.tool_joint, TIP, ball.vertices.astype(np.float32), ball.faces.astype(np.uint32))
+    return ColoredMesh(robot.tool_joint, TIP, ball.vertices.astype(np.float32), ball.faces.astype(np.uint32))
 
 
 def _lightened(meshes: list[trimesh.Trimesh], cell: float) -> tuple[np.ndarray, np.ndarray]:
@@ -159,7 +159,7 @@ class RobotView:
         self._root.remove()
 
 
-def _coated(part: Part, coat: float) -> np.ndarray:
+def _coated(part: ColoredMesh, coat: float) -> np.ndarray:
     """Vertices of a part, enlarged by `coat` m on every side."""
     mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
     return (part.vertices + coat * mesh.vertex_normals).astype(np.float32)

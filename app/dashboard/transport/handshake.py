@@ -20,9 +20,9 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from app.access.admission import KEY_HEADER, PAGE_HEADERS, YEAR, Names, Tokens, token_cookie
-from app.access.rate_limits import Limits
+from app.access.rate_limits import ConnectionLimits
 
-_LIMITS = Limits()
+_LIMITS = ConnectionLimits()
 _PROTOCOL = re.compile(r"viser-v\d{1,4}\.\d{1,4}\.\d{1,4}")
 
 
@@ -35,7 +35,7 @@ def behind_doors(
     names: Names, key: str | None = None, tokens: Tokens | None = None, fault: Callable[[], str] = str
 ) -> Iterator[None]:
     """Context in which a new viser server is guarded: it answers only requests under its own names and from its own
-    pages, within `Limits`. Raises UnguardedError where the server is not guarded.
+    pages, within `ConnectionLimits`. Raises UnguardedError where the server is not guarded.
 
     key: required in the header KEY_HEADER, None for none.
     tokens: of which visitors must show the one to steer, None for none.

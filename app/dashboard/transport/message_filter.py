@@ -23,7 +23,7 @@ from app.dashboard.transport.messages import (
     GuiUpdateMessage,
     Page,
     PageVisitor,
-    Refused,
+    RefusedMessage,
     ViserWidget,
 )
 from app.dashboard.transport.viser_private import forget_uploads, is_form, on_connection, widget_of
@@ -39,7 +39,7 @@ TELLING = 30.0  # s between two log lines about one page
 
 
 @dataclass
-class Meter:
+class PageRateLimiter:
     """Rate limiter of a page's messages.
     rate: messages per second.
     burst: largest credit.
@@ -70,7 +70,7 @@ class MessageFilter:
 
     def _stand_before(self, connection: ServerConnection, number: int) -> None:
         visitor, receive, tally = PageVisitor(self._page(number)), connection.recv, _Tally(number)
-        meter = Meter(self._rate, BURST, BURST, time.monotonic())
+        meter = PageRateLimiter(self._rate, BURST, BURST, time.monotonic())
         connection.recv_messages.high, connection.recv_messages.low = WAITING, 0
 
         async def recv(decode: bool | None = None) -> Any:
@@ -84,7 +84,7 @@ class MessageFilter:
                 await asyncio.sleep(meter.wait(1.0 + len(raw) / WEIGHT, time.monotonic()))
                 try:
                     message = visitor.admit(raw)
-                except Refused as refusal:
+                except RefusedMessage as refusal:
                     tally.note(refusal)
                     continue
                 if isinstance(message, GuiUpdateMessage | CommandTriggerMessage):
@@ -117,7 +117,7 @@ class _Tally:
         self._untold = 0
         self._due = 0.0
 
-    def note(self, refusal: Refused) -> None:
+    def note(self, refusal: RefusedMessage) -> None:
         self._untold += 1
         now = time.monotonic()
         if now >= self._due:

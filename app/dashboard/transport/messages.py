@@ -32,7 +32,7 @@ Pixel = tuple[Number, Number]
 Modifier = Name | None
 
 
-class Refused(ValueError):
+class RefusedMessage(ValueError):
     """Error of a message that no page of this program sends: one sentence with the field, the value and what is
     allowed."""
 
@@ -166,16 +166,16 @@ class PageVisitor:
     def admit(self, raw: bytes | str) -> Message:
         """The decoded message, if the page may send it now. Raises Refused."""
         if isinstance(raw, str):
-            raise Refused(f"message: text of {len(raw)} characters; allowed: messages in binary form")
+            raise RefusedMessage(f"message: text of {len(raw)} characters; allowed: messages in binary form")
         try:
             message = _decoder.decode(raw)
         except ValueError as error:  # no MessagePack, no UTF-8, or no such message
-            raise Refused(f"message of {len(raw)} bytes: {error}") from error
+            raise RefusedMessage(f"message of {len(raw)} bytes: {error}") from error
         match message:
             case GuiUpdateMessage(uuid=uuid, updates=updates):
                 self._require_value(uuid, updates.value)
             case GuiFormSubmitMessage(uuid=uuid) | GuiFormDirtyMessage(uuid=uuid) if not self.page.is_form(uuid):
-                raise Refused(f"form: {uuid!r:.60}; allowed: one on the page")
+                raise RefusedMessage(f"form: {uuid!r:.60}; allowed: one on the page")
             case FileTransferStartUpload():
                 self._begin(message)
             case FileTransferPart():
@@ -187,23 +187,29 @@ class PageVisitor:
     def _require_value(self, uuid: str, value: object) -> None:
         widget = self.page.widget(uuid)
         if widget is None:
-            raise Refused(f"widget: {uuid!r:.60}; allowed: one on the page")
+            raise RefusedMessage(f"widget: {uuid!r:.60}; allowed: one on the page")
         allowed, label = _allowed(widget), str(getattr(widget, "label", "") or type(widget).__name__)
         if getattr(widget, "disabled", False):
-            raise Refused(f"{label}: {value!r:.60}; allowed: nothing, it is disabled")
+            raise RefusedMessage(f"{label}: {value!r:.60}; allowed: nothing, it is disabled")
         if not allowed.admits(value):
-            raise Refused(f"{label}: {value!r:.60}; allowed: {allowed.sentence}")
+            raise RefusedMessage(f"{label}: {value!r:.60}; allowed: {allowed.sentence}")
 
     def _begin(self, message: FileTransferStartUpload) -> None:
         widget = self.page.widget(message.source_component_uuid)
         if widget is None or not hasattr(widget.value, "content"):
-            raise Refused(f"upload to {message.source_component_uuid!r:.60}; allowed: an upload button of the page")
+            raise RefusedMessage(
+                f"upload to {message.source_component_uuid!r:.60}; allowed: an upload button of the page"
+            )
         if message.size_bytes > LARGEST_UPLOAD:
-            raise Refused(f"upload: {message.size_bytes} bytes; allowed: at most {LARGEST_UPLOAD}")
+            raise RefusedMessage(f"upload: {message.size_bytes} bytes; allowed: at most {LARGEST_UPLOAD}")
         if (message.part_count == 0) != (message.size_bytes == 0):
-            raise Refused(f"upload: {message.size_bytes} bytes in {message.part_count} parts; allowed: all in parts")
+            raise RefusedMessage(
+                f"upload: {message.size_bytes} bytes in {message.part_count} parts; allowed: all in parts"
+            )
         if message.transfer_uuid in self._uploads or len(self._uploads) >= MOST_UPLOADS:
-            raise Refused(f"upload {message.transfer_uuid!r:.60}: allowed: a new one, and {MOST_UPLOADS} at a time")
+            raise RefusedMessage(
+                f"upload {message.transfer_uuid!r:.60}: allowed: a new one, and {MOST_UPLOADS} at a time"
+            )
         self._uploads[message.transfer_uuid] = _Upload(set(range(message.part_count)), message.size_bytes)
         self._end(message.transfer_uuid)
 
@@ -211,9 +217,9 @@ class PageVisitor:
         upload, size = self._uploads.get(message.transfer_uuid), len(message.content)
         what = f"upload {message.transfer_uuid!r:.60}: part {message.part_index} of {size} bytes; allowed:"
         if upload is None or message.part_index not in upload.parts:
-            raise Refused(f"{what} parts that this page has announced, once")
+            raise RefusedMessage(f"{what} parts that this page has announced, once")
         if size > min(upload.size, LARGEST_PART) or (len(upload.parts) == 1 and size != upload.size):
-            raise Refused(f"{what} at most {LARGEST_PART} bytes, and {upload.size} in all that are missing")
+            raise RefusedMessage(f"{what} at most {LARGEST_PART} bytes, and {upload.size} in all that are missing")
         upload.parts.discard(message.part_index)
         upload.size -= size
         self._end(message.transfer_uuid)
@@ -230,9 +236,9 @@ def _require_picture(content: bytes) -> None:
         with Image.open(io.BytesIO(content), formats=("PNG", "JPEG")) as picture:  # reads the head only
             width, height = picture.size
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise Refused(f"picture of {len(content)} bytes; {allowed}") from error
+        raise RefusedMessage(f"picture of {len(content)} bytes; {allowed}") from error
     if width * height > LARGEST_PICTURE:
-        raise Refused(f"picture of {width} x {height}; {allowed}")
+        raise RefusedMessage(f"picture of {width} x {height}; {allowed}")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import viser
 
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.widgets.chips import chip
-from app.dashboard.widgets.controls import AwaitedAnswer, Desk, Place
+from app.dashboard.widgets.controls import AwaitedAnswer, Desk, FieldPlace
 from app.scenario.schema import ScenarioError
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
@@ -23,7 +23,7 @@ OWN = "own URDF"
 
 
 @dataclass(frozen=True)
-class InForce(Place):
+class InForce(FieldPlace):
     """Place of a field whose value in force cannot be read from the scenario, where it may be left out or be written in
     several ways. of: returns the value in force."""
 
@@ -91,7 +91,7 @@ class UrdfPath:
     """Text field with the path of the running URDF; another path takes effect on Enter or when the field is left."""
 
     def __init__(self, desk: Desk) -> None:
-        self._desk, self._place, self._answer = desk, Place("robot.urdf"), AwaitedAnswer()
+        self._desk, self._place, self._answer = desk, FieldPlace("robot.urdf"), AwaitedAnswer()
         with desk.gui.add_form(None):
             self._text = desk.gui.add_text("path", "", hint="of a URDF on the computer that runs the dashboard")
         self._text.on_update(self._on_text)
@@ -119,7 +119,7 @@ class ToolFrame:
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._answer = desk, AwaitedAnswer()
-        place = Place("robot.tool_frame")
+        place = FieldPlace("robot.tool_frame")
         self._dropdown: viser.GuiDropdownHandle[str] = desk.gui.add_dropdown("Tool frame", ["—"], hint=place.hint)
         self._dropdown.on_update(self._on_update)
 

@@ -9,7 +9,7 @@ from html import escape
 
 import numpy as np
 
-from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, Scale, said_html
+from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, said_html
 from app.export.figures import plain_number
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate, front
@@ -29,7 +29,7 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
         return f'<div class="vs-checks"><div class="vs-note">{told}</div></div>'
     aims, best = tuning.tuning.aims, front(candidates[1:])
     at = {each.number: _place(each) for each in shown}
-    across, up = (Scale.of(np.array([place[k] for place in at.values()])) for k in (0, 1))
+    across, up = (ColorScale.of(np.array([place[k] for place in at.values()])) for k in (0, 1))
     x = {number: LEFT + EDGE + across.share(place[0]) * (RIGHT - LEFT - 2 * EDGE) for number, place in at.items()}
     y = {number: BOTTOM - EDGE - up.share(place[1]) * (BOTTOM - TOP - 2 * EDGE) for number, place in at.items()}
     marks = [
@@ -122,7 +122,7 @@ def _star(x: float, y: float) -> str:
     return "M " + " L ".join(f"{a:.1f} {b:.1f}" for a, b in places) + " Z"
 
 
-def _axes(names: tuple[str, str], across: Scale, up: Scale) -> str:
+def _axes(names: tuple[str, str], across: ColorScale, up: ColorScale) -> str:
     return "".join([
         f'<text x="{LEFT + EDGE}" y="{BOTTOM + 11}">{_plain(across.low)}</text>',
         f'<text x="{RIGHT}" y="{BOTTOM + 11}" text-anchor="end">{_plain(across.high)}</text>',

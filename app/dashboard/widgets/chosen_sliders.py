@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.dashboard.widgets.controls import Desk, Number, NumberRow
+from app.dashboard.widgets.controls import Desk, NumberField, NumberRow
 from app.session.snapshot import Snapshot
 
 MOST = 3
@@ -18,7 +18,7 @@ class ChosenSliders:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._moved: tuple[tuple[NumberRow, Names], ...] = ()  # with the task coordinates at that time
-        self._numbers: list[Number] = []
+        self._numbers: list[NumberField] = []
         self._folder = desk.gui.add_folder("Sliders", visible=False)
         with self._folder:
             desk.gui.add_html('<div class="vs-chosen"></div>')
@@ -38,7 +38,7 @@ class ChosenSliders:
             number.remove()
         shown = [number.row.place for number in self._numbers]
         with self._folder:
-            self._numbers += [Number(self._desk, *row) for row in moved if row.place not in shown]
+            self._numbers += [NumberField(self._desk, *row) for row in moved if row.place not in shown]
         for number in self._numbers:
             number.show(snapshot)
         if self._folder.visible != bool(moved):

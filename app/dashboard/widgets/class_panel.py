@@ -12,7 +12,7 @@ from app.dashboard.theme.colors import ACCENT, css
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.outcome_chart import courses_html
 from app.lessons.class_desk import Asked
-from app.lessons.course import Course
+from app.lessons.course import LessonCourse
 from app.lessons.markup import inline_html
 
 BINS = 10
@@ -24,7 +24,7 @@ class ClassPanel:
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
-        self._course: Course | None = None
+        self._course: LessonCourse | None = None
         self._unit = ""
         self._ask = gui.add_button("Ask the class", visible=False, hint="By the link and the QR code of “Share”.")
         self._html = gui.add_html("", visible=False)
@@ -42,7 +42,7 @@ class ClassPanel:
         if present is not None and course is not None:
             self._desk.classroom.reveal(_summary(present.question, present.answers))
 
-    def show(self, course: Course | None, unit: str) -> None:
+    def show(self, course: LessonCourse | None, unit: str) -> None:
         """Show the panel for the shown step, and end the question of another step. unit: of a number that is asked for.
 
         Without a lesson the question stays open: the lecturer may come back after a crash."""

@@ -94,7 +94,7 @@ class AwaitedAnswer:
 
 
 @dataclass(frozen=True)
-class Place:
+class FieldPlace:
     """Place of a control's value in the scenario: a field by its dotted path."""
 
     path: str
@@ -115,7 +115,7 @@ class Place:
         del snapshot
         return Edit(self.path, value)
 
-    def moved(self, snapshot: Snapshot) -> tuple[Place, ...]:
+    def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
         """Places that an edit of this place sets: itself, and those linked to it."""
         del snapshot
         return (self,)
@@ -147,7 +147,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class PlaceWhere(Place):
+class PlaceWhere(FieldPlace):
     """Place of a field that has a meaning only in the scenarios for which `applies` returns True; in others its control
     is hidden."""
 
@@ -158,7 +158,7 @@ class PlaceWhere(Place):
 
 
 @dataclass(frozen=True)
-class Scale:
+class SliderScale:
     """Scale of a slider.
     low, high: values at its ends.
     logarithmic: equal ways along the slider are equal factors of the value.
@@ -189,8 +189,8 @@ class Scale:
         return min(max(share, 0.0), 1.0)
 
 
-def decades(low: float, high: float, *, zero: bool = False) -> Scale:
-    return Scale(low, high, logarithmic=True, zero=zero)
+def decades(low: float, high: float, *, zero: bool = False) -> SliderScale:
+    return SliderScale(low, high, logarithmic=True, zero=zero)
 
 
 def labelled(label: str, unit: str) -> str:
@@ -201,15 +201,15 @@ def labelled(label: str, unit: str) -> str:
 class NumberRow(NamedTuple):
     """Row of a number on the page: its place, its label, and the scale of its slider, None without a slider."""
 
-    place: Place
+    place: FieldPlace
     label: str
-    scale: Scale | None
+    scale: SliderScale | None
 
 
-class Number:
+class NumberField:
     """Control of a number: a text field, which takes effect on Enter or when it is left, and a slider."""
 
-    def __init__(self, desk: Desk, place: Place, label: str, scale: Scale | None = None) -> None:
+    def __init__(self, desk: Desk, place: FieldPlace, label: str, scale: SliderScale | None = None) -> None:
         self._desk, self._place, self._label, self._scale = desk, place, label, scale
         self._labels = (label, label_with_joints(place.path, label))
         self._answer = AwaitedAnswer()
@@ -342,7 +342,7 @@ class Number:
                 widget.disabled = not enabled
 
 
-class Choice:
+class Dropdown:
     """Dropdown of a field.
     options: values in the scenario by the text shown.
     applies: see `PlaceWhere`, None for a field of every scenario."""
@@ -356,7 +356,7 @@ class Choice:
         applies: Callable[[Scenario], bool] | None = None,
     ) -> None:
         self._desk, self._options = desk, dict(options)
-        self._place = Place(path) if applies is None else PlaceWhere(path, applies)
+        self._place = FieldPlace(path) if applies is None else PlaceWhere(path, applies)
         self._shown = {value: title for title, value in options.items()}
         self._answer = AwaitedAnswer()
         self._dropdown = desk.gui.add_dropdown(label, tuple(options), hint=self._place.hint)
@@ -381,7 +381,7 @@ class Choice:
 class Switch:
     """Checkbox of a field that is true or false."""
 
-    def __init__(self, desk: Desk, place: Place, label: str) -> None:
+    def __init__(self, desk: Desk, place: FieldPlace, label: str) -> None:
         self._desk, self._place = desk, place
         self._answer = AwaitedAnswer()
         self._checkbox = desk.gui.add_checkbox(label, False, hint=self._place.hint)

@@ -14,7 +14,7 @@ from controllers.modes import MODES
 
 
 @dataclass(frozen=True)
-class Step:
+class GuidedStep:
     """Step of the guided minute. look: what the user should look at, HTML."""
 
     scenario: Scenario
@@ -25,34 +25,34 @@ class Step:
         return MODES[self.scenario.mode].label
 
 
-def steps() -> tuple[Step, ...]:
+def steps() -> tuple[GuidedStep, ...]:
     """Steps of the guided minute, one for each mode."""
     heavy = edited(load("ur5-heavy"), "controller.law", "vsmrc")
     return (
-        Step(
+        GuidedStep(
             load("ur5-motion"),
             "The tool draws a circle in free space. The arm is 15 % heavier than the controller believes, and the "
             "<b>tracking error</b> on the left settles below 0.02 mm all the same. <kbd>B</kbd> pushes the tool, and "
             "nothing happens: in this target model (26) nothing answers to a force.",
         ),
-        Step(
+        GuidedStep(
             load("ur5-impedance"),
             "Now the arm is a mass, a damper and a spring. It meets the plane and stops where spring and plane "
             "balance: this error stays, because nobody asked for a force. Every few seconds it is pushed with 30 N, "
             "and the spring of 2000 N/m gives way by 15 mm.",
         ),
-        Step(
+        GuidedStep(
             heavy,
             "Force across the surface, motion along it: the tool presses with 20 N and draws its circle, pushed or "
             "not. <kbd>L</kbd> swaps the robust law for computed torque, and the <b>force</b> is wrong by up to 9 N; "
             "<kbd>L</kbd> again brings it back.",
         ),
-        Step(
+        GuidedStep(
             load("ur5-hybrid-impedance"),
             "The force is held at 20 N as before, but along the surface the arm is a spring: a push of 30 N moves it "
             "away by 7 mm and it comes back, while the <b>force</b> stays where it is.",
         ),
-        Step(
+        GuidedStep(
             load("ur5-constrained"),
             "The plane is rigid now. The force is whatever keeps the tool on it, a multiplier λ instead of a spring's "
             "force, and the law holds it at 20 N without measuring any depth.",

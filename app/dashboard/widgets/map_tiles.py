@@ -47,7 +47,7 @@ class _Frame(NamedTuple):
     tall: float
 
 
-class Scale(NamedTuple):
+class ColorScale(NamedTuple):
     """Scale of a map's numbers: the least, the largest, and whether the colours follow the logarithm."""
 
     low: float
@@ -55,7 +55,7 @@ class Scale(NamedTuple):
     logarithmic: bool
 
     @classmethod
-    def of(cls, numbers: np.ndarray) -> Scale:
+    def of(cls, numbers: np.ndarray) -> ColorScale:
         """Scale of the finite ones among the numbers."""
         known = numbers[np.isfinite(numbers)]
         if not len(known):
@@ -111,7 +111,7 @@ def _tiles(
 ) -> tuple[str, str]:
     """Picture over two fields, as SVG, and words on its lines."""
     x, y = question.sweep.vary
-    scale = Scale(0.0, 1.0, False) if naming.share else Scale.of(numbers)
+    scale = ColorScale(0.0, 1.0, False) if naming.share else ColorScale.of(numbers)
     frame = _Frame((RIGHT - LEFT) / len(x.values), (BOTTOM - TOP) / len(y.values))
     tiles, declared, theorem = [], {}, {}
     for k, number in enumerate(numbers):
@@ -138,7 +138,7 @@ def _tiles(
 def _course(question: SweepQuestion, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
     """Picture over one field, as SVG: a dot for each value, with Wilson's interval where the map shows a share."""
     (x,) = question.sweep.vary
-    scale = Scale(0.0, 1.0, False) if naming.share else Scale.of(numbers)
+    scale = ColorScale(0.0, 1.0, False) if naming.share else ColorScale.of(numbers)
     wide = (RIGHT - LEFT) / len(x.values)
     dots, line = [], []
     for k in np.argsort(np.asarray(points.values[x.path], dtype=float)):
@@ -265,7 +265,7 @@ def _ticks(x: Axis, y: Axis, frame: _Frame, naming: Naming) -> str:
     ])  # fmt: skip
 
 
-def _bar(scale: Scale, naming: Naming) -> str:
+def _bar(scale: ColorScale, naming: Naming) -> str:
     step = (RIGHT - LEFT) / SHADES
     shades = "".join(
         f'<rect x="{LEFT + k * step:.1f}" y="226" width="{step + 0.5:.1f}" height="7" '

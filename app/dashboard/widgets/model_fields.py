@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from msgspec import to_builtins
 
-from app.dashboard.widgets.controls import Place
+from app.dashboard.widgets.controls import FieldPlace
 from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.matrix_text import written
 from app.session.commands import Blend, Edit
@@ -78,7 +78,7 @@ def reshaped(snapshot: Snapshot, wanted: Mapping[int, Mapping[str, float]]) -> E
 
 
 @dataclass(frozen=True)
-class DiagonalPlace(Place):
+class DiagonalPlace(FieldPlace):
     """Place of entry `index` on the diagonal of a matrix of the target model in force.
     linked: whether an edit also sets the equal entries of like coordinates that the mode leaves free."""
 
@@ -95,7 +95,7 @@ class DiagonalPlace(Place):
             matrix[i, i] = _single(value)
         return Edit(self.path, plain(matrix))
 
-    def moved(self, snapshot: Snapshot) -> tuple[Place, ...]:
+    def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
         return tuple(replace(self, index=i) for i in self._set(snapshot))
 
     def _set(self, snapshot: Snapshot) -> list[int]:
@@ -117,7 +117,7 @@ class DiagonalPlace(Place):
 
 
 @dataclass(frozen=True)
-class OscillatorPlace(Place):
+class OscillatorPlace(FieldPlace):
     """Place of omega or zeta of coordinate `index`; an edit keeps M_m and the other of the two. See
     `controllers.second_order`.
     linked: whether an edit also sets like coordinates with the same value."""
@@ -143,7 +143,7 @@ class OscillatorPlace(Place):
         }
         return reshaped(snapshot, wanted)
 
-    def moved(self, snapshot: Snapshot) -> tuple[Place, ...]:
+    def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
         return tuple(replace(self, index=i) for i in self._set(snapshot))
 
     def _set(self, snapshot: Snapshot) -> list[int]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from app.dashboard.theme.colors import MEASURED, SERIES, Rgb, css
 from app.lessons.answers import Answer
-from app.lessons.blocks import Curve, Line, Run
-from app.lessons.lesson import Step
+from app.lessons.blocks import CurveQuestion, LessonRun, PictureLine
+from app.lessons.lesson import LessonStep
 from app.lessons.playing import Trace
 from app.lessons.predictions import predicted
 
@@ -20,10 +20,10 @@ LEFT, RIGHT, TOP, BOTTOM = 40, 330, 20, 140  # px, edges of the frame
 TICKS = 4
 
 
-def outcome_html(run: Step, traces: Sequence[Trace], predictions: Sequence[tuple[Step, Answer]]) -> str:
+def outcome_html(run: LessonStep, traces: Sequence[Trace], predictions: Sequence[tuple[LessonStep, Answer]]) -> str:
     """Pictures of a run as HTML, one below the other for each line that it shows."""
     block = run.block
-    assert isinstance(block, Run)
+    assert isinstance(block, LessonRun)
     pictures = []
     for line in block.show:
         of = [trace for trace in traces if trace.line.shows(line)]
@@ -32,7 +32,7 @@ def outcome_html(run: Step, traces: Sequence[Trace], predictions: Sequence[tuple
     return "".join(pictures)
 
 
-def pad_html(question: Curve, drawn: Sequence[tuple[float, float]] | None) -> str:
+def pad_html(question: CurveQuestion, drawn: Sequence[tuple[float, float]] | None) -> str:
     """Axes on which a curve is drawn by mouse, finger or arrow keys, as HTML. drawn: points of the locked curve."""
     frame = _Frame(question.start, question.end, question.low, question.high)
     course = "" if drawn is None else _path(frame, np.array(drawn))
@@ -83,7 +83,9 @@ class _Frame:
         return BOTTOM - (BOTTOM - TOP) * (value - self.low) / (self.high - self.low)
 
 
-def _picture(run: Run, line: Line, traces: Sequence[Trace], predictions: Sequence[tuple[Step, Answer]]) -> str:
+def _picture(
+    run: LessonRun, line: PictureLine, traces: Sequence[Trace], predictions: Sequence[tuple[LessonStep, Answer]]
+) -> str:
     found = predicted(run, line, predictions)
     values = np.concatenate(
         [*(trace.values for trace in traces), *(drawn[:, 1] for drawn in found.courses), found.levels]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from app.dashboard.widgets.controls import Desk, Number, Place, Scale, decades, labelled
+from app.dashboard.widgets.controls import Desk, FieldPlace, NumberField, SliderScale, decades, labelled
 from app.scenario.schema import FieldInfo
 from app.session.snapshot import Snapshot
 from parameters import Parameter
@@ -14,7 +14,7 @@ WIDE = 100.0  # ratio of its bounds from which on a slider is logarithmic
 
 
 @dataclass(frozen=True)
-class OwnPlace(Place):
+class OwnPlace(FieldPlace):
     """Place of an own parameter in the scenario. running: returns its present value, None where the law, surface or
     trajectory is not in use."""
 
@@ -30,7 +30,7 @@ class OwnPlace(Place):
         return FieldInfo(p.meaning, p.unit, p.low, p.high, choices=())
 
 
-def own_number(desk: Desk, path: str, p: Parameter, running: Callable[[Snapshot], float | None]) -> Number:
+def own_number(desk: Desk, path: str, p: Parameter, running: Callable[[Snapshot], float | None]) -> NumberField:
     """Control of an own parameter. path: of its place in the scenario, dotted. running: see `OwnPlace`."""
-    scale = decades(p.low, p.high) if p.low > 0.0 and p.high >= WIDE * p.low else Scale(p.low, p.high)
-    return Number(desk, OwnPlace(path, p, running), labelled(p.name, p.unit), scale)
+    scale = decades(p.low, p.high) if p.low > 0.0 and p.high >= WIDE * p.low else SliderScale(p.low, p.high)
+    return NumberField(desk, OwnPlace(path, p, running), labelled(p.name, p.unit), scale)

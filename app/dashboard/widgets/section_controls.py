@@ -7,7 +7,16 @@ from typing import Any
 
 from msgspec import Struct
 
-from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, labelled
+from app.dashboard.widgets.controls import (
+    Control,
+    Desk,
+    Dropdown,
+    FieldPlace,
+    NumberField,
+    PlaceWhere,
+    SliderScale,
+    labelled,
+)
 from app.dashboard.widgets.own_parameters import own_number
 from app.dashboard.widgets.text_field import TextField
 from app.scenario.data import OWN, kind_of
@@ -23,14 +32,16 @@ _Applies = Callable[[Scenario], bool]
 
 def kind_choice(
     desk: Desk, section: str, label: str, kinds: Sequence[Any], own: _Own, applies: _Applies | None = None
-) -> Choice:
+) -> Dropdown:
     """Menu of a section's kinds.
     kinds: allowed ones, each with its `title`.
     own: those of the user's own files, by kind.
     applies: see `PlaceWhere`."""
     options = {kind.title: str(kind.__struct_config__.tag) for kind in kinds}
     options = {title: kind for title, kind in options.items() if kind != OWN}
-    return Choice(desk, section, label, options | {each.title: f"{OWN}:{name}" for name, each in own.items()}, applies)
+    return Dropdown(
+        desk, section, label, options | {each.title: f"{OWN}:{name}" for name, each in own.items()}, applies
+    )
 
 
 def field_controls(
@@ -61,20 +72,20 @@ def _paths(prefix: str, kinds: Sequence[type[Struct]]) -> list[str]:
 
 
 def _control(desk: Desk, path: str, info: FieldInfo, shown: Widget, applies: _Applies | None) -> Control:
-    place = Place(path) if applies is None else PlaceWhere(path, applies)
+    place = FieldPlace(path) if applies is None else PlaceWhere(path, applies)
     if shown.options:
-        return Choice(desk, path, shown.label, dict(shown.options), applies)
+        return Dropdown(desk, path, shown.label, dict(shown.options), applies)
     if info.text:
         return TextField(desk, place, shown.label)
     scale = None
     if shown.low is not None and shown.high is not None:
-        scale = Scale(shown.low, shown.high, shown.logarithmic, shown.zero)
-    return Number(desk, place, labelled(shown.label, info.unit), scale)
+        scale = SliderScale(shown.low, shown.high, shown.logarithmic, shown.zero)
+    return NumberField(desk, place, labelled(shown.label, info.unit), scale)
 
 
-def _own_parameter(desk: Desk, section: str, kind: str, p: Parameter) -> Number:
+def _own_parameter(desk: Desk, section: str, kind: str, p: Parameter) -> NumberField:
     def running(snapshot: Snapshot) -> float | None:
-        now = Place(section).read(snapshot)
+        now = FieldPlace(section).read(snapshot)
         return now.parameters.get(p.name, p.value) if now is not None and kind_of(now) == kind else None
 
     return own_number(desk, f"{section}.parameters.{p.name}", p, running)

@@ -11,7 +11,7 @@ import numpy as np
 import viser
 
 from app.dashboard.theme.style import MARKS
-from app.dashboard.widgets.controls import Desk, NumberRow, Place
+from app.dashboard.widgets.controls import Desk, FieldPlace, NumberRow
 from app.scenario.data import with_values
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.snapshot import Snapshot
@@ -36,7 +36,7 @@ class Field:
     low: float
     high: float
     logarithmic: bool = False
-    place: Place | None = None
+    place: FieldPlace | None = None
 
     @property
     def unit(self) -> str:

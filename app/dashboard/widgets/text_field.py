@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import viser
 
 from app.dashboard.theme.style import COMMIT, MARKS
-from app.dashboard.widgets.controls import Desk, Place
+from app.dashboard.widgets.controls import Desk, FieldPlace
 from app.session.snapshot import Snapshot
 
 
@@ -24,7 +24,7 @@ class _Draft:
 class TextField:
     """Wide text field of the scenario, in which a refused text stays, to be corrected."""
 
-    def __init__(self, desk: Desk, place: Place, label: str) -> None:
+    def __init__(self, desk: Desk, place: FieldPlace, label: str) -> None:
         self._desk, self._place = desk, place
         self._draft: _Draft | None = None
         self._form = desk.gui.add_form(None)
