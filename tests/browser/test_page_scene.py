@@ -7,12 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from playwright.sync_api import Locator
 from viser import ClientHandle
 from viser import transforms as tf
 
 from app.dashboard.page import Dashboard
+from app.dashboard.panels.view import SWITCHES
 from app.dashboard.scene.arrows import ForceArrow
 from app.dashboard.scene.camera import viewpoint
+from app.dashboard.view_options import Look, Viewing
 from app.scenario.data import shipped, with_values
 from app.session.commands import Load, Reset
 from app.session.runner import Runner
@@ -30,15 +33,26 @@ def scene(session: PageSession, served: tuple[Dashboard, Runner]) -> Iterator[Sc
     session.tab("View")
     session.wait(lambda _: len(served[0].clients) == 1)  # those of other tests have gone
     (client,) = served[0].clients.values()
-    yield Scene(session, client)
+    view = served[0]._view  # pyright: ignore[reportPrivateUsage]
+    assert view is not None
+    yield Scene(session, client, view._viewing)  # pyright: ignore[reportPrivateUsage]
     session.runner.post(Reset())
 
 
 class Scene:
-    """A page with its camera."""
+    """A page with its camera and its view options."""
 
-    def __init__(self, session: PageSession, client: ClientHandle) -> None:
-        self.session, self.page, self.client = session, session.page, client
+    def __init__(self, session: PageSession, client: ClientHandle, viewing: Viewing) -> None:
+        self.session, self.page, self.client, self.viewing = session, session.page, client, viewing
+
+    def switch(self, field: str) -> Locator:
+        return self.page.get_by_role("checkbox", name=SWITCHES[field][0], exact=True)
+
+    def turn(self, field: str, *, on: bool) -> None:
+        """Turn a switch on or off; returns when the page's process knows, since of several inputs at once viser's
+        client sends the last one only."""
+        self.switch(field).set_checked(on)
+        self.session.wait(lambda _: getattr(self.viewing.look, field) is on)
 
     def view(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Press a camera button; returns position and point looked at when the flight is over."""
@@ -151,13 +165,15 @@ def test_camera_and_switches_are_the_pages_and_not_the_runs(scene: Scene):
     legend = scene.page.locator(".vs-note", has_text="100 mm =")
     legend.wait_for()
     assert "ghost" not in legend.inner_text()
-    scene.page.get_by_role("checkbox", name="Ghost").click()
+    scene.turn("ghost", on=True)
     scene.page.locator(".vs-note", has_text="mm away").wait_for()
-    for name in ("Error colours", "Forces", "Task frame", "Surface", "Grid", "Tool path", "Desired path", "Ghost"):
-        scene.page.get_by_role("checkbox", name=name, exact=True).uncheck()
+    places = [scene.switch(field).bounding_box() for field in SWITCHES]
+    for field in SWITCHES:
+        scene.turn(field, on=False)
     legend.wait_for(state="hidden")
-    for name in ("Error colours", "Forces", "Task frame", "Surface", "Grid", "Tool path", "Desired path"):
-        scene.page.get_by_role("checkbox", name=name, exact=True).check()
+    assert [scene.switch(field).bounding_box() for field in SWITCHES] == places  # under the mouse, whatever the legend
+    for field in SWITCHES:
+        scene.turn(field, on=getattr(Look(), field))
     session.choose("Force arrows", "100 mm = 5 N")
     scene.page.locator(".vs-note", has_text="100 mm = 5 N").wait_for()
     session.choose("Force arrows", "automatic")

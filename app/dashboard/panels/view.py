@@ -93,7 +93,6 @@ class ViewPanel:
         gui, viewing = desk.gui, desk.viewing
         self._camera = gui.add_button_group("Camera", VIEWS, hint="Turn and zoom with the mouse; these bring you back.")
         self._camera.on_click(self._on_camera)
-        self._legend = gui.add_html("")
         with gui.add_folder("Drawn"):
             self._fields = [
                 _Field(viewing, name, gui.add_checkbox(title, getattr(viewing.look, name), hint=hint))
@@ -111,6 +110,7 @@ class ViewPanel:
                     viewing, "cell", gui.add_dropdown("Meshes", tuple(MESHES), hint="Light: for slow graphics."), MESHES
                 ),
             ]
+            self._legend = gui.add_html("")  # below the switches: it has a row more or less when one is pressed
         with gui.add_folder("Mouse on the tool"):
             gui.add_html(
                 '<div class="vs-note">Drag the ball at the tool: a spring pulls the arm after the pointer. With Shift, '
