@@ -56,12 +56,12 @@ from app.storage.uploaded_urdfs import Reach, hold
 log = structlog.get_logger()
 
 BATCH = 0.01  # s of wall time whose steps are computed together, unless a hand holds the tool
-UNWATCHED = 0.05  # s, the same while nobody has read a snapshot for `FORGOTTEN` s
+UNWATCHED = 0.1  # s, the same while nobody has read a snapshot for `FORGOTTEN` s
 FORGOTTEN = 1.0
 LEAST_REST = 0.0002  # s, the shortest rest of the thread: at high speeds several steps share it, also with a hand
 PUBLISH = 1 / 60  # s, between two snapshots that are read; also the longest rest, and the longest batch of steps
 UNREAD = 0.25  # s, until a snapshot that nobody has read is replaced
-LAG = 0.1  # s of wall time that the loop may fall behind before simulated time slows
+LAG = 0.1  # s of wall time that the loop may fall behind, besides its rest, before simulated time slows
 MEASURE = 0.25  # s, between two measurements of the pace, each over the last `WATCHED` s
 WATCHED = 2.0
 ENDING = 1.0  # s to wait for the end of the thread
@@ -206,7 +206,7 @@ class Runner:
                 if self._resumes():
                     schedule = self._schedule()
                     began = measured = schedule.wall
-                elif schedule.target(now) - self._loop.t - self._period > LAG * self._speed:
+                elif schedule.target(now) - self._loop.t - self._period > self._lag * self._speed:
                     schedule = self._schedule()
                 if now - measured > MEASURE:
                     measured = now
@@ -229,9 +229,19 @@ class Runner:
         due = schedule.due(self._loop.t + self._period) - now
         if due < -PUBLISH:
             return LEAST_REST
-        if now - self._looked > FORGOTTEN:
+        if self._forgotten:
             return max(min(due, UNREAD), UNWATCHED)
         return min(max(due, LEAST_REST if self._loop.grip else BATCH), PUBLISH)
+
+    @property
+    def _forgotten(self) -> bool:
+        """Whether nobody has read a snapshot for a while."""
+        return time.perf_counter() - self._looked > FORGOTTEN
+
+    @property
+    def _lag(self) -> float:
+        """Wall time (s) that the loop may fall behind. Where nobody looks, a long rest is no reason to slow down."""
+        return LAG + UNWATCHED if self._forgotten else LAG
 
     def _resumes(self) -> bool:
         """Whether the stretch that is shown at a speed of its own is over just now, at its end or because another run
