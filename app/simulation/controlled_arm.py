@@ -21,7 +21,7 @@ from app.simulation.separate_law import SeparateLaw
 from app.simulation.signals import Row
 from app.simulation.state import State
 from app.simulation.system import System
-from app.simulation.true_errors import TrueArm
+from app.simulation.true_errors import TrueArm, stated_in
 from controllers.control_law import Gains
 from controllers.reference_estimates import ReferenceEstimates
 from kernels import address_for, compiled_for
@@ -233,4 +233,7 @@ def _setting_of(system: System, *, online: bool) -> Setting:
 
 
 def _true_arm_of(system: System) -> TrueArm:
-    return TrueArm.of(system.scenario.declared, system.plant, system.robot, len(system.outsiders))
+    declared, robot = system.scenario.declared, system.robot
+    if not stated_in(declared):
+        return TrueArm.unjudged(system.nominal, robot.n)
+    return TrueArm.of(declared, system.plant, robot, len(system.outsiders))

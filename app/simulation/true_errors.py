@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.scenario.schema import STATED_IN, Declared
-from controllers.nominal_model import Estimate, LinkConstants, Stated, estimates
+from controllers.nominal_model import Estimate, LinkConstants, NominalModel, Stated, estimates
 from environments.plant import Plant
 from environments.robots import Robot
 from environments.truth import Resistance, resistance_torque
@@ -35,7 +35,7 @@ UNKNOWN = TrueErrors(*5 * (np.nan,))
 
 class TrueArm(NamedTuple):
     """The true arm, as its errors are judged.
-    judged: whether any bound is stated.
+    judged: whether any bound is stated; where none is, nothing else is read.
     outsiders: number of the inequalities between truth and declaration that are violated whatever the state.
     links, chain, resistance: of the true arm; motion, estimate: memory for its terms."""
 
@@ -51,17 +51,20 @@ class TrueArm(NamedTuple):
     @classmethod
     def of(cls, declared: Declared, plant: Plant, robot: Robot, outsiders: int) -> TrueArm:
         """True arm of a plant. outsiders: number of the inequalities that it violates whatever the state."""
-        n = robot.n
-        return cls(
-            judged=any(getattr(declared, name) is not None for name in STATED_IN),
-            outsiders=float(outsiders),
-            least_inertia=declared.least_inertia,
-            links=LinkConstants.of(plant.model, robot.tool_joint, robot.tool_placement),
-            chain=plant.chain,
-            resistance=plant.truth.resistance,
-            motion=Motion.zeros(n),
-            estimate=Estimate.zeros(n),
-        )
+        links = LinkConstants.of(plant.model, robot.tool_joint, robot.tool_placement)
+        memory = Motion.zeros(robot.n), Estimate.zeros(robot.n)
+        return cls(True, float(outsiders), declared.least_inertia, links, plant.chain, plant.truth.resistance, *memory)
+
+    @classmethod
+    def unjudged(cls, believed: NominalModel, n: int) -> TrueArm:
+        """True arm of n joints of which nothing is judged; the believed one stands in its place."""
+        links, chain = believed.constants, believed.chain
+        return cls(False, 0.0, 0.0, links, chain, Resistance(0.0, 0.0, 0.0, 0.0), Motion.zeros(n), Estimate.zeros(n))
+
+
+def stated_in(declared: Declared) -> bool:
+    """Whether any bound of (7) is stated itself."""
+    return any(getattr(declared, name) is not None for name in STATED_IN)
 
 
 @inline
