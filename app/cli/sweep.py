@@ -94,8 +94,11 @@ def sweep(
         )
     if asked.program != program:
         raise ScenarioError(f"sweep: {scenario} was asked of another version of the program; allowed: ask it anew")
-    if min(points, draw, seed) < 0 or (workers is not None and workers < 1):
-        raise ScenarioError("--points, --draw, --seed: allowed: 0 or more; --workers: 1 or more")
+    for name, given, least in (("points", points, 0), ("draw", draw, 0), ("seed", seed, 0), ("workers", workers, 1)):
+        if given is not None and given < least:
+            raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
+    if out == Path():  # also what an empty text is
+        raise ScenarioError("--out: no folder of its own; allowed: the name of a folder")
     if scheduler is not None and workers is not None:
         raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
     count = question.SweepQuestion(asked).count
@@ -117,7 +120,8 @@ def _sweep_into(out: Path, asked: Sweep, on: int | Cluster | None) -> int:
             count, left = len(store.done), int((~store.done).sum())
             if left < count:
                 print(f"{count - left} of {count} runs are there already")
-            print(running.estimated(asked, left, on))
+            if left:
+                print(running.estimated(asked, left, on))
             try:
                 failed = running.run(store, asked, on, show_progress=True)
             except KeyboardInterrupt:

@@ -73,6 +73,8 @@ def tune(
         return DONE
     if out is None:
         raise ScenarioError("tune: no folder for the runs; allowed: --out FOLDER, or --dry-run")
+    if out == Path():  # also what an empty text is
+        raise ScenarioError("--out: no folder of its own; allowed: the name of a folder")
     return _tune_into(out, asked, workers)
 
 

@@ -97,7 +97,7 @@ class PremiseWatch:
         a station, off the reference at the present posture. nearest: number of the nearest centre of Omega."""
         state, distance = self._state, self._table.value[Premise.DOMAIN]
         if distance > self.system.constants.radius:
-            self.left("flag", "q has left Ω, over which the constants of (19) were computed")
+            self.left("flag", f"q has left Ω, over which the constants of (19) were computed{self._outlasted}")
         station, judged, q = int(self._stations.of[nearest]), state.judged, state.arm.views.q
         if distance > APART:
             if judged.station is None and np.abs(q - judged.q).max() <= APART:
@@ -112,6 +112,14 @@ class PremiseWatch:
             self._state_premise(premise, value, 1.0)
             if value > 1.0:
                 self.left("flag", sentence(premise, value, 1.0, self.system.units))
+
+    @property
+    def _outlasted(self) -> str:
+        """Words for a run that is longer than the stretch of the path that Omega is about, "" for another one."""
+        duration = self.system.scenario.simulation.duration
+        if self._state.t <= duration:
+            return ""
+        return f" for the first {duration:g} s of the path (simulation.duration); allowed: a longer one"
 
     @property
     def sampled(self) -> RespondingLoop:

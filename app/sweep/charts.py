@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 MOST_TEXTS = 150  # tiles that have their counts written in them
-MOST_SLICES = 6
+MOST_SLICES = 8  # lines of a picture
+EVEN = 1e-4  # share by which the steps of a logarithm may differ: the page rounds the values
 WIDE = 100.0  # ratio of values from which on they are shown by their logarithm
 COLORS = "viridis"
 ASPECT = 0.75
@@ -102,8 +103,9 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
     rest = [axis.path for axis in sweep.vary if axis.path != x.path]
     shown = [axis.path for axis in others] or rest
     keys = [tuple(points.values[path][k] for path in rest) for k in range(len(points.number))]
-    colors = _colors(min(len(set(keys)), MOST_SLICES))
-    for color, key in zip(colors, dict.fromkeys(keys), strict=False):
+    lines = list(dict.fromkeys(keys))
+    drawn = [lines[k] for k in np.unique(np.linspace(0, len(lines) - 1, min(len(lines), MOST_SLICES)).astype(int))]
+    for color, key in zip(_colors(len(drawn)), drawn, strict=True):
         mine = np.array([k for k, each in enumerate(keys) if each == key])
         mine = mine[np.argsort(np.asarray(points.values[x.path][mine], dtype=float))]
         at = np.asarray(points.values[x.path][mine], dtype=float)
@@ -124,7 +126,8 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
             color="0.2",
         )
     if any(keys) and rest:
-        plot.legend(frameon=False, fontsize=6.0)
+        left_out = f"{len(drawn)} of {len(lines)} lines" if len(drawn) < len(lines) else None
+        plot.legend(frameon=False, fontsize=6.0, title=left_out, title_fontsize=6.0)
     _log_scales(plot, np.unique(np.asarray(points.values[x.path], dtype=float)), None)
     if statistic_of(view) != "share" and wide(points.number):
         plot.set_yscale("log")
@@ -228,6 +231,8 @@ def _caption(sweep: Sweep, points: Points, view: SweepView) -> str:
         told += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"
     if points.stopped.any():
         told += f". A cross: runs that stopped or were refused ({int(points.stopped.sum())} points)"
+    if none := int((np.isnan(points.number) & ~points.stopped).sum()):
+        told += f". White: no run has this figure ({none} points)"
     return told + "."
 
 
@@ -259,7 +264,10 @@ def _norm(points: Points, view: SweepView) -> Any:
     known = points.number[np.isfinite(points.number)]
     if not len(known):
         return Normalize(0.0, 1.0)
-    return LogNorm(known.min(), known.max()) if wide(known) else Normalize(known.min(), known.max())
+    if wide(known):
+        return LogNorm(known.min(), known.max())
+    low, high = known.min(), known.max()
+    return Normalize(low, high if high > low else low + (abs(low) or 1.0))  # one value stands at the scale's foot
 
 
 def wide(values: np.ndarray) -> bool:
@@ -272,7 +280,7 @@ def _geometric(values: np.ndarray) -> bool:
     if len(values) < 3 or not (values > 0).all():
         return False
     steps = np.diff(np.log(values))
-    return float(np.ptp(steps)) < 1e-6 * float(steps.mean())
+    return float(np.ptp(steps)) < EVEN * float(steps.mean())
 
 
 def _edges(values: np.ndarray) -> np.ndarray:

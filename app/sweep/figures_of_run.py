@@ -20,11 +20,13 @@ Figures = dict[str, Any]
 
 
 class Column(NamedTuple):
-    """Column of the table: unit in SI, "" for a word or a plain number, and meaning."""
+    """Column of the table: unit in SI, "" for a word or a plain number, and meaning.
+    more_is_better: whether the worst of several arms is the one with the least number."""
 
     unit: str
     meaning: str
     word: bool = False
+    more_is_better: bool = False
 
 
 COLUMNS: dict[str, Column] = {
@@ -40,15 +42,15 @@ COLUMNS: dict[str, Column] = {
     "layer_time_bound": Column("s", "until then by (18), as promised"),
     "band_time": Column("s", "until ‖s‖ is within its band"),
     "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised"),
-    "gain_margin": Column("N", "least d minus what (17) needs"),
+    "gain_margin": Column("N", "least d minus what (17) needs", more_is_better=True),
     "residual": Column("N", "RMS of (8), last fifth of the run"),
     "torque_variation": Column("N·m/s", "summed changes of all commanded torques per second"),
     "saturated_share": Column("1", "share of the control periods in which a drive is at its limit"),
-    "simulated_time": Column("s", "until the end of the run"),
+    "simulated_time": Column("s", "until the end of the run", more_is_better=True),
     "verdict": Column("", "of the theorem's promise: holds, not promised or broken", word=True),
     "failed": Column("", "premises of that promise that failed, by name", word=True),
-    "promised_share": Column("1", "share of the run for which something is promised"),
-    "declared": Column("1", "1 where the true arm is within what is declared, 0 where it is not"),
+    "promised_share": Column("1", "share of the run for which something is promised", more_is_better=True),
+    "declared": Column("1", "1 where the true arm is within what is declared, 0 where it is not", more_is_better=True),
     "stopped": Column("", "why the run ended before its time, or was refused", word=True),
     "wall_time": Column("s", "computing time"),
 }

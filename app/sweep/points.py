@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from app.scenario.schema import ScenarioError
-from app.sweep.figures_of_run import METRICS
+from app.sweep.figures_of_run import COLUMNS, METRICS
 from app.sweep.question import Sweep
 from parameters import allowed
 
@@ -46,6 +46,7 @@ class Points:
     good, arms: (N,), number of arms that keep the limit, and of all arms.
     stopped: (N,) bool, whether a run stopped or was refused.
     theorem, declared: (N,) bool, whether (17) and the declaration hold for all arms.
+    holding: (N,), number of arms whose promise holds.
     """
 
     values: Mapping[str, np.ndarray]
@@ -55,6 +56,7 @@ class Points:
     stopped: np.ndarray
     theorem: np.ndarray
     declared: np.ndarray
+    holding: np.ndarray
 
 
 def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) -> Points:
@@ -74,7 +76,9 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
     groups = [slice(a, b) for a, b in zip(begins, [*begins[1:], len(point)], strict=True)]
     arms = np.array([g.stop - g.start for g in groups])
     good = np.array([int(keeps[g].sum()) for g in groups])
-    number = good / arms if statistic == "share" else np.array([_statistic(metric[g], statistic) for g in groups])
+    best = COLUMNS[view.metric].more_is_better
+    number = good / arms if statistic == "share" else np.array([_statistic(metric[g], statistic, best) for g in groups])
+    holds = np.array([verdict == "holds" for verdict in columns["verdict"]])[order]
     return Points(
         values={axis.path: np.asarray(columns[axis.path])[order][begins] for axis in sweep.vary},
         number=number,
@@ -85,6 +89,7 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
         declared=np.array(
             [bool((np.asarray(columns["declared"], dtype=float)[order][g] == 1.0).all()) for g in groups]
         ),
+        holding=np.array([int(holds[g].sum()) for g in groups]),
     )
 
 
@@ -101,8 +106,8 @@ def interval(good: int, arms: int) -> tuple[float, float]:
     return float(found.low), float(found.high)
 
 
-def _statistic(values: np.ndarray, statistic: Statistic) -> float:
+def _statistic(values: np.ndarray, statistic: Statistic, more_is_better: bool) -> float:
     known = values[np.isfinite(values)]
     if not len(known):
         return math.nan
-    return float(np.median(known) if statistic == "median" else known.max())
+    return float(np.median(known) if statistic == "median" else known.min() if more_is_better else known.max())

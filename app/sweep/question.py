@@ -204,7 +204,8 @@ def _require_sound(sweep: Sweep) -> None:
         if sweep.points:
             raise ScenarioError(f"points: {sweep.points} in a grid; allowed: with --design latin or sobol")
     elif not sweep.vary or not sweep.points:
-        raise ScenarioError(f"points: {sweep.points} of {len(paths)} axes; allowed: 1 or more of each")
+        given = f"{sweep.points} points, {len(paths)} varied fields"
+        raise ScenarioError(f"design: {sweep.design!r} with {given}; allowed: 1 or more of each")
     for axis in sweep.vary:
         _require_axis(axis)
         for value in {axis.at(0.0), axis.at(1.0)}:
@@ -225,11 +226,12 @@ def _require_axis(axis: Axis) -> None:
 
 
 def _require_known(scenario: Scenario, path: str, value: Value) -> None:
-    """Raise ScenarioError where a field is unknown; a value that is refused makes a row that says so."""
+    """Raise ScenarioError where a field is unknown, or is no field for a value of this kind; another value that is
+    refused makes a row that says so."""
     try:
         with_value(scenario, path, value)
     except ScenarioError as error:
-        if "no such field" in str(error) or "no such entry" in str(error):
+        if any(words in str(error) for words in ("no such field", "no such entry", ", got ")):
             raise
 
 

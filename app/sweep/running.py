@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 BYTES = 90  # of a run on disk, measured (docs/sweeps.md)
 CHUNK = 8  # runs that a process takes at once, at most
+BEGIN = 2.0  # s until the processes have their first runs, measured (docs/sweeps.md)
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,8 @@ class SweepEstimate:
 
     def __str__(self) -> str:
         return (
-            f"{self.runs} runs of {self.simulated:.4g} s simulated time in all: about {_duration(self.seconds)}, "
+            f"{self.runs} {'run' if self.runs == 1 else 'runs'} of {self.simulated:.4g} s simulated time in all: "
+            f"about {_duration(self.seconds)}, "
             f"{self.size / 1e6:.2g} MB"
         )
 
@@ -54,8 +56,9 @@ def estimated(sweep: Sweep, left: int, on: int | Cluster | None = None) -> Sweep
     question, runner = SweepQuestion(sweep), SweepRunner(sweep)
     middle = question.count // 2
     seconds = [_seconds(runner, number % question.count) for number in (middle, middle + 1)][-1] if left else 0.0
-    share, workers = left / question.count, on.workers if isinstance(on, Cluster) else on or os.cpu_count()
-    return SweepEstimate(left, share * question.seconds, left * seconds / (workers or 1), left * BYTES)
+    share, cores = left / question.count, os.cpu_count() or 1
+    workers = on.workers if isinstance(on, Cluster) else min(on or cores, cores)  # more processes take turns
+    return SweepEstimate(left, share * question.seconds, BEGIN + left * seconds / (workers or 1), left * BYTES)
 
 
 def _seconds(runner: SweepRunner, number: int) -> float:

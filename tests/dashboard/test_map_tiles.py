@@ -24,10 +24,16 @@ NAMES = {"contact.K_e": ("stiffness <b>", "N/m"), "controller.K_s": ("gain", "N�
 NOWHERE: dict[str, float | None] = {}
 
 
-def picture(view: SweepView, present: Present = NOWHERE, sweep: Sweep = SWEEP, **state: Any) -> str:
+def picture(
+    view: SweepView,
+    present: Present = NOWHERE,
+    sweep: Sweep = SWEEP,
+    table: dict[str, np.ndarray] | None = None,
+    **state: Any,
+) -> str:
     shown = {"rows": [None] * 24, "going": False, "waiting": False, "problem": ""} | state
     naming = Naming("force error", "mN", 1e3, view.within is not None, NAMES)
-    points = points_of(sweep, columns(sweep), view)
+    points = points_of(sweep, columns(sweep) if table is None else table, view)
     return map_html(
         cast(BackgroundSweep, SimpleNamespace(question=SweepQuestion(sweep), **shown)), points, naming, present
     )
@@ -41,12 +47,17 @@ def test_tiles_say_their_numbers_in_units_and_the_arms_behind_them() -> None:
     worst = picture(SweepView("force_error"))
     said = said_in(worst)
     assert len(said) == 6
-    assert said[1] == "stiffness &lt;b&gt; 1000 N/m, gain 80 N·s/m: force error 3100 mN, worst of 4 arms"
+    number = "stiffness &lt;b&gt; 1000 N/m, gain 80 N·s/m: force error 3100 mN, worst of 4 arms"
+    assert said[1] == f"{number}; the promise holds for 3 of 4 arms"
     assert said[2].endswith("a run stopped or was refused")
     assert re.findall(r'data-point="(\d+)"', worst) == ["0", "1", "2", "3", "4", "5"]
     assert "<b>" not in worst
     share = said_in(picture(SweepView("force_error", within=1.25)))
-    assert share[0].endswith("2 of 4 arms (95 %: 0.15 to 0.85)")
+    assert share[0].endswith("2 of 4 arms (95 %: 0.15 to 0.85); the promise holds for 3 of 4 arms")
+    wide = columns() | {"force_error": 10.0 ** -columns()["point"]}
+    middle = re.findall(r'y="244" text-anchor="middle">(.*?)<', picture(SweepView("force_error"), table=wide))
+    assert middle == ["3.16 mN"]  # of 1000 and 0.01: the colours follow the logarithm
+    assert 'y="244" text-anchor="middle"' not in worst
 
 
 def test_the_declared_set_ends_between_tiles_and_the_ring_is_at_the_present_setting() -> None:
@@ -71,7 +82,7 @@ def test_over_one_field_there_is_a_course_with_an_interval_at_each_share() -> No
     assert worst.count("vs-interval") == 0
     assert re.search(r'class="vs-present" d="M 187.0 ', worst)  # in the middle
     share = picture(SweepView("force_error", within=1.25), sweep=alone)
-    assert said_in(share)[0].endswith("2 of 4 arms (95 %: 0.15 to 0.85)")
+    assert "2 of 4 arms (95 %: 0.15 to 0.85)" in said_in(share)[0]
     assert share.count("vs-interval") == 3
 
 

@@ -215,6 +215,7 @@ def test_list_shows_robots_and_scenarios() -> None:
         (("run", "ur5-hybrid", "--set", "target_model.M_m=[1,2]"), "target_model.M_m: 2 entries; allowed: 6"),
         (("run", "ur5-hybrid", "--set", "robot.urdf=/none.urdf"), "robot.urdf: cannot read /none.urdf"),
         (("run", "ur5-hybrid", "--set", "robot.tool_frame=hand"), "robot.tool_frame: no frame 'hand'"),
+        (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--draw", "-1"), "--draw -1; allowed: 0 or more"),
     ],
 )
 def test_wrong_input_is_refused_in_one_sentence(

@@ -20,6 +20,7 @@ from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.sampled_stability import sampled_loop
 from app.simulation.stations import APART
@@ -385,3 +386,15 @@ def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_peri
     assert "law is not" not in waiting.now.because
     loop.step()
     assert loop.standing.now.verdict == "holds"
+
+
+def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> None:
+    """Omega surrounds the path of the run's duration, as of a run of a map that the page opens."""
+    loop = ClosedLoop(edited(shipped()["ur5-hybrid"], "simulation.duration", 1.0))
+    CompiledRun(loop).advance(1000)
+    assert loop.warning is None
+    CompiledRun(loop).advance(2000)
+    assert "for the first 1 s of the path (simulation.duration); allowed: a longer one" in str(loop.warning)
+    whole = ClosedLoop(shipped()["ur5-hybrid"])
+    CompiledRun(whole).advance(3000)
+    assert whole.warning is None

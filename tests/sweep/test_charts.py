@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.scenario.schema import ScenarioError
-from app.sweep.charts import _borders, chart
+from app.sweep.charts import _borders, _geometric, chart
 from app.sweep.points import SweepView, interval, points_of
 from app.sweep.question import Axis, Sweep, SweepQuestion, axis_of
 from tests.support.svg import texts_of
@@ -18,7 +18,8 @@ SWEEP = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:80:2", draw=4)
 
 def columns(sweep: Sweep = SWEEP) -> dict[str, np.ndarray]:
     """Table of a sweep whose force error is 0.1 N times point plus arm; the run 9 stopped, (17) fails for an arm of
-    point 4, and the arms of point 5 are outside what is declared. The rows are out of order."""
+    point 4, and the arms of point 5 are outside what is declared. The promise holds but for arm 3. The rows are
+    out of order."""
     asked = SweepQuestion(sweep)
     rows = [asked.told(asked.row(number)) for number in range(asked.count)]
     for row in rows:
@@ -27,6 +28,7 @@ def columns(sweep: Sweep = SWEEP) -> dict[str, np.ndarray]:
             "stopped": "contact lost" if row["row"] == 9 else None,
             "gain_margin": -0.3 if (row["point"], row["arm"]) == (4, 2) else 0.5,
             "declared": 0.0 if row["point"] == 5 else 1.0,
+            "verdict": "not promised" if row["arm"] == 3 else "holds",
         }
     return {name: np.array([row[name] for row in reversed(rows)]) for name in rows[0]}
 
@@ -48,6 +50,9 @@ def test_the_worst_and_the_median_arm() -> None:
     )
     assert worst.number == pytest.approx(3.0 + 0.1 * np.arange(6))
     assert median.number == pytest.approx(1.5 + 0.1 * np.arange(6))
+    assert worst.holding.tolist() == [3] * 6
+    margins = points_of(SWEEP, columns(), SweepView("gain_margin", statistic="worst"))
+    assert margins.number == pytest.approx([0.5, 0.5, 0.5, 0.5, -0.3, 0.5])  # of a margin the least is the worst
 
 
 def test_wilsons_interval_of_few_arms() -> None:
@@ -103,6 +108,32 @@ def test_other_charts_for_other_sweeps() -> None:
     assert {"robust (25)", "PD + gravity", "control law", "stiffness of the surface [N/m]"} <= set(
         texts_of(chart(three, columns(three), SweepView("force_error"), "svg"))
     )
+
+
+def test_slices_say_which_lines_they_leave_out() -> None:
+    many = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:100:9")
+    drawn = texts_of(chart(many, columns(many), SweepView("force_error", kind="slices"), "svg"))
+    assert "8 of 9 lines" in drawn
+    assert {"reaching gain K_s 20 N·s/m", "reaching gain K_s 100 N·s/m"} <= set(drawn)
+    assert sum(text.startswith("reaching gain K_s ") and text[18].isdigit() for text in drawn) == 8
+    all_of_them = texts_of(chart(SWEEP, columns(), SweepView("force_error", kind="slices"), "svg"))
+    assert not any("lines" in text for text in all_of_them)
+
+
+def test_values_that_the_page_has_rounded_are_even_steps_of_the_logarithm_still() -> None:
+    assert _geometric(np.array([5000.0, 8891.4, 15811.4, 28117.1, 50000.0]))
+    assert not _geometric(np.array([5000.0, 8900.0, 15800.0, 28100.0, 50000.0]))
+
+
+def test_a_figure_that_is_the_same_everywhere_stands_at_the_foot_of_its_scale() -> None:
+    table = columns() | {
+        "saturated_share": np.zeros(24),
+        "settling_time": np.where(columns()["point"] == 0, np.nan, 0.5),
+    }
+    drawn = chart(SWEEP, table, SweepView("saturated_share"), "svg")
+    assert not any(text.startswith("−") for text in texts_of(drawn))  # no negative share
+    missing = texts_of(chart(SWEEP, table, SweepView("settling_time"), "svg"))
+    assert any("White: no run has this figure (1 points)" in text for text in missing)
 
 
 @pytest.mark.parametrize(

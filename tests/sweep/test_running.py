@@ -100,7 +100,11 @@ def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest
     assert "12 runs of 3.6 s simulated time" in capsys.readouterr().out
     assert execute([*asked, "--out", folder]) == 0
     assert execute([*asked, "--out", folder]) == 0
-    assert "12 of 12 runs are there already" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "12 of 12 runs are there already" in said
+    assert "0 runs" not in said
+    assert execute([*asked, "--out", ""]) == 2  # a variable of a script that is not set
+    assert "--out: no folder of its own" in capsys.readouterr().err
     assert execute(["sweep", f"{folder}/sweep.toml", "--out", str(tmp_path / "again"), "--workers", "1"]) == 0
     _, columns = table_of(tmp_path / "sweep")
     _, again = table_of(tmp_path / "again")

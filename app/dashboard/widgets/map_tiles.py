@@ -192,8 +192,17 @@ def _said(question: SweepQuestion, points: Points, k: int, number: float, naming
         return f"{where}: no figure"
     if naming.share:
         low, high = interval(int(points.good[k]), arms)
-        return f"{where}: {points.good[k]} of {arms} arms (95 %: {low:.2f} to {high:.2f})"
-    return f"{where}: {naming.title} {_plain(number)} {naming.unit}" + (f", worst of {arms} arms" if arms > 1 else "")
+        return f"{where}: {points.good[k]} of {arms} arms (95 %: {low:.2f} to {high:.2f}){_unpromised(points, k)}"
+    worst = f", worst of {arms} arms" if arms > 1 else ""
+    return f"{where}: {naming.title} {_plain(number)} {naming.unit}{worst}{_unpromised(points, k)}"
+
+
+def _unpromised(points: Points, k: int) -> str:
+    """Words for arms whose promise does not hold, "" where it holds for all."""
+    arms, holding = int(points.arms[k]), int(points.holding[k])
+    if holding == arms:
+        return ""
+    return "; the promise does not hold" if arms == 1 else f"; the promise holds for {holding} of {arms} arms"
 
 
 def _color(share: float) -> str:
@@ -274,7 +283,14 @@ def _bar(scale: ColorScale, naming: Naming) -> str:
     )
     ends = ("0", "1") if naming.share else (f"{_plain(each)} {naming.unit}" for each in (scale.low, scale.high))
     left, right = ends
-    return f'{shades}<text x="{LEFT}" y="244">{left}</text><text x="{RIGHT}" y="244" text-anchor="end">{right}</text>'
+    middle = ""
+    if scale.logarithmic and not naming.share:
+        between = f"{_plain(math.sqrt(scale.low * scale.high))} {naming.unit}"
+        middle = f'<text x="{(LEFT + RIGHT) / 2:.1f}" y="244" text-anchor="middle">{between}</text>'
+    return (
+        f'{shades}<text x="{LEFT}" y="244">{left}</text>{middle}'
+        f'<text x="{RIGHT}" y="244" text-anchor="end">{right}</text>'
+    )
 
 
 def _plain(value: float) -> str:
