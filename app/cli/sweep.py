@@ -39,7 +39,7 @@ def sweep(
     show: Annotated[str | None, tyro.conf.arg(metavar="{share,median,worst}")] = None,
     over: tuple[str, ...] = (),
     kind: Annotated[str | None, tyro.conf.arg(name="as", metavar="{map,slices,scatter,parallel}")] = None,
-    to: Annotated[str, tyro.conf.arg(metavar="{svg,pdf,png}")] = "svg",
+    to: Annotated[str | None, tyro.conf.arg(metavar="{svg,pdf,png}")] = None,
     settings: Settings = (),
 ) -> int:
     """Simulate a scenario with many settings and true arms, on all cores; the same command goes on where it was
@@ -66,7 +66,7 @@ def sweep(
         show: for plot, what is shown of the arms of a point
         over: for plot, the fields that are the axes
         kind: for plot, the chart
-        to: for plot, the form of the file
+        to: for plot, the form of the file, by default that of its name, or svg
     """
     if scenario == "plot":
         return _plot_sweep(folder, out, of, within, show, over, kind, to)
@@ -141,7 +141,7 @@ def _plot_sweep(
     show: str | None,
     over: tuple[str, ...],
     kind: str | None,
-    to: str,
+    to: str | None,
 ) -> int:
     from app.export.formats import Format
     from app.process.atomic_write import write_whole
@@ -150,7 +150,10 @@ def _plot_sweep(
 
     if folder is None:
         raise ScenarioError("sweep plot: no folder; allowed: the folder of a sweep")
-    form: Format = one_of("--to", to, get_args(Format))
+    named = "" if out is None else out.suffix.lower().removeprefix(".")
+    form: Format = one_of("--to", to or (named if named in get_args(Format) else "svg"), get_args(Format))
+    if named and named != form:
+        raise ScenarioError(f"--out {out}: a file of {form}; allowed: a name that ends in .{form}")
     view = points.SweepView(
         metric=of,
         within=within,

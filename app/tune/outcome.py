@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 TABLE, FIGURE = "candidates.parquet", "tune.svg"
 OWN = "own gains"
+AT_THE_END = {"motion_error", "angle_error", "force_error", "residual"}  # figures of the last fifth of a run
+SOON = 0.4  # share of a run by which it has to have settled, for its end not to be the transient's
 
 
 class Comparison(NamedTuple):
@@ -140,7 +142,8 @@ def _table(tuning: Tuning, found: Found) -> pa.Table:
 def _drawn(tuning: Tuning, found: Found) -> Canvas:
     arms = "its own arm" if not tuning.draw else f"the worst of {tuning.seen} true arms"
     caption = f"{tuning.scenario.name}, {len(found.candidates) - 1} candidates, {arms}. "
-    caption += "A cross: over a limit, or stopped; never offered."
+    if any(each.badge for each in found.candidates):
+        caption += "A cross: over a limit, or stopped; never offered."
     canvas, plot = sheet(SINGLE, caption)
     (_draw_course if len(tuning.aims) == 1 else _draw_front)(plot, tuning, found.candidates)
     plot.legend(frameon=False, fontsize=6.0)
@@ -157,7 +160,7 @@ def _draw_front(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> None
         [each.aims[0] for each in best], [each.aims[1] for each in best], where="post", color="#d03030", label="front"
     )
     if all(map(math.isfinite, candidates[0].aims)):
-        plot.plot(*candidates[0].aims, "k*", markersize=7, label=OWN)
+        plot.plot(*candidates[0].aims, "k*", markersize=7, label=OWN, zorder=5)
     for k, (set_scale, axis) in enumerate(((plot.set_xscale, plot.xaxis), (plot.set_yscale, plot.yaxis))):
         if shown and _far_apart([each.aims[k] for each in shown]):
             set_scale("log")
@@ -227,6 +230,8 @@ def verdict(tuning: Tuning, found: Found) -> list[str]:
     sentences = []
     if found.tried[0].badge:
         sentences.append(f"the {OWN} themselves: {found.tried[0].badge}")
+    if short := _short(tuning, found):
+        sentences.append(short)
     badges = Counter(each.badge.partition(" (")[0] for each in found.candidates[1:] if each.badge)
     if badges:
         said, count = badges.most_common(1)[0]
@@ -246,6 +251,21 @@ def verdict(tuning: Tuning, found: Found) -> list[str]:
         both = "in both at once, " if len(tuning.aims) > 1 else ""
         sentences.append(f"{aims}: the {OWN} are NOT beaten {both}{on}")
     return sentences
+
+
+def _short(tuning: Tuning, found: Found) -> str:
+    """Sentence on runs that are too short for figures of their end, "" where they are not: what is best there may be
+    worse in the long run."""
+    aims = [aim.replace("_", " ") for aim in tuning.aims if aim in AT_THE_END]
+    length, times = tuning.scenario.simulation.duration, [run.get("settling_time") for run in found.runs.get(0, [])]
+    known = [float(each) for each in times if each is not None]
+    unsettled = len(known) < len(times) and "force_error" in tuning.aims
+    if not aims or not (unsettled or max(known, default=0.0) > SOON * length):
+        return ""
+    settles = "does not settle" if unsettled else f"needs up to {max(known):.2g} s to settle"
+    what = f"a run of {length:g} s {settles} with the {OWN}"
+    judged = f"judged is its last fifth ({', '.join(aims)})"
+    return f"{what}; {judged}: what is better there may be worse later, longer runs tell"
 
 
 def _beats(tuning: Tuning, compared: Comparison) -> bool:

@@ -77,6 +77,8 @@ class SharedPage:
         self._close()
 
     def _begun(self) -> PageSession:
+        if self._page is not None and not self._page.is_closed():
+            _let_go(self._page)
         pins = [Unpin(pinned.number) for pinned in self._runner.snapshot.pinned]
         for command in (*pins, Load(SCENARIO), SetSpeed(1.0), Pause(), Reset()):
             self._runner.post(command)
@@ -98,8 +100,6 @@ class SharedPage:
         """Nothing held or pressed, the first tabs open; True once the page shows the loop at its beginning."""
         if page.is_closed() or page.url != self._address:
             return False
-        page.mouse.up()
-        page.keyboard.up("Shift")
         page.mouse.move(0, 0)
         page.set_viewport_size(VIEWPORT)
         page.evaluate(_PUT_BACK)
@@ -114,6 +114,14 @@ class SharedPage:
         other = {part: (self._first[part], now[part]) for part in now if now[part] != self._first[part]}
         warnings.warn(f"a test leaves its page changed, and another one is opened: {other}", stacklevel=1)
         return False
+
+
+def _let_go(page: Page) -> None:
+    """Let go of what a test holds, and take it back: a slider would be applied after the scenario has been loaded."""
+    if page.locator("form[data-held]").count():
+        page.keyboard.press("Escape")
+    page.mouse.up()
+    page.keyboard.up("Shift")
 
 
 def _on_first_tabs(page: Page) -> bool:

@@ -14,7 +14,7 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_mode, nearest, on_surface
 from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
-from environments.surfaces.own import OwnPath as OwnForm
+from environments.surfaces.own import OwnForm
 from environments.surfaces.table import Surface
 from environments.trajectories.own import OwnPath
 from environments.trajectories.table import evaluated, numbered

@@ -103,6 +103,11 @@ def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest
     said = capsys.readouterr().out
     assert "12 of 12 runs are there already" in said
     assert "0 runs" not in said
+    svg, png = tmp_path / "of.svg", tmp_path / "of.png"
+    assert execute(["sweep", "plot", folder, "--to", "png", "--out", str(svg)]) == 2
+    assert "allowed: a name that ends in .png" in capsys.readouterr().err
+    assert execute(["sweep", "plot", folder, "--out", str(png)]) == 0  # the name says which form
+    assert png.read_bytes().startswith(b"\x89PNG")
     assert execute([*asked, "--out", ""]) == 2  # a variable of a script that is not set
     assert "--out: no folder of its own" in capsys.readouterr().err
     assert execute(["sweep", f"{folder}/sweep.toml", "--out", str(tmp_path / "again"), "--workers", "1"]) == 0
