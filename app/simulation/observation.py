@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -70,12 +69,6 @@ class Observer:
         self.observation_model = ObservationModel(model.constants, errors, shapes, layout)
         self.model, self._record = model, Record(self.observation_model)
         self._blank = Record.zeros(Observation, layout.n)
-
-    def with_model(self, model: NominalModel) -> Observer:
-        """Observer with another object of the same model of the arm, for use in another thread."""
-        twin = copy(self)
-        twin.model = model
-        return twin
 
     @property
     def fingerprint(self) -> bytes:

@@ -12,6 +12,7 @@ from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT, Units
 from app.simulation.domain import Constants, posture_at
+from app.simulation.error_model import ErrorModel
 from app.simulation.observation import Observer
 from app.simulation.planned_reference import Planned, ReferencePlan
 from app.simulation.search_memory import Memory
@@ -61,7 +62,6 @@ class System:
     charted: gives the task coordinates: the surfaces, or Cartesian axes.
     stations: at which the sampled loops are judged.
     mobility: the true arm's largest over Omega.
-    observer: with the controller's model of the arm.
     controller: with the target model in force, from which `blend`, if there is one, leads to another.
     q_0: (n,) rad, posture at the start.
     z_0: (n,) m/s, z of (9) at the start, unless `controller.on_change` is "remove" (Remark 2).
@@ -77,7 +77,6 @@ class System:
     surfaces: tuple[Surface, ...]
     charted: Surface | Corner
     nominal: NominalModel
-    observer: Observer
     plant: Plant
     constants: Constants
     stations: Stations
@@ -111,6 +110,11 @@ class System:
     def planned(self) -> Planned:
         """Reference of the run, as a function of time."""
         return Planned(self.plan)
+
+    @cached_property
+    def observer(self) -> Observer:
+        """Observer with the controller's model of the arm."""
+        return Observer(self.nominal, self.charted.shapes, self.layout, ErrorModel.of(self.scenario, self.q_0))
 
     @cached_property
     def outsiders(self) -> tuple[str, ...]:

@@ -158,7 +158,7 @@ def test_a_line_is_drawn_by_mouse_and_playing_freely_is_undone(session: PageSess
     # by key: the panel moves while the page is drawn for the other mode
     page.get_by_role("button", name="Return to the lesson's scene").press("Enter")
     session.wait(lambda now: now.scenario.mode == "hybrid")
-    page.get_by_role("button", name="Back", exact=True).click()
+    page.get_by_role("button", name="Back", exact=True).press("Enter")
     at_step(session, 2)
     page.get_by_role("button", name="Leave the lesson").click()
     page.get_by_role("button", name="Continue at step 2").wait_for()

@@ -239,8 +239,8 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     insert(tree / "controllers" / "modes.py", "    )\n}\n", SOFT)
     insert(tree / "app" / "scenario" / "schema.py", '"constrained"],', '"constrained", "soft"],')
     for kind, file, text, table, before in (
-        ("Slope", "surfaces/slope.py", SLOPE, "SURFACES", "Sphere, FormulaSurface, Own)"),
-        ("Nod", "trajectories/nod.py", NOD, "TRAJECTORIES", "Circle, Line, Own)"),
+        ("Slope", "surfaces/slope.py", SLOPE, "SURFACES", "Sphere, FormulaSurface, OwnForm)"),
+        ("Nod", "trajectories/nod.py", NOD, "TRAJECTORIES", "Circle, Line, OwnPath)"),
         ("Growing", "force_profiles/growing.py", FADE, "FORCE_PROFILES", "ForceStep, ForceSinusoid)"),
     ):
         folder, module = file.removesuffix(".py").split("/")
