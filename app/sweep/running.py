@@ -34,6 +34,13 @@ class SweepEstimate:
     seconds: float
     size: float
 
+    @classmethod
+    def of(cls, runs: int, simulated: float, each: float, on: int | Cluster | None) -> SweepEstimate:
+        """Estimate from the computing time of one run, `each` s. on: see `run`."""
+        cores = os.cpu_count() or 1
+        workers = on.workers if isinstance(on, Cluster) else min(on or cores, cores)  # more processes take turns
+        return cls(runs, simulated, BEGIN + runs * each / (workers or 1), runs * BYTES)
+
     def __str__(self) -> str:
         return (
             f"{self.runs} {'run' if self.runs == 1 else 'runs'} of {self.simulated:.4g} s simulated time in all: "
@@ -56,9 +63,7 @@ def estimated(sweep: Sweep, left: int, on: int | Cluster | None = None) -> Sweep
     question, runner = SweepQuestion(sweep), SweepRunner(sweep)
     middle = question.count // 2
     seconds = [_seconds(runner, number % question.count) for number in (middle, middle + 1)][-1] if left else 0.0
-    share, cores = left / question.count, os.cpu_count() or 1
-    workers = on.workers if isinstance(on, Cluster) else min(on or cores, cores)  # more processes take turns
-    return SweepEstimate(left, share * question.seconds, BEGIN + left * seconds / (workers or 1), left * BYTES)
+    return SweepEstimate.of(left, left / question.count * question.seconds, seconds, on)
 
 
 def _seconds(runner: SweepRunner, number: int) -> float:

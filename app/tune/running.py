@@ -15,7 +15,7 @@ from app.process import worker_pool
 from app.scenario.schema import ScenarioError
 from app.sweep.figures_of_run import Figures, SweepRunner
 from app.sweep.question import SweepQuestion, SweepRow, Value
-from app.sweep.running import BEGIN, BYTES, CHUNK, SweepEstimate
+from app.sweep.running import CHUNK, SweepEstimate
 from app.tune.candidates import Candidate, front, judged
 from app.tune.question import Tuning
 from app.tune.search import Search
@@ -50,9 +50,7 @@ def estimated(tuning: Tuning, left: int, workers: int | None = None) -> SweepEst
         started = time.perf_counter()
         runner.figures_of(SweepRow(0, 0, 0, {}))
         seconds = time.perf_counter() - started
-    simulated = left * tuning.scenario.simulation.duration
-    cores = os.cpu_count() or 1
-    return SweepEstimate(left, simulated, BEGIN + left * seconds / min(workers or cores, cores), left * BYTES)
+    return SweepEstimate.of(left, left * tuning.scenario.simulation.duration, seconds, workers)
 
 
 def most_runs(tuning: Tuning) -> int:
