@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import pinocchio as pin
 
 from kernels import inline
 
@@ -57,8 +57,8 @@ class Grip:
         if self.anchor is not None:
             wrench[:3] = _at_most(self.limit, self.stiffness * (np.asarray(self.anchor) - p))
         if self.turned is not None:
-            apart = Rotation.from_rotvec(self.turned) * Rotation.from_matrix(R).inv()
-            wrench[3:] = _at_most(self.moment_limit, self.torsion * apart.as_rotvec())
+            apart = pin.log3(pin.exp3(np.asarray(self.turned)) @ R.T)
+            wrench[3:] = _at_most(self.moment_limit, self.torsion * apart)
         return wrench
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, get_args
 
 import tyro
 
-from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, use_own
+from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, use_own, written_to
 from app.cli.status import DONE, STOPPED
 from app.export.formats import ALL_PLOTS, Kind
 from app.scenario.schema import ScenarioError, scenario_errors
@@ -80,13 +80,11 @@ def export(
         if loop.stopped:
             print(f"stopped: {loop.stopped}")
             status = STOPPED
-    try:
+    with written_to(out):
         for path in write(
             ExportedStretch(scenario, recording, start, end), kinds, FigureChoice(plots, series, options), out
         ):
             print(f"written: {path}")
-    except OSError as error:
-        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
     return status
 
 

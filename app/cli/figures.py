@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from app.cli.options import ENGINES, braces, one_of
+from app.cli.options import ENGINES, braces, one_of, written_to
 from app.cli.status import DONE
 from app.scenario.schema import ScenarioError
 from app.simulation.engines import Engine
@@ -38,9 +38,7 @@ def figures(
         raise ScenarioError(f"--only {unknown[0]}: {allowed(unknown[0], names)}")
     if thin < 1:
         raise ScenarioError(f"--thin {thin}: allowed: 1 or more")
-    try:
+    with written_to(out):
         page = make([section for section in SECTIONS if not only or section.name in only], thin, out, engine=by)
-    except OSError as error:
-        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
     print(f"written: {page}")
     return DONE

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, TypeVar, get_args
 
@@ -34,6 +36,25 @@ def one_of(flag: str, given: str, names: tuple[Choice, ...]) -> Choice:
 def braces(names: tuple[str, ...]) -> str:
     """Allowed names as a command's help shows them, in braces."""
     return f"{{{','.join(names)}}}"
+
+
+def folder_of(command: str, out: Path | None) -> Path:
+    """Folder of its own that was given to `--out` of this command. Raises ScenarioError."""
+    if out is None:
+        raise ScenarioError(f"{command}: no folder for the runs; allowed: --out FOLDER, or --dry-run")
+    if out == Path():  # also what an empty text is
+        raise ScenarioError("--out: no folder of its own; allowed: the name of a folder")
+    return out
+
+
+@contextmanager
+def written_to(out: Path, besides: str = "") -> Iterator[None]:
+    """Context in which files are written to `--out`; raises ScenarioError where they cannot be. besides: words after
+    the reason."""
+    try:
+        yield
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}{besides}") from error
 
 
 def use_own(files: tuple[Path, ...]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from app.cli.options import Files, Settings, configured, use_own
+from app.cli.options import Files, Settings, configured, use_own, written_to
 from app.cli.status import DONE
 from app.scenario.data import shipped
 from app.scenario.schema import ScenarioError
@@ -81,7 +81,7 @@ def response(
     if seen.force_loop is not None:
         print(force_margin.told(seen.force_loop))
     caption = f"{title_of(chosen, shipped().get(chosen.name)).text}, at t = {loop.t:.3g} s."
-    try:
+    with written_to(out):
         out.mkdir(parents=True, exist_ok=True)
         files = {
             "response.svg": render(figure_of(seen, seen.response, points, caption), "svg"),
@@ -91,7 +91,5 @@ def response(
             files["force_loop.csv"] = force_table_of(seen.force_loop).encode()
         for name, content in files.items():
             write_whole(out / name, lambda file, content=content: file.write(content))
-    except OSError as error:
-        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
     print(f"written to {out}")
     return DONE

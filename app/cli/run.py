@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, shown, use_own
+from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, shown, use_own, written_to
 from app.cli.status import BROKEN, DONE, STOPPED, UNPROMISED
 from app.process.terminal_text import say
 from app.scenario.data import load
@@ -69,10 +69,8 @@ def run(
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
     loop, metrics = headless_run.simulate(chosen, engine=by, show_progress=True, memory=kept_memory())
-    try:
+    with written_to(out):
         headless_run.write(loop, metrics, out)
-    except OSError as error:
-        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
     _print_figures(metrics, loop.system)
     _print_promise(metrics)
     for violation in loop.standing.outsiders:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import tyro
 
-from app.cli.options import ENGINES, Settings, braces, configured, one_of
+from app.cli.options import ENGINES, Settings, braces, configured, folder_of, one_of, written_to
 from app.cli.status import DONE
 from app.scenario.schema import ScenarioError
 
@@ -97,38 +97,32 @@ def sweep(
     for name, given, least in (("points", points, 0), ("draw", draw, 0), ("seed", seed, 0), ("workers", workers, 1)):
         if given is not None and given < least:
             raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
-    if out == Path():  # also what an empty text is
-        raise ScenarioError("--out: no folder of its own; allowed: the name of a folder")
     if scheduler is not None and workers is not None:
         raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
     count = question.SweepQuestion(asked).count
-    if out is None and not dry_run:
-        raise ScenarioError("sweep: no folder for the runs; allowed: --out FOLDER, or --dry-run")
+    folder = None if dry_run else folder_of("sweep", out)
     with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
-        if out is None or dry_run:
+        if folder is None:
             print(running.estimated(asked, count, on))
             return DONE
-        return _sweep_into(out, asked, on)
+        return _sweep_into(folder, asked, on)
 
 
 def _sweep_into(out: Path, asked: Sweep, on: int | Cluster | None) -> int:
     from app.sweep import running
     from app.sweep.run_store import RunStore
 
-    try:
-        with RunStore(out, asked) as store:
-            count, left = len(store.done), int((~store.done).sum())
-            if left < count:
-                print(f"{count - left} of {count} runs are there already")
-            if left:
-                print(running.estimated(asked, left, on))
-            try:
-                failed = running.run(store, asked, on, show_progress=True)
-            except KeyboardInterrupt:
-                print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
-                raise
-    except OSError as error:
-        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}; what is there stays") from error
+    with written_to(out, "; what is there stays"), RunStore(out, asked) as store:
+        count, left = len(store.done), int((~store.done).sum())
+        if left < count:
+            print(f"{count - left} of {count} runs are there already")
+        if left:
+            print(running.estimated(asked, left, on))
+        try:
+            failed = running.run(store, asked, on, show_progress=True)
+        except KeyboardInterrupt:
+            print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
+            raise
     print(f"{count} runs in {out}" + (f", {failed} of the last {left} stopped or refused" if failed else ""))
     return DONE
 
@@ -162,10 +156,8 @@ def _plot_sweep(
         kind=None if kind is None else one_of("--as", kind, get_args(points.Kind)),
     )
     path, drawn = out or folder / f"{of}.{form}", charts.chart(*table_of(folder), view, form)
-    try:
+    with written_to(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, lambda file: file.write(drawn))
-    except OSError as error:
-        raise ScenarioError(f"--out {path}: cannot be written: {error.strerror}") from error
     print(f"written: {path}")
     return DONE

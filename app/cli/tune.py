@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.cli.options import Settings, configured
+from app.cli.options import Settings, configured, folder_of, written_to
 from app.cli.status import DONE
 from app.scenario.schema import ScenarioError
 
@@ -71,31 +71,24 @@ def tune(
     if dry_run:
         print(f"at most {running.estimated(asked, running.most_runs(asked), workers)}")
         return DONE
-    if out is None:
-        raise ScenarioError("tune: no folder for the runs; allowed: --out FOLDER, or --dry-run")
-    if out == Path():  # also what an empty text is
-        raise ScenarioError("--out: no folder of its own; allowed: the name of a folder")
-    return _tune_into(out, asked, workers)
+    return _tune_into(folder_of("tune", out), asked, workers)
 
 
 def _tune_into(out: Path, asked: Tuning, workers: int | None) -> int:
     from app.sweep.run_store import RunStore
     from app.tune import outcome, running
 
-    try:
-        with RunStore(out, asked) as store:
-            if done := int(store.done.sum()):
-                print(f"{done} runs are there already")
-            else:
-                print(f"at most {running.estimated(asked, running.most_runs(asked), workers)}")
-            try:
-                found = running.run(store, asked, workers, show_progress=True)
-            except KeyboardInterrupt:
-                print(f"stopped with {int(store.done.sum())} runs; the same command goes on")
-                raise
-            outcome.write(asked, found, out)
-    except OSError as error:
-        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}; what is there stays") from error
+    with written_to(out, "; what is there stays"), RunStore(out, asked) as store:
+        if done := int(store.done.sum()):
+            print(f"{done} runs are there already")
+        else:
+            print(f"at most {running.estimated(asked, running.most_runs(asked), workers)}")
+        try:
+            found = running.run(store, asked, workers, show_progress=True)
+        except KeyboardInterrupt:
+            print(f"stopped with {int(store.done.sum())} runs; the same command goes on")
+            raise
+        outcome.write(asked, found, out)
     head, *rows = outcome.told(asked, found)
     table = Table(*map(escape, head))
     for row in rows:

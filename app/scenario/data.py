@@ -14,7 +14,7 @@ import msgspec
 import tomli_w
 from msgspec import Struct
 
-from app.scenario.schema import Scenario, ScenarioError, field_info, types_of
+from app.scenario.schema import Scenario, ScenarioError, UnknownField, WrongKind, field_info, types_of
 from parameters import allowed
 
 LARGEST = 100_000  # bytes of a TOML file; the shipped ones have 2000, and readers of TOML are slow
@@ -31,7 +31,7 @@ def from_plain(data: object) -> Scenario:
     try:
         return msgspec.convert(data, Scenario)
     except msgspec.ValidationError as error:
-        raise ScenarioError(_sentence(str(error), data)) from error
+        raise _kind_of_refusal(str(error))(_sentence(str(error), data)) from error
 
 
 def to_plain(scenario: Scenario) -> dict[str, Any]:
@@ -78,40 +78,43 @@ def edited(scenario: Scenario, path: str, value: object) -> Scenario:
     Raises ScenarioError.
     """
     data = msgspec.to_builtins(scenario)
+    _replace(data, path, value)
+    return from_plain(_without_none(data))
+
+
+def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
+    """Copy of the scenario with other values of fields by dotted path, see `with_value`. Raises ScenarioError."""
+    data = msgspec.to_builtins(scenario)
+    for path, value in values.items():
+        names = list(takewhile(lambda part: not part.isdecimal(), path.split(".")))
+        held: Any = data
+        for name in names:
+            held = held.get(name) if isinstance(held, dict) else None
+        _replace(data, ".".join(names), _with_entry(held, path.split(".")[len(names) :], value, path))
+    return from_plain(_without_none(data))
+
+
+def with_value(scenario: Scenario, path: str, value: object) -> Scenario:
+    """Copy of the scenario with another value of a field; numbers at the path's end are an entry of a list, or row and
+    column of a matrix, from 1. Raises ScenarioError."""
+    return with_values(scenario, {path: value})
+
+
+def _replace(data: object, path: str, value: object) -> None:
+    """Replace the field at a dotted path of a scenario in plain data. Raises ScenarioError."""
     *sections, last = path.split(".")
     table: Any = data
     for section in sections:
         if path.startswith(OWN_PARAMETERS) and isinstance(table, dict):
             table[section] = table.get(section) or {}
         if not isinstance(table, dict) or not isinstance(table.get(section), dict):
-            raise ScenarioError(f"{path}: no such field; {_fields_of(table, section)}")
+            raise UnknownField(f"{path}: no such field; {_fields_of(table, section)}")
         table = table[section]
     if path.startswith(OWN_PARAMETERS):
         table.setdefault(last, 0.0)
     if not isinstance(table, dict) or last not in table:
-        raise ScenarioError(f"{path}: no such field; {_fields_of(table, last)}")
+        raise UnknownField(f"{path}: no such field; {_fields_of(table, last)}")
     table[last] = of_kind(value) if isinstance(table[last], dict) and isinstance(value, str) else value
-    return from_plain(_without_none(data))
-
-
-def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
-    """Copy of the scenario with other values of fields by dotted path. Raises ScenarioError."""
-    for path, value in values.items():
-        scenario = with_value(scenario, path, value)
-    return scenario
-
-
-def with_value(scenario: Scenario, path: str, value: object) -> Scenario:
-    """Copy of the scenario with another value of a field; numbers at the path's end are an entry of a list, or row and
-    column of a matrix, from 1. Raises ScenarioError."""
-    names = list(takewhile(lambda part: not part.isdecimal(), path.split(".")))
-    places = path.split(".")[len(names) :]
-    if not places:
-        return edited(scenario, path, value)
-    held: Any = to_plain(scenario)
-    for name in names:
-        held = held.get(name) if isinstance(held, dict) else None
-    return edited(scenario, ".".join(names), _with_entry(held, places, value, path))
 
 
 def _with_entry(table: object, places: list[str], value: object, path: str) -> object:
@@ -120,7 +123,7 @@ def _with_entry(table: object, places: list[str], value: object, path: str) -> o
         return value
     place, *rest = places
     if not place.isdecimal() or not isinstance(table, list | tuple) or not 1 <= int(place) <= len(table):
-        raise ScenarioError(f"{path}: no such entry; allowed: an entry, from 1, of a list that the scenario has")
+        raise UnknownField(f"{path}: no such entry; allowed: an entry, from 1, of a list that the scenario has")
     at = int(place) - 1
     return [*table[:at], _with_entry(table[at], rest, value, path), *table[at + 1 :]]
 
@@ -212,6 +215,13 @@ def _refuse_unfit(value: object, path: str, depth: int) -> None:
     elif isinstance(value, list | tuple):
         for index, item in enumerate(value):
             _refuse_unfit(item, f"{path}[{index}]", depth + 1)
+
+
+def _kind_of_refusal(message: str) -> type[ScenarioError]:
+    """Class of the error for a message of msgspec, which has one class for all."""
+    if message.startswith("Object contains unknown field"):
+        return UnknownField
+    return WrongKind if ", got `" in message else ScenarioError
 
 
 def _sentence(message: str, data: object) -> str:

@@ -32,6 +32,14 @@ class ScenarioError(ValueError):
     """A scenario that cannot be used: one sentence with the field's path, its value and what is allowed."""
 
 
+class UnknownField(ScenarioError):
+    """A scenario with a field, or an entry of a list, that it does not have."""
+
+
+class WrongKind(ScenarioError):
+    """A scenario with a field whose value is of another kind, as a text in place of a number."""
+
+
 class PathOutOfReach(ScenarioError):
     """A scenario whose path leaves the arm's workspace."""
 

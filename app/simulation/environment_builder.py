@@ -6,7 +6,7 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import pinocchio as pin
 
 from app.process.own_code import own_course, own_shape
 from app.scenario.data import kind_of
@@ -249,7 +249,7 @@ def task_axes(scenario: Scenario, robot: robots.Robot) -> np.ndarray:
     turn = scenario.task_space.axes
     if robot.geometry == "planar" and (turn[0] or turn[2]):
         raise ScenarioError(f"task_space.axes: {list(turn)} rad; allowed for a planar arm: 0, a number, 0")
-    axes = Rotation.from_rotvec(turn).as_matrix().T
+    axes = pin.exp3(np.asarray(turn)).T
     return axes[[0, 2, 1]] if robot.geometry == "planar" else axes
 
 

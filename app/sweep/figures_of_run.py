@@ -21,21 +21,28 @@ Figures = dict[str, Any]
 
 class Column(NamedTuple):
     """Column of the table: unit in SI, "" for a word or a plain number, and meaning.
-    more_is_better: whether the worst of several arms is the one with the least number."""
+    more_is_better: whether the worst of several arms is the one with the least number.
+    at_the_end: whether it is of the last fifth of the run only."""
 
     unit: str
     meaning: str
     word: bool = False
     more_is_better: bool = False
+    at_the_end: bool = False
+
+    @property
+    def whole_meaning(self) -> str:
+        """Meaning, with the part of the run that it is of."""
+        return self.meaning + (", last fifth of the run" if self.at_the_end else "")
 
 
 COLUMNS: dict[str, Column] = {
     "row": Column("", "number of the run, for `--row` of `vsmrc run`"),
     "point": Column("", "number of the point, of the varied fields"),
     "arm": Column("", "number of the true arm at this point"),
-    "motion_error": Column("m", "largest position error where no force is controlled, last fifth of the run"),
-    "angle_error": Column("rad", "largest error of angles and supplemental joints, last fifth of the run"),
-    "force_error": Column("N", "largest force error, last fifth of the run"),
+    "motion_error": Column("m", "largest position error where no force is controlled", at_the_end=True),
+    "angle_error": Column("rad", "largest error of angles and supplemental joints", at_the_end=True),
+    "force_error": Column("N", "largest force error", at_the_end=True),
     "constraint_violation": Column("m", "largest distance from a rigid surface"),
     "settling_time": Column("s", "until the force, or without force control the path, stays within 2 %"),
     "reaching_time": Column("s", "until ‖s‖ is within the boundary layer"),
@@ -43,7 +50,7 @@ COLUMNS: dict[str, Column] = {
     "band_time": Column("s", "until ‖s‖ is within its band"),
     "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised"),
     "gain_margin": Column("N", "least d minus what (17) needs", more_is_better=True),
-    "residual": Column("N", "RMS of (8), last fifth of the run"),
+    "residual": Column("N", "RMS of (8)", at_the_end=True),
     "torque_variation": Column("N·m/s", "summed changes of all commanded torques per second"),
     "saturated_share": Column("1", "share of the control periods in which a drive is at its limit"),
     "simulated_time": Column("s", "until the end of the run", more_is_better=True),

@@ -141,7 +141,7 @@ def schema_of(sweep: Sweep) -> pa.Schema:
             name,
             pa.string() if each.word else pa.int64() if name in ("row", "point", "arm") else pa.float64(),
             each.unit,
-            each.meaning,
+            each.whole_meaning,
         )
         for name, each in COLUMNS.items()
     ]

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 TABLE, FIGURE = "candidates.parquet", "tune.svg"
 OWN = "own gains"
-AT_THE_END = {"motion_error", "angle_error", "force_error", "residual"}  # figures of the last fifth of a run
 SOON = 0.4  # share of a run by which it has to have settled, for its end not to be the transient's
 
 
@@ -256,7 +255,7 @@ def verdict(tuning: Tuning, found: Found) -> list[str]:
 def _short(tuning: Tuning, found: Found) -> str:
     """Sentence on runs that are too short for figures of their end, "" where they are not: what is best there may be
     worse in the long run."""
-    aims = [aim.replace("_", " ") for aim in tuning.aims if aim in AT_THE_END]
+    aims = [aim.replace("_", " ") for aim in tuning.aims if COLUMNS[aim].at_the_end]
     length, times = tuning.scenario.simulation.duration, [run.get("settling_time") for run in found.runs.get(0, [])]
     known = [float(each) for each in times if each is not None]
     unsettled = len(known) < len(times) and "force_error" in tuning.aims

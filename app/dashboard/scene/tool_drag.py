@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 import viser
-from scipy.spatial.transform import Rotation
 
 from app.dashboard.scene.arrows import ForceArrow
 from app.dashboard.theme.colors import ACCENT, DESIRED, PUSH
@@ -48,8 +47,8 @@ class HeldHandle:
     def turned(self, pointer: np.ndarray) -> tuple[float, float, float]:
         """Rotation vector, rad, of the orientation to which the pointer (3,) m turns the tool, like a ball that it
         holds at its outside."""
-        by = Rotation.from_rotvec(np.cross(self.grasped, pointer - self.offset) / LEVER)
-        x, y, z = (by * Rotation.from_matrix(self.R)).as_rotvec().tolist()
+        by = pin.exp3(np.cross(self.grasped, pointer - self.offset) / LEVER)
+        x, y, z = pin.log3(by @ self.R).tolist()
         return x, y, z
 
 
