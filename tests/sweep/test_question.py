@@ -135,6 +135,7 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
         (sweep_of("contact.K_e=1:2", design="sobol"), "design: 'sobol' with 0 points, 1 varied fields"),
         (sweep_of(design="latin", points=4), "design: 'latin' with 4 points, 0 varied fields"),
         (sweep_of("contact.K_e=soft,2e4"), "contact.K_e: 'soft'; allowed: a number, got text"),
+        (sweep_of("contact.K_e=1e4,soft,2e4"), "contact.K_e: 'soft'; allowed: a number, got text"),
         (sweep_of("mode=1:2:3"), "mode: 1.0; allowed: text, got a number"),
         (sweep_of("contact.K_e=1:2:100000", "controller.K_s=1:2:1000"), "1e+08 runs; allowed: at most 1e+07"),
     ],

@@ -1,0 +1,219 @@
+"""Answers in a lesson: what a person clicks, writes, draws or sets for each kind of question, and for a goal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from html import escape
+
+import msgspec
+import viser
+
+from app.dashboard.theme.style import MARKS
+from app.dashboard.widgets.chips import chip
+from app.dashboard.widgets.controls import Desk, FieldPlace, NumberField, SliderScale
+from app.dashboard.widgets.model_fields import DiagonalPlace
+from app.dashboard.widgets.outcome_chart import pad_html
+from app.lessons import blocks
+from app.lessons.answers import Answer
+from app.lessons.course import LessonCourse
+from app.lessons.lesson import LessonStep
+from app.lessons.measures import taken, unmet
+from app.scenario.schema import ScenarioError
+from app.session.commands import Play, Reset
+from app.session.snapshot import Snapshot
+
+MOST_OPTIONS = 5
+
+
+class OptionAnswer:
+    """Buttons of a question with options."""
+
+    def __init__(self, desk: Desk, answer: Callable[[object], None]) -> None:
+        self._answer = answer
+        self._folder = desk.gui.add_folder(None, visible=False)
+        with self._folder:
+            desk.gui.add_html('<i class="vs-options"></i>')
+            self._buttons = [desk.gui.add_button("", visible=False) for _ in range(MOST_OPTIONS)]
+        for number, button in enumerate(self._buttons, start=1):
+            button.on_click(self._answering(number))
+
+    def _answering(self, number: int) -> Callable[[object], Coroutine[None, None, None]]:
+        async def on_click(_: object) -> None:
+            self._answer(number)
+
+        return on_click
+
+    def show(self, step: LessonStep, answer: Answer | None, course: LessonCourse) -> None:
+        options = step.block.options if isinstance(step.block, blocks.ChoiceQuestion) else ()
+        self._folder.visible = bool(options)
+        for number, button in enumerate(self._buttons, start=1):
+            button.visible = number <= len(options)
+            if number <= len(options):
+                text = options[number - 1]
+                for name, told in course.measured.items():
+                    text = text.replace(f"{{{{{name}}}}}", told)
+                chosen = answer is not None and answer.given == number
+                button.label = f"{'ABCDE'[number - 1]}  {text}"
+                button.color = None if chosen or answer is None else "gray"
+                button.disabled = not chosen and not course.open
+
+
+class NumberAnswer:
+    """Text field of a question for a number, and the button that locks the answer."""
+
+    def __init__(self, desk: Desk, answer: Callable[[object], None]) -> None:
+        self._desk, self._answer = desk, answer
+        self._form = desk.gui.add_form(None, visible=False)
+        with self._form:
+            self._text = desk.gui.add_text("", "")
+        self._lock = desk.gui.add_button("Lock my answer", visible=False, hint="It counts once, before the run.")
+        self._text.on_update(self._on_text)
+        self._lock.on_click(self._on_lock)
+        self._step = 0
+
+    async def _on_text(self, event: viser.GuiEvent) -> None:
+        if event.client is not None and self._text.value.endswith(MARKS):
+            self._text.value = self._text.value.rstrip("".join(MARKS))
+
+    async def _on_lock(self, _: object) -> None:
+        text = self._text.value.rstrip("".join(MARKS)).strip().replace(",", ".").replace("−", "-")
+        try:
+            self._answer(float(text))
+        except ValueError:
+            self._desk.complain(f"your answer: {text!r:.40} is not a number; allowed: such as 12.5")
+
+    def show(self, step: LessonStep, answer: Answer | None, course: LessonCourse) -> None:
+        asks = isinstance(step.block, blocks.NumberQuestion)
+        self._form.visible = asks
+        self._lock.visible = asks and course.open
+        if not asks:
+            return
+        unit = unit_of(step, course)
+        self._text.label = f"your answer [{unit}]" if unit else "your answer"
+        self._text.disabled = not course.open
+        if answer is not None:
+            self._text.value = f"{answer.given:g}"
+        elif self._step != step.number:
+            self._text.value = ""
+        self._step = step.number
+
+
+def unit_of(step: LessonStep, course: LessonCourse) -> str:
+    """Unit of the number that a question asks for, "" for other questions."""
+    if not isinstance(step.block, blocks.NumberQuestion):
+        return ""
+    for each in course.lesson.steps:
+        if isinstance(each.block, blocks.LessonRun) and step.block.measure in each.block.measures:
+            return each.block.measures[step.block.measure].unit
+    return ""
+
+
+class CurveAnswer:
+    """Axes on which a curve is drawn; the page's script writes its points into a hidden text field."""
+
+    def __init__(self, desk: Desk, answer: Callable[[object], None]) -> None:
+        self._desk, self._answer = desk, answer
+        self._html = desk.gui.add_html("", visible=False)
+        self._field = desk.gui.add_text("", "", visible=False)
+        self._lock = desk.gui.add_button("Lock my line", visible=False, hint="It counts once, before the run.")
+        self._lock.on_click(self._on_lock)
+
+    async def _on_lock(self, _: object) -> None:
+        try:
+            points = msgspec.json.decode(self._field.value or "null")
+        except msgspec.DecodeError:
+            points = None
+        if not points:
+            self._desk.complain("your line: nothing is drawn yet; allowed: draw it on the axes, or use the arrow keys")
+        else:
+            self._answer(points)
+
+    def show(self, step: LessonStep, answer: Answer | None, course: LessonCourse) -> None:
+        asks = isinstance(step.block, blocks.CurveQuestion)
+        self._html.visible = self._field.visible = asks
+        self._lock.visible = asks and course.open
+        if not isinstance(step.block, blocks.CurveQuestion):
+            self._html.content = ""
+            self._field.value = ""
+            return
+        drawn = answer.given if answer is not None and isinstance(answer.given, list) else None
+        content = pad_html(step.block, drawn)
+        if self._html.content != content:  # sent again, the axes would lose the strokes that are being drawn
+            self._html.content = content
+
+
+class GoalControls:
+    """Sliders and conditions of a goal."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._rows: list[NumberField] = []
+        self._of = 0
+        self._folder = desk.gui.add_folder("Your controls", visible=False)
+        self._state = desk.gui.add_html("")
+        hint = "Key: R. What happens at the beginning, such as a push, happens again."
+        self._anew = desk.gui.add_button("Try it from the beginning", visible=False, hint=hint)
+        self._anew.on_click(self._on_anew)
+
+    async def _on_anew(self, _: object) -> None:
+        self._desk.lock.post(Reset())
+        self._desk.lock.post(Play())
+
+    def show(self, step: LessonStep, course: LessonCourse, snapshot: Snapshot, entered: int) -> None:
+        goal = step.block
+        visible = isinstance(goal, blocks.Goal)
+        if self._folder.visible != visible:
+            self._folder.visible = self._anew.visible = visible
+        if not isinstance(goal, blocks.Goal):
+            self._clear()
+            return
+        if self._of != entered:
+            self._clear()
+            with self._folder:
+                self._rows = [
+                    NumberField(
+                        self._desk, _place(each), each.label, SliderScale(each.low, each.high, each.logarithmic)
+                    )
+                    for each in goal.controls
+                ]
+            self._of = entered
+        for row in self._rows:
+            row.show(snapshot)
+        content = self._html(goal, course, snapshot)
+        if self._state.content != content:
+            self._state.content = content
+
+    def _clear(self) -> None:
+        for row in self._rows:
+            row.remove()
+        self._rows, self._of = [], 0
+        if self._state.content:
+            self._state.content = ""
+
+    def _html(self, goal: blocks.Goal, course: LessonCourse, snapshot: Snapshot) -> str:
+        if course.step.number in course.progress.goals:
+            return f'<div class="vs-scored">{chip("reached", "vs-good")}</div>'
+        longest = max((each.last or 0.0 for each in goal.measures.values()), default=0.0)
+        since = snapshot.state.epoch.t
+        if snapshot.end - since < longest:
+            left = longest - (snapshot.end - since)
+            return f'<div class="vs-note">The last {longest:g} s count: another {left:.1f} s to go.</div>'
+        try:
+            known = {
+                name: taken(snapshot.system, snapshot.recording, snapshot.end, each)
+                for name, each in goal.measures.items()
+            }
+            missed = unmet(goal.conditions, known)
+        except ScenarioError as error:
+            return f'<div class="vs-note">{escape(str(error))}</div>'
+        if not missed:
+            try:
+                course.reached_goal()
+            except OSError as error:
+                self._desk.complain(f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on")
+        return "".join(f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in missed)
+
+
+def _place(control: blocks.GoalSlider) -> FieldPlace:
+    field, _, last = control.path.rpartition(".")
+    return DiagonalPlace(field, int(last) - 1) if last.isdecimal() else FieldPlace(control.path)

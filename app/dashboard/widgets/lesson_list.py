@@ -1,0 +1,83 @@
+"""List of lessons, from which one is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import viser
+
+from app.dashboard.widgets.chips import chip
+from app.dashboard.widgets.controls import Desk
+from app.lessons.answers import LessonProgress, csv_of, json_of
+from app.lessons.lesson import Lesson
+from app.lessons.markup import inline_html
+
+LANGUAGES = {"en": "", "de": "Deutsch"}
+
+
+class LessonList:
+    """List of lessons, with the progress in each, and the answers as files."""
+
+    def __init__(self, desk: Desk, lessons: dict[str, Lesson], open_lesson: Callable[[Lesson], None]) -> None:
+        self._desk, self._lessons, self._open = desk, lessons, open_lesson
+        self._titles = {_title(name, lesson): lesson for name, lesson in lessons.items()}
+        self._folder = desk.gui.add_folder(None)
+        with self._folder:
+            desk.gui.add_html(
+                '<div class="vs-lesson vs-prose"><p>Each lesson asks before it shows: commit yourself, run it, look, '
+                "and read why. Ten minutes each; the arm on the left is yours all the time.</p></div>"
+            )
+            self._choice = desk.gui.add_dropdown("Lesson", tuple(self._titles), hint="They build on one another.")
+            self._about = desk.gui.add_html("")
+            self._begin = desk.gui.add_button("Begin")
+            hint = "All answers so far, as a file; otherwise they stay on the server."
+            self._files = desk.gui.add_button_group("Your answers", ("CSV", "JSON"), hint=hint)
+            self._class_file = desk.gui.add_button("Answers of the class (CSV)", color="gray", visible=False)
+        self._begin.on_click(self._on_begin)
+        self._files.on_click(self._on_file)
+        self._class_file.on_click(self._on_class_file)
+
+    async def _on_begin(self, _: object) -> None:
+        self._open(self._titles[self._choice.value])
+
+    async def _on_file(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        form, progress = self._files.value.lower(), self._desk.notebook.progress
+        text = csv_of(progress) if form == "csv" else json_of(progress)
+        event.client.send_file_download(f"lessons.{form}", text.encode(), save_immediately=True)
+
+    async def _on_class_file(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            event.client.send_file_download("class.csv", self._desk.classroom.csv().encode(), save_immediately=True)
+
+    def show(self, progress: Mapping[str, LessonProgress], *, visible: bool) -> None:
+        """Show the chosen lesson, and the progress in it."""
+        if self._folder.visible != visible:
+            self._folder.visible = visible
+        if not visible:
+            return
+        self._class_file.visible = bool(self._desk.classroom.asked)
+        lesson = self._titles[self._choice.value]
+        done = progress.get(lesson.name)
+        knows = "".join(f"<li>{inline_html(item)}</li>" for item in lesson.head.knows)
+        state, label = "", "Begin"
+        if done is not None:
+            scores = [answer.score for answer in done.answers.values() if answer.score is not None]
+            told = f"{sum(scores):g} of {len(scores)} answers right" if scores else "begun"
+            state = f"<p>{chip('done', 'vs-good') if done.finished else chip('begun', 'vs-warn')} {told}</p>"
+            label = "Take it again" if done.finished else f"Continue at step {done.step}"
+        content = (
+            f'<div class="vs-lesson vs-prose"><p class="vs-dim">{lesson.head.minutes:g} minutes. '
+            f"Afterwards you will know</p><ul>{knows}</ul>{state}</div>"
+        )
+        if self._about.content != content:
+            self._about.content = content
+        if self._begin.label != label:
+            self._begin.label = label
+
+
+def _title(name: str, lesson: Lesson) -> str:
+    number = name.partition("-")[0].lstrip("0")
+    language = LANGUAGES.get(lesson.head.language, lesson.head.language)
+    return f"{number}. {lesson.head.title}" + (f" ({language})" if language else "")
