@@ -58,17 +58,18 @@ def run(
 
     by: Engine = one_of("--engine", engine, ENGINES)
     use_own(use)
+    until = 0.0
     if from_ is not None:
         if scenario is not None or row is None or settings or duration is not None:
             raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
-        chosen, by = _of_sweep(from_, row)
+        chosen, by, until = _of_sweep(from_, row)
     elif scenario is None:
         raise ScenarioError("run: no scenario; allowed: one (see `vsmrc list`), or --from FOLDER --row N")
     else:
         chosen = configured(scenario, settings, duration)
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
-    loop, metrics = headless_run.simulate(chosen, engine=by, show_progress=True, memory=kept_memory())
+    loop, metrics = headless_run.simulate(chosen, until=until, engine=by, show_progress=True, memory=kept_memory())
     with written_to(out):
         headless_run.write(loop, metrics, out)
     _print_figures(metrics, loop.system)
@@ -83,15 +84,15 @@ def run(
     return STOPPED if loop.stopped else DONE
 
 
-def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine]:
-    """Scenario and engine of a run of a sweep."""
+def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
+    """Scenario, engine and end (s, 0 for the scenario's) of a run of a sweep."""
     from app.sweep import question
 
     asked = question.read(folder / question.FILE)
     if asked.program != question.fingerprint():
         say("this sweep was computed by another version of the program: digits may differ")
     whole = question.SweepQuestion(asked)
-    return whole.scenario(whole.row(row)), asked.engine
+    return whole.scenario(whole.row(row)), asked.engine, asked.until
 
 
 def _print_figures(metrics: Metrics, system: System) -> None:

@@ -26,19 +26,21 @@ BATCH = 500  # control periods between two movements of the bar
 def simulate(
     scenario: Scenario,
     *,
+    until: float = 0.0,
     engine: Engine | None = None,
     show_progress: bool = False,
     previous: System | None = None,
     memory: Memory | None = None,
 ) -> tuple[ClosedLoop, Metrics]:
-    """Run of a scenario over its whole duration, or until it stops, and its metrics.
+    """Run of a scenario until it stops or its duration is over, and its metrics.
 
+    until: s, another end than that of its duration; 0 for none.
     engine: None for the one in force, if it can take the scenario.
     previous: a system whose equal parts are used again; memory: results of searches.
 
     Raises ScenarioError, also where the engine that is asked for cannot take the scenario.
     """
-    steps = max(1, round(scenario.simulation.duration / scenario.controller.period))
+    steps = max(1, round((until or scenario.simulation.duration) / scenario.controller.period))
     loop = ClosedLoop(scenario, steps + 1, previous, memory)
     by = engine or engine_for(loop)
     advance = partial(_by_steps, loop) if by == "pinocchio" else _compiled(loop).advance

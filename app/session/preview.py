@@ -69,8 +69,8 @@ class Figures(Struct, frozen=True):
     force_error_predicted: float | None  # that error by (37), for a constant desired force, N
     force_settling: float | None  # s, see `metrics.settling_time`
     force_overshoot: float | None  # how far the force goes beyond its final value, seen from its beginning, N
-    contact_largest: float | None  # force on the surface where it is not controlled, N
-    contact_final: float | None  # mean of that force over the tail, N
+    contact_largest: float | None  # largest force on the surfaces, N
+    contact_final: float | None  # mean of that force over the tail where it is not controlled, N
     motion_largest: float | None  # largest position error, m; None where no position is free
     motion_grows: bool  # whether that is the last one, after a tail in which it has grown
     motion_error: float | None  # largest position error in the tail, m
@@ -241,9 +241,9 @@ class Foresight:
                 predicted = steady_force_error(system, record["r_d"][-1], f_nd[-1], s)
             settling = settling_time(t, deviation, FORCE_RESOLUTION)
             overshoot = _beyond(deviation, error)
-        elif system.plant.kind.touches:
+        if system.plant.kind.touches:
             force = np.linalg.norm([record[name] for name in MULTIPLIERS[: len(system.surfaces)]], axis=0)
-            pressing, pressed = float(force.max()), float(force[tail].mean())
+            pressing, pressed = float(force.max()), None if system.m else float(force[tail].mean())
         return Figures(
             span=float(t[-1] - self._start) + system.scenario.controller.period,
             push=self._push,

@@ -89,7 +89,11 @@ class SweepRunner:
         try:
             scenario = self._question.scenario(row)
             loop, metrics = simulate(
-                scenario, engine=self._question.sweep.engine, previous=self._previous, memory=self._memory
+                scenario,
+                until=self._question.sweep.until,
+                engine=self._question.sweep.engine,
+                previous=self._previous,
+                memory=self._memory,
             )
         except (ScenarioError, ArithmeticError, np.linalg.LinAlgError) as error:
             return begun | {"stopped": f"refused: {error}", "wall_time": time.perf_counter() - started}

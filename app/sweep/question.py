@@ -69,6 +69,7 @@ class Sweep(Struct, frozen=True):
     points: of a design other than the grid.
     draw: true arms inside the declared set, the same at every point; 0: the scenario's own one.
     corners: the arms are at corners of the declared set.
+    until: s, end of each run; 0 for its scenario's. An earlier end does not change the constants over Omega.
     seed: of arms and design.
     program: fingerprint of the program that computes it.
     """
@@ -80,10 +81,16 @@ class Sweep(Struct, frozen=True):
     draw: Annotated[int, Meta(ge=0)] = 0
     corners: bool = False
     seed: Annotated[int, Meta(ge=0)] = 0
+    until: Annotated[float, Meta(ge=0)] = 0.0
     engine: Engine = "compiled"
     program: str = ""
     file: ClassVar[str] = FILE
     noun: ClassVar[str] = "sweep"
+
+    @property
+    def length(self) -> float:
+        """Simulated time of a run, s, where its duration is not varied."""
+        return self.until or self.scenario.simulation.duration
 
     @property
     def arms(self) -> int:
@@ -135,7 +142,7 @@ class SweepQuestion:
     @property
     def seconds(self) -> float:
         """Simulated time of all runs, s, where none stops and the duration is not varied."""
-        return self.count * self.sweep.scenario.simulation.duration
+        return self.count * self.sweep.length
 
     def row(self, number: int) -> SweepRow:
         """Run of this number. Raises ScenarioError for one that there is not."""

@@ -66,7 +66,7 @@ def _reason(tuning: Tuning, run: Figures) -> str:
     if run.get("stopped"):
         return str(run["stopped"])
     if over := [LIMITS[name] for name in (run.get("failed") or "").split(", ") if name in LIMITS]:
-        return f"over its limit: {', '.join(over)}"
+        return f"over its limit: {'; '.join(over)}"
     if run.get("verdict") == "broken":
         return "the promise was broken"
     return next((f"no {aim}" for aim in tuning.aims if math.isinf(aim_of(run, aim))), "")

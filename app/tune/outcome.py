@@ -234,7 +234,10 @@ def verdict(tuning: Tuning, found: Found) -> list[str]:
     badges = Counter(each.badge.partition(" (")[0] for each in found.candidates[1:] if each.badge)
     if badges:
         said, count = badges.most_common(1)[0]
-        sentences.append(f"{badges.total()} of {len(found.candidates) - 1} candidates are not offered; {count}: {said}")
+        sentences.append(
+            f"{badges.total()} of {len(found.candidates) - 1} candidates are not offered, {count} of them because of "
+            f"this: {said}"
+        )
     for number, each in found.tried.items():
         if number and each.badge:
             sentences.append(f"candidate {number} is not offered: on arms that were not seen, {each.badge}")
@@ -256,7 +259,7 @@ def _short(tuning: Tuning, found: Found) -> str:
     """Sentence on runs that are too short for figures of their end, "" where they are not: what is best there may be
     worse in the long run."""
     aims = [aim.replace("_", " ") for aim in tuning.aims if COLUMNS[aim].at_the_end]
-    length, times = tuning.scenario.simulation.duration, [run.get("settling_time") for run in found.runs.get(0, [])]
+    length, times = tuning.length, [run.get("settling_time") for run in found.runs.get(0, [])]
     known = [float(each) for each in times if each is not None]
     unsettled = len(known) < len(times) and "force_error" in tuning.aims
     if not aims or not (unsettled or max(known, default=0.0) > SOON * length):

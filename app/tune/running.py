@@ -50,7 +50,7 @@ def estimated(tuning: Tuning, left: int, workers: int | None = None) -> SweepEst
         started = time.perf_counter()
         runner.figures_of(SweepRow(0, 0, 0, {}))
         seconds = time.perf_counter() - started
-    return SweepEstimate.of(left, left * tuning.scenario.simulation.duration, seconds, workers)
+    return SweepEstimate.of(left, left * tuning.length, seconds, workers)
 
 
 def most_runs(tuning: Tuning) -> int:

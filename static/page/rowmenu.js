@@ -4,12 +4,12 @@ const SWEPT = "\u2060", MOVED = "\u2061";
 const menu = document.createElement("div");
 Object.assign(menu, { className: "vs-menu", hidden: true });
 menu.setAttribute("role", "menu");
-for (const [mark, words] of [[SWEPT, "Sweep this: robustness map"], [MOVED, "Let a search move this"]]) {
+for (const [mark, words, then] of [[SWEPT, "Sweep this: robustness map", "Across"], [MOVED, "Let a search move this", "Gain 1"]]) {
   const item = document.createElement("button");
   Object.assign(item, { type: "button", textContent: words });
   item.dataset.tab = "Robustness"; // which opens (lessons.js)
   item.setAttribute("role", "menuitem");
-  item.addEventListener("click", () => pick(mark));
+  item.addEventListener("click", () => pick(mark, then));
   menu.append(item);
 }
 document.body.append(menu);
@@ -24,11 +24,19 @@ const open = (of, x, y) => {
   menu.style.top = `${Math.max(4, Math.min(y, innerHeight - height - 4))}px`;
   menu.firstChild.focus();
 };
-const pick = (mark) => {
+const pick = (mark, then) => {
   const input = row?.querySelector("input.mantine-TextInput-input");
   back = null;
   close();
   input?.dispatchEvent(new CustomEvent("vsmrc-tell", { bubbles: true, detail: mark })); // to rows.js
+  focusWhenThere(then, performance.now() + 5000);
+};
+// the tab is drawn after it was opened; until then, and in a folder that is closed, nothing has the focus
+const focusWhenThere = (label, until) => {
+  const field = [...document.querySelectorAll("label")].find((each) => each.textContent === label && each.checkVisibility());
+  const input = field && document.getElementById(field.htmlFor);
+  if (input) input.focus();
+  else if (performance.now() < until && document.activeElement === document.body) setTimeout(focusWhenThere, 100, label, until);
 };
 // a text field keeps the browser's own menu, with which one pastes
 const rowOf = (target) => {

@@ -11,7 +11,9 @@ const place = () => {
   }
   // below the window of a held slider, which a message must not move under the mouse
   const held = document.querySelector("[data-floating-window]:has(.vs-held)")?.getBoundingClientRect();
-  const above = box && held?.height && held.top < box.top + 0.4 * box.height && held.bottom + 72 < box.bottom;
+  const [strip, timeline] = [".vs-strip", ".vs-timeline"].map((part) => document.querySelector(part)?.offsetHeight ?? 0);
+  const room = box && held?.height ? box.bottom - timeline - 24 - held.bottom : 0; // between the window and the timeline
+  const above = room > Math.max(strip, 48) && held.top < box.top + 0.4 * box.height;
   if (above) document.documentElement.style.setProperty("--vs-strip-top", `${Math.round(held.bottom + 8)}px`);
   else document.documentElement.style.removeProperty("--vs-strip-top");
   document.documentElement.toggleAttribute("data-narrow", !!box && box.width < 180); // no room for the equation

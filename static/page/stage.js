@@ -51,6 +51,11 @@ const toggle = () => {
   else for (const e of document.querySelectorAll("[data-staged]")) e.removeAttribute("data-staged");
   fill();
 };
+const leave = document.createElement("button");
+Object.assign(leave, { className: "vs-leave", type: "button", textContent: "×", title: "Leave the presentation (Esc, V)" });
+leave.ariaLabel = leave.title;
+leave.addEventListener("click", () => { leave.blur(); if (onStage()) toggle(); });
+document.body.append(leave);
 document.body.addEventListener("keydown", (e) => {
   const typing = e.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(e.target.tagName);
   if (e.ctrlKey || e.metaKey || e.altKey || e.repeat || document.querySelector(".vs-help")) return;

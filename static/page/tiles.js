@@ -36,9 +36,18 @@ document.addEventListener("focusin", (e) => {
   lookAt(tileOf(e.target));
   kept.observe(document.body, { childList: true, subtree: true });
 }, true);
+// what was chosen with a pointer does not keep the space key for itself (keys.js)
+let pointed = false;
+document.addEventListener("pointerup", () => {
+  if (!pointed) return;
+  pointed = false;
+  focused = null;
+  document.activeElement?.blur();
+}, true);
 document.addEventListener("pointerdown", (e) => { // a click may lose its tile, which is drawn anew
   const tile = tileOf(e.target);
   if (!tile) { focused = null; return; }
+  pointed = true;
   const again = said && said.field === fieldOf(tile) && said.point === tile.dataset.point;
   if (e.pointerType === "mouse" || again) choose(tile);
   lookAt(tile);

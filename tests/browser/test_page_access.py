@@ -162,7 +162,7 @@ def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     assert over["width"] == pytest.approx(390, abs=1)
     assert over["y"] + over["height"] < box["y"]
     told = page.locator(".vs-told")
-    expect(told).to_contain_text("force error at the end")
+    expect(told).to_contain_text("mean force error at the end")
     below = told.bounding_box()
     assert below is not None
     assert below["y"] + below["height"] < box["y"]

@@ -15,9 +15,11 @@ from tests.support.full_speed import full_speed  # noqa: F401
 from tests.support.layout import lasting_faults
 
 SAID = re.compile(
-    r"boundary layer [\d.]+ m/s, stiffness of the surface [\d.]+ N/m: force error at the end .* worst of 4 arms"
+    r"boundary layer [\d.]+ m/s, stiffness of the surface [\d.]+ N/m: largest force error at the end .* worst of 4 arms"
 )
-PICKED = re.compile(r"boundary layer [\d.]+, reaching gain K_s [\d.]+: residual [\d.e−-]+ N, torque variation .*")
+PICKED = re.compile(
+    r"boundary layer [\d.]+ m/s, reaching gain K_s [\d.]+ N·s/m: residual [\d.e−-]+ N, torque variation .*"
+)
 
 
 @pytest.fixture
@@ -67,21 +69,24 @@ def write(session: PageSession, label: str, text: str, number: int = 0) -> None:
 def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens_its_run(
     session: PageSession, open_page: Callable[..., Page]
 ):
-    page = session.page
+    page, before = session.page, session.now.scenario
     session.tab("Controller")
     session.row("layer s_b [m/s]").locator("[role=slider]").focus()
     page.keyboard.press("Shift+F10")
     expect(page.get_by_role("menuitem").first).to_be_focused()
     page.keyboard.press("Enter")
     expect(page.get_by_label("Across", exact=True).locator("visible=true")).to_have_value("boundary layer")
+    expect(
+        page.get_by_label("Across", exact=True).locator("visible=true")
+    ).to_be_focused()  # the next key goes on there
     expect(page.get_by_label("Up", exact=True).locator("visible=true")).to_have_value("—")
     session.choose("Up", "stiffness of the surface")
     session.choose("Steps of each", "5")
     session.choose("True arms", "4 of the declared set")
-    write(session, "each run [s]", "0.05")
+    write(session, "Each run [s]", "0.05")
     page.get_by_role("button", name="Compute the map").click()
-    expect(page.locator(".vs-strip")).to_contain_text("each run: 0.05 s; allowed: 0.2 to 10 s")
-    write(session, "each run [s]", "0.2")
+    expect(page.locator(".vs-strip")).to_contain_text("Each run: 0.05 s; allowed: 0.2 to 10 s")
+    write(session, "Each run [s]", "0.2")
     page.get_by_role("button", name="Compute the map").click()
     page.get_by_text("100 of 100 runs").wait_for(timeout=PATIENCE * 1e3)
     assert session.now.phase == "running"
@@ -108,6 +113,18 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     session.wait(lambda now: abs(now.scenario.contact.K_e - 1e4) < 0.1 and now.phase == "paused")
     assert session.now.t == pytest.approx(0.2)
     assert session.now.scenario.truth.link_scaling != 1.15  # that of the worst arm
+    assert session.now.scenario.simulation == before.simulation  # Omega is that of the whole path
+
+    page.locator(".vs-tiles[data-field=vs-tile-field] [data-point='6']").click()
+    session.wait(lambda now: now.scenario.contact.K_e < 9e3 and now.phase == "paused")
+    page.keyboard.press(" ")  # of the run: the tile was chosen with the mouse
+    session.wait(lambda now: now.phase == "running" and now.t > 0.5)
+    session.tab("Runs")
+    (kept,) = session.now.pinned  # the run before the tiles'
+    assert kept.scenario == before
+    page.get_by_role("button", name=f"Settings of run {kept.number}", exact=True).click()
+    session.wait(lambda now: now.scenario == before)
+    session.tab("Robustness")
 
     session.choose("Steps of each", "13")
     page.get_by_role("button", name="Compute the map").click()
@@ -126,7 +143,7 @@ def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: 
     reach(page, "Robustness", "ArrowRight")
     pick(page, "Up", "boundary layer")
     pick(page, "Steps of each", "5")
-    reach(page, "each run [s]")
+    reach(page, "Each run [s]")
     page.keyboard.press("Control+A")
     page.keyboard.type("0.2")
     page.wait_for_function("window.vsmrcSent.some((sent) => sent.endsWith('\"0.2\"}'))")  # a moment after the last key
@@ -142,7 +159,7 @@ def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: 
     page.keyboard.press("ArrowUp")
     told = page.evaluate(FOCUSED)
     assert re.fullmatch(
-        r"stiffness of the surface 3160 N/m, boundary layer [\d.]+ m/s: force error at the end [\d.]+ N", told
+        r"stiffness of the surface 3160 N/m, boundary layer [\d.]+ m/s: largest force error at the end [\d.]+ N", told
     )
     expect(page.locator(".vs-said").first).to_have_text(told)
     seen = "((box) => box.top >= 0 && box.bottom <= innerHeight)(document.activeElement.getBoundingClientRect())"
@@ -161,8 +178,8 @@ def test_a_search_finds_candidates_of_which_one_is_previewed_and_then_applied(se
     page.get_by_text("Search for better gains").click()
     session.choose("What counts", "residual of (8)")
     session.choose("Judged by", "the scenario's own")
-    write(session, "arms not seen", "1")
-    write(session, "each run [s]", "0.2", number=1)
+    write(session, "Arms not seen", "1")
+    write(session, "Each run [s]", "0.2", number=1)
     page.get_by_role("button", name="Search", exact=True).click()
     chart = page.locator(".vs-tiles[data-field=vs-candidate-field]")
     chart.locator("[data-point='3']").wait_for(timeout=PATIENCE * 1e3)

@@ -112,4 +112,5 @@ def test_large_buttons_of_a_presentation_in_a_small_window_stand_in_a_row(sessio
     tops = "[...document.querySelectorAll('.vs-acts button')].map((e) => e.getBoundingClientRect().top)"
     session.wait(lambda _: page.locator("html[data-stage]").count() == 1)
     session.wait(lambda _: len(set(page.evaluate(tops)[:2])) == 1)  # else they cover the arm
-    page.keyboard.press("v")
+    page.get_by_role("button", name="Leave the presentation (Esc, V)").click()
+    session.wait(lambda _: page.locator("html[data-stage]").count() == 0)

@@ -350,6 +350,16 @@ def test_a_preview_goes_on_where_every_line_knows_what_lies_ahead(hybrid: Closed
     assert x[-1] == 0.0
 
 
+def test_a_preview_is_drawn_also_before_the_run_has_begun(hybrid: ClosedLoop):
+    rows = hybrid.recording.stretch()
+    ahead, nothing = ({name: values[part] for name, values in rows.items()} for part in (slice(0, 900, 100), slice(0)))
+    frame = Frame(0.0, 1.0, BucketGrid.over(-1.0, 0.0, 100), nothing, (), np.arange(9) * 0.1 + 0.1, ahead)
+    x, drawn = frame.courses([ChartLine("s", (0, 0, 0), column("s_norm"))])
+    np.testing.assert_allclose(x[x > 0.0], np.arange(9) * 0.1 + 0.1)
+    np.testing.assert_array_equal(drawn[x > 0.0], ahead["s_norm"])
+    assert np.isnan(drawn[x <= 0.0]).all()
+
+
 def test_a_band_is_drawn_ahead_only_as_quantiles_of_the_arms_that_still_run(hybrid: ClosedLoop):
     rows = hybrid.recording.stretch()
     begun, now = 0.9, 1.0

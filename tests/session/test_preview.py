@@ -267,6 +267,19 @@ def test_overshoot_of_a_force_is_what_goes_beyond_its_final_value() -> None:
     assert figures.torque_largest > 10.0
 
 
+def test_a_stiffer_surface_is_told_with_the_largest_force_on_it() -> None:
+    loop = running(shipped()["ur5-hybrid"], 1500)
+    stiffer = edited(loop.system.scenario, "contact.K_e", 1.6e5)
+    figures = figures_of(Question(1, loop.state.copy(), stiffer, 0.5))
+    loop.edit(stiffer)
+    for _ in range(round(0.5 / stiffer.controller.period)):
+        loop.step()
+    after = loop.recording.signals(("multiplier",), t_from=loop.t - 0.5)["multiplier"]
+    assert figures.contact_largest == pytest.approx(np.abs(after).max())
+    assert figures.contact_largest > 200.0  # ten times what is asked for, while the overshoot is seen from there
+    assert figures.contact_final is None
+
+
 @pytest.fixture
 def previewer() -> Iterator[Previewer]:
     previewer = Previewer()

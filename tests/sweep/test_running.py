@@ -17,7 +17,7 @@ import pytest
 from app.cli.commands import execute
 from app.process import worker_pool
 from app.scenario.data import edited, shipped
-from app.session.headless_run import simulate
+from app.session.headless_run import play, simulate
 from app.sweep import running
 from app.sweep.figures_of_run import METRICS, Figures, SweepRunner
 from app.sweep.question import Sweep, SweepQuestion, axis_of, fingerprint
@@ -52,6 +52,20 @@ def test_a_row_is_the_same_alone_and_after_any_others() -> None:
     }.items():  # fmt: skip
         assert first[5][name] == value, name
     assert first[0]["motion_error"] != first[1]["motion_error"]  # another arm
+
+
+def test_an_earlier_end_changes_nothing_before_it_and_goes_on_within_omega() -> None:
+    short = msgspec.structs.replace(SWEEP, until=0.1)
+    asked, row = SweepQuestion(short), SweepRunner(short).figures(5)
+    assert asked.seconds == pytest.approx(0.1 * asked.count)
+    loop, _ = simulate(asked.scenario(asked.row(5)), until=0.1, engine="compiled")
+    assert row["simulated_time"] == pytest.approx(loop.t) == pytest.approx(0.1)
+    full, _ = simulate(asked.scenario(asked.row(5)), engine="compiled")
+    for name, values in loop.recording.signals(("q", "d", "tau")).items():
+        np.testing.assert_array_equal(values, full.recording.signals((name,))[name][: len(values)])
+    play(loop, round(0.15 / loop.system.scenario.controller.period))
+    assert loop.t > 0.2
+    assert loop.warning is None  # with a duration of 0.1 s the arm would have left Omega
 
 
 def test_what_is_refused_or_stops_is_a_row() -> None:

@@ -15,7 +15,7 @@ class RobustnessPanel:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         desk.gui.add_html(
-            '<div class="vs-note">Any slider is offered here by its context menu: the right mouse button on its row, a '
+            '<div class="vs-note">The context menu of any slider chooses it here: the right mouse button on its row, a '
             "long touch of its label, or Shift+F10 while it has the focus.</div>"
         )
         with desk.gui.add_folder("Robustness map"):

@@ -15,7 +15,7 @@ from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_words import field_in_words
 from app.scenario.data import differences
-from app.session.commands import Pin, Rename, Unpin
+from app.session.commands import Load, Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
 from app.session.timeline import Pinned
 from app.storage.session_index import PINS
@@ -64,15 +64,17 @@ class RunsPanel:
 
 
 class _PinnedRow:
-    """Row of a pinned run: a text field for its name, and a button to forget it."""
+    """Row of a pinned run: a text field for its name, and buttons to go back to its settings and to forget it."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._run, self._typing = desk, None, False
         self._form = desk.gui.add_form(None, visible=False)
         with self._form:
             self._text = desk.gui.add_text("", "", hint="What this run is called in the plots and in the table.")
-        self._forget = desk.gui.add_button("", visible=False, hint="Frees its place.")
+        self._back = desk.gui.add_button("", visible=False, hint="The present run goes on, or begins anew, with them.")
+        self._forget = desk.gui.add_button("", visible=False, color="gray", hint="Frees its place.")
         self._text.on_update(self._on_text)
+        self._back.on_click(self._on_back)
         self._forget.on_click(self._on_forget)
 
     async def _on_text(self, event: viser.GuiEvent) -> None:
@@ -83,6 +85,10 @@ class _PinnedRow:
         if self._run is not None and not self._typing:
             self._desk.post(Rename(self._run.number, "" if name == f"run {self._run.number}" else name))
 
+    async def _on_back(self, _: viser.GuiEvent) -> None:
+        if self._run is not None:
+            self._desk.lock.post(Load(self._run.scenario))
+
     async def _on_forget(self, _: viser.GuiEvent) -> None:
         if self._run is not None:
             self._desk.post(Unpin(self._run.number))
@@ -90,12 +96,13 @@ class _PinnedRow:
     def show(self, run: Pinned | None) -> None:
         another = run is None or self._run is None or run.number != self._run.number
         self._run = run
-        for widget in (self._form, self._forget):
+        for widget in (self._form, self._back, self._forget):
             if widget.visible != (run is not None):
                 widget.visible = run is not None
         if run is not None and (another or not self._typing):
             self._typing = False
             self._text.label, self._text.value = f"run {run.number}", run.title
+            self._back.label = f"Settings of run {run.number}"
             self._forget.label = f"Forget run {run.number}"
 
 
@@ -151,7 +158,7 @@ def _against(value: float | None, now: float | None) -> str:
     if value is None or now is None or abs(now) < 1e-12:
         return ""
     per_cent = 100.0 * (value - now) / abs(now)
-    told = f"{per_cent:+z.0f} %" if abs(per_cent) < 1000 else f"{value / now:.0f} ×"
+    told = f"{per_cent:+z.0f} %".replace("-", "−") if abs(per_cent) < 1000 else f"{value / now:.0f} ×"
     return f' <span class="vs-dim vs-against">({told})</span>'
 
 

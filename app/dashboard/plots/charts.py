@@ -208,6 +208,8 @@ class DecimatedLines:
     @classmethod
     def of(cls, grid: BucketGrid, rows: Signals, lines: Sequence[ChartLine]) -> DecimatedLines:
         """Course of all lines over the whole grid."""
+        if not len(rows["t"]):  # a run that has not begun
+            return cls(grid, 2 * grid.count, *(np.full((*n, len(lines)), np.nan) for n in ((2 * grid.count,), ())))
         values, starts = _values(rows, lines), grid.starts(rows["t"])
         filled = np.flatnonzero(starts[:-1] < starts[1:])
         begins = 2 * int(filled[0]) if len(filled) else 2 * grid.count

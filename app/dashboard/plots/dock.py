@@ -84,7 +84,7 @@ class Plots:
         if not stale:
             return
         begun = sum(map(len, snapshot.recording.pieces(shown.now - shown.window - LEAD, shown.now))) > 1
-        frame = self._frame(snapshot, shown) if begun else None
+        frame = self._frame(snapshot, shown) if begun or ahead is not None else None
         for title in stale:
             if frame is not None:
                 whole = self._reports.get(title) != reports[title]

@@ -35,7 +35,7 @@ class BesideLoop(ABC, Generic[W]):
 
     def _add_length(self) -> None:
         """Add the text field for the length of each run."""
-        self._seconds = self._desk.gui.add_text("each run [s]", "2", hint="0.2 to 10 s.")
+        self._seconds = self._desk.gui.add_text("Each run [s]", "2", hint="0.2 to 10 s.")
         self._seconds.on_update(unmarked)
 
     def _add_button(self) -> None:
@@ -53,9 +53,9 @@ class BesideLoop(ABC, Generic[W]):
 
     def _length(self) -> float:
         """Length of each run, s. Raises ScenarioError."""
-        seconds = number_of("each run", self._seconds.value)
+        seconds = number_of("Each run", self._seconds.value)
         if not 0.2 <= seconds <= 10.0:
-            raise ScenarioError(f"each run: {seconds:g} s; allowed: 0.2 to 10 s")
+            raise ScenarioError(f"Each run: {seconds:g} s; allowed: 0.2 to 10 s")
         return seconds
 
     async def _on_button(self, _: object) -> None:
@@ -99,8 +99,9 @@ class BesideLoop(ABC, Generic[W]):
 
 
 def lasting(scenario: Scenario, seconds: float) -> Scenario:
-    """The scenario with a run of this length, s."""
-    simulation = msgspec.structs.replace(scenario.simulation, duration=seconds)
+    """The scenario with a duration, s, that is at least this long. A shorter one would have another Omega, and with it
+    other constants than the loop on the page."""
+    simulation = msgspec.structs.replace(scenario.simulation, duration=max(scenario.simulation.duration, seconds))
     return msgspec.structs.replace(scenario, simulation=simulation)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, said_html
 from app.export.figures import plain_number
+from app.sweep.titles import unit_of
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate, front
 from app.tune.question import in_words
@@ -29,7 +30,9 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
         return f'<div class="vs-checks"><div class="vs-note">{told}</div></div>'
     aims, best = tuning.tuning.aims, front(candidates[1:])
     at = {each.number: _place(each) for each in shown}
-    across, up = (ColorScale.of(np.array([place[k] for place in at.values()])) for k in (0, 1))
+    # what is over a limit, and never offered, lies at the picture's edge where it is beyond the others
+    offered = [at[each.number] for each in shown if not each.badge or each.number == 0]
+    across, up = (ColorScale.of(np.array([place[k] for place in offered or at.values()])) for k in (0, 1))
     x = {number: LEFT + EDGE + across.share(place[0]) * (RIGHT - LEFT - 2 * EDGE) for number, place in at.items()}
     y = {number: BOTTOM - EDGE - up.share(place[1]) * (BOTTOM - TOP - 2 * EDGE) for number, place in at.items()}
     marks = [
@@ -38,6 +41,10 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
     ]
     first, *others = map(in_words, aims)
     names_of_axes = (first, others[0]) if others else ("candidate", first)
+    names_of_axes = tuple(
+        f"{name}, logarithmic" if scale.logarithmic else name
+        for name, scale in zip(names_of_axes, (across, up), strict=True)
+    )
     previewed = ' data-previewed=""' if chosen is not None else ""
     steps = _front([(x[each.number], y[each.number]) for each in best]) if len(aims) > 1 else ""
     return (
@@ -65,7 +72,9 @@ def _told(tuning: BackgroundTuning) -> str:
 
 def said_of(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
     """Description of a candidate: its gains and aims, in words."""
-    gains = ", ".join(f"{names[path]} {_plain(float(value))}" for path, value in candidate.values.items())
+    gains = ", ".join(
+        f"{names[path]} {_plain(float(value))} {unit_of(path)}".rstrip() for path, value in candidate.values.items()
+    )
     figures = ", ".join(
         f"{in_words(aim).partition(' [')[0]} {_plain(value)} {_unit(aim)}".rstrip()
         for aim, value in zip(tuning.tuning.aims, candidate.aims, strict=True)
@@ -122,7 +131,7 @@ def _star(x: float, y: float) -> str:
     return "M " + " L ".join(f"{a:.1f} {b:.1f}" for a, b in places) + " Z"
 
 
-def _axes(names: tuple[str, str], across: ColorScale, up: ColorScale) -> str:
+def _axes(names: Sequence[str], across: ColorScale, up: ColorScale) -> str:
     return "".join([
         f'<text x="{LEFT + EDGE}" y="{BOTTOM + 11}">{_plain(across.low)}</text>',
         f'<text x="{RIGHT}" y="{BOTTOM + 11}" text-anchor="end">{_plain(across.high)}</text>',

@@ -64,17 +64,19 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._moves = [
             FieldChoice(desk, f"Gain {k + 1}", GAINS, first, optional=True) for k, first in enumerate(firsts)
         ]
-        self._first = gui.add_dropdown("What counts", tuple(AIMS), hint="The smaller the better.")
+        self._first = gui.add_dropdown(
+            "What counts", tuple(AIMS), hint="The smaller the better. Errors: in each run's last fifth."
+        )
         self._second = gui.add_dropdown(
-            "and", (NONE, *AIMS), initial_value="torque variation", hint="Of two, a front is found."
+            "What else counts", (NONE, *AIMS), initial_value="torque variation", hint="Of two, a front is found."
         )
         self._arms = gui.add_dropdown(
             "Judged by", tuple(ARMS), initial_value="4 of the declared set", hint="By the worst of these true arms."
         )
         self._budget = gui.add_dropdown("Candidates", tuple(BUDGETS), initial_value="32")
-        self._unseen = gui.add_text("arms not seen", "8", hint="What is found is tried on as many other arms: 1 to 64.")
+        self._unseen = gui.add_text("Arms not seen", "8", hint="What is found is tried on as many other arms: 1 to 64.")
         self._add_length()
-        self._seed = gui.add_text("seed", "0", hint="The same seed has the same answer.")
+        self._seed = gui.add_text("Seed", "0", hint="The same seed has the same answer.")
         self._add_button()
         self._told = gui.add_html("")
         self._file = gui.add_button("This search as a folder", color="gray", visible=False, hint="As `vsmrc tune` has.")
@@ -102,7 +104,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
     def _asked(self, snapshot: Snapshot) -> tuple[list[Field], Tuning]:
         """Fields that the search varies, and the tuning of the present choices. Raises ScenarioError."""
         seconds = self._length()
-        unseen, seed = self._whole("arms not seen", self._unseen, 1, 64), self._whole("seed", self._seed, 0, 2**31)
+        unseen, seed = self._whole("Arms not seen", self._unseen, 1, 64), self._whole("Seed", self._seed, 0, 2**31)
         moves = [each for each in self._moves if each.field is not None]
         fields = [each.field for each in moves if each.field is not None]
         if len({field.path for field in fields}) < len(fields):
@@ -114,6 +116,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             points=BUDGETS[self._budget.value] + 1,
             draw=ARMS[self._arms.value],
             seed=seed,
+            until=seconds,
             aims=tuple(AIMS[each.value] for each in (self._first, self._second) if each.value != NONE),
             unseen=unseen,
         )

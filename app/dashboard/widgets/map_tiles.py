@@ -30,14 +30,19 @@ class Naming(NamedTuple):
     title: of the figure that the map shows.
     unit: of this figure.
     factor: from the SI unit to `unit`.
-    share: whether the map shows the share of the arms that keep a limit instead.
+    limit: of which the map shows the share of the arms that keep it instead, "" for none.
     axes: name and unit of each axis, by path."""
 
     title: str
     unit: str
     factor: float
-    share: bool
+    limit: str
     axes: Mapping[str, tuple[str, str]]
+
+    @property
+    def share(self) -> bool:
+        """Whether the map shows the share of the arms that keep a limit."""
+        return bool(self.limit)
 
 
 class _Frame(NamedTuple):
@@ -78,7 +83,9 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
     if points is None:
         return f'<div class="vs-checks"><div class="vs-note">{told}</div></div>'
     numbers = points.number if naming.share else naming.factor * points.number
-    over = ", share of the arms that keep the limit" if naming.share else ", worst arm" if question.sweep.draw else ""
+    over = ", worst arm" if question.sweep.draw else ""
+    if naming.share:
+        over = f", share of the arms that keep {naming.limit}"
     if len(question.sweep.vary) == 1:
         picture, ends, height = _course(question, points, numbers, naming, present), "", COURSE_HEIGHT
     else:
@@ -130,7 +137,9 @@ def _tiles(
     dashed = _ends(
         theorem, frame, 'class="vs-theorem" stroke="currentColor" stroke-width="1.6" stroke-dasharray="4 2.5"'
     )
-    words = ("; red: the declared set ends" if red else "") + ("; dashed: (17) ends" if dashed else "")
+    words = ("; red: between the last tile inside the declared set and the first outside" if red else "") + (
+        "; dashed: the same of (17)" if dashed else ""
+    )
     drawn = f"{''.join(tiles)}{red}{dashed}{_ring(question, present)}{_ticks(x, y, frame, naming)}{_bar(scale, naming)}"
     return drawn, words
 
@@ -192,7 +201,8 @@ def _said(question: SweepQuestion, points: Points, k: int, number: float, naming
         return f"{where}: no figure"
     if naming.share:
         low, high = interval(int(points.good[k]), arms)
-        return f"{where}: {points.good[k]} of {arms} arms (95 %: {low:.2f} to {high:.2f}){_unpromised(points, k)}"
+        kept = f"{points.good[k]} of {arms} arms keep {naming.limit} (95 %: {low:.2f} to {high:.2f} of all)"
+        return f"{where}: {kept}{_unpromised(points, k)}"
     worst = f", worst of {arms} arms" if arms > 1 else ""
     return f"{where}: {naming.title} {_plain(number)} {naming.unit}{worst}{_unpromised(points, k)}"
 

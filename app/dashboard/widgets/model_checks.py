@@ -177,8 +177,8 @@ def _sampled_poles(snapshot: Snapshot) -> str:
     rate = 1e-3 / snapshot.scenario.controller.period
     head = f"<tr><td>poles</td><td>model ω, ζ</td><td>sampled at {rate:.3g} kHz</td></tr>"
     rows = "".join(
-        f"<tr><td>{f'{o.count} ×' if o.count > 1 else ''}</td><td>{o.omega:.3g} 1/s, {_ratio(o.zeta)}</td>"
-        f"<td>{o.sampled_omega:.3g} 1/s, {_ratio(o.sampled_zeta)}</td></tr>"
+        f"<tr><td>{f'{o.count} ×' if o.count > 1 else ''}</td><td>{o.omega:.3g} rad/s, {_ratio(o.zeta)}</td>"
+        f"<td>{o.sampled_omega:.3g} rad/s, {_ratio(o.sampled_zeta)}</td></tr>"
         for o in found
     )
     return f'<table class="vs-facts">{head}{rows}</table>'

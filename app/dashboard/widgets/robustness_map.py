@@ -26,8 +26,8 @@ from app.dashboard.widgets.swept_fields import (
 from app.export.export_jobs import MadeJob, file_name
 from app.export.formats import Format
 from app.scenario.departures import DRAWN
-from app.scenario.schema import ScenarioError
-from app.session.commands import Perform
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.commands import Perform, Pin
 from app.session.snapshot import Snapshot
 from app.storage.recording_files import Tell
 from app.sweep import charts
@@ -39,10 +39,10 @@ from app.sweep.question import Sweep, SweepQuestion
 SIZES = {"5": 5, "9": 9, "13": 13}
 ARMS = {"the scenario's own": 0, "4 of the declared set": 4, "8 of the declared set": 8, "16 of the declared set": 16}
 METRICS = {
-    "force error at the end": ("force_error", 1.0, "N"),
-    "path error at the end": ("motion_error", 1e3, "mm"),
-    "angle error at the end": ("angle_error", 1e3, "mrad"),
-    "variation of the torques": ("torque_variation", 1.0, "N·m/s"),
+    "largest force error at the end": ("force_error", 1.0, "N"),
+    "largest path error at the end": ("motion_error", 1e3, "mm"),
+    "largest angle error at the end": ("angle_error", 1e3, "mrad"),
+    "torque variation": ("torque_variation", 1.0, "N·m/s"),
     "residual of (8)": ("residual", 1.0, "N"),
     "settling time": ("settling_time", 1.0, "s"),
     "share of the run that is promised": ("promised_share", 100.0, "%"),
@@ -59,20 +59,21 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
 
     def __init__(self, desk: Desk) -> None:
         super().__init__(desk, "Compute the map", "Cancel")
+        self._opened: Scenario | None = None  # by a tile
         gui = desk.gui
         gui.add_html(
             '<div class="vs-note vs-map-top">One figure for many settings, and for true arms drawn within what is '
             f"declared, computed beside the loop by {desk.share.allowance}. A click on a tile plays its worst arm's "
-            "run and pauses at its end.</div>"
+            "run and pauses at its end; the present run is pinned (tab Runs).</div>"
         )
         self._across = FieldChoice(desk, "Across", FIELDS, "stiffness of the surface", optional=False)
         self._up = FieldChoice(desk, "Up", FIELDS, "mass of the true links, factor", optional=True)
         self._fields = {field.path: field for field in FIELDS}
         self._size = gui.add_dropdown("Steps of each", tuple(SIZES), initial_value="9")
         self._arms = gui.add_dropdown("True arms", tuple(ARMS), hint="The same arms at every tile.")
-        self._metric = gui.add_dropdown("Figure", tuple(METRICS), hint="Over the last fifth of each run.")
+        self._metric = gui.add_dropdown("Figure", tuple(METRICS), hint="At the end: over the last fifth of each run.")
         self._add_length()
-        self._within = gui.add_text("limit", "", hint="Share of the arms that keep it; empty: the worst arm.")
+        self._within = gui.add_text("Limit", "", hint="Share of the arms that keep it; empty: the worst arm.")
         self._add_button()
         self._files = gui.add_button_group(
             "This map", (*FORMATS, FOLDER), visible=False, hint="As a figure, or with all its runs for `vsmrc sweep`."
@@ -118,7 +119,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         """Sweep of the present choices. Raises ScenarioError."""
         seconds = self._length()
         if typed(self._within):
-            number_of("limit", self._within.value)
+            number_of("Limit", self._within.value)
         sides = [side for side in (self._across, self._up) if side.field is not None]
         fields = [side.field for side in sides if side.field is not None]
         if len({field.path for field in fields}) < len(fields):
@@ -130,7 +131,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         scenario, count = prepared(snapshot, fields), SIZES[self._size.value]
         vary = tuple(side.axis(scenario, count) for side in sides)
         self._fields |= {field.path: field for field in fields}
-        return Sweep(lasting(scenario, seconds), vary, draw=arms, engine="pinocchio")
+        return Sweep(lasting(scenario, seconds), vary, draw=arms, until=seconds, engine="pinocchio")
 
     def _choose(self, work: BackgroundSweep, number: str, client: int) -> None:
         del client
@@ -147,16 +148,19 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         except ScenarioError as error:
             self._desk.complain(str(error))
             return
-        # the run must end as on the map: its constants hold up to this end only
         named = msgspec.structs.replace(scenario, name=question.sweep.scenario.name)
-        self._desk.post(Perform(named, (), scenario.simulation.duration))
+        snapshot, end = self._desk.snapshot(), question.sweep.length
+        if snapshot.scenario != self._opened and len(snapshot.recording):
+            self._desk.post(Pin())
+        self._opened = named
+        self._desk.post(Perform(named, (), end))
 
     @property
     def _view(self) -> SweepView:
         name, factor, _ = METRICS[self._metric.value]
         limit = typed(self._within)
         try:
-            return SweepView(name, within=number_of("limit", limit) / factor if limit else None)
+            return SweepView(name, within=number_of("Limit", limit) / factor if limit else None)
         except ScenarioError:
             return SweepView(name)
 
@@ -164,11 +168,20 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
     def _naming(self) -> Naming:
         _, factor, unit = METRICS[self._metric.value]
         axes = {path: (field.name, field.unit) for path, field in self._fields.items()}
-        return Naming(self._metric.value, unit, factor, self._view.within is not None, axes)
+        within = self._view.within
+        limit = "" if within is None else f"{factor * within:.3g} {unit}"
+        return Naming(self._metric.value, unit, factor, limit, axes)
 
     def _points(self, sweep: BackgroundSweep) -> Points | None:
         rows = sweep.rows
         return points_of(sweep.question.sweep, _columns(rows), self._view) if rows else None
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show the map so far, and the unit of the limit."""
+        _, _, unit = METRICS[self._metric.value]
+        if self._within.label != (label := f"Limit [{unit}]"):
+            self._within.label = label
+        super().show(snapshot)
 
     def _drawn(self, work: BackgroundSweep, snapshot: Snapshot) -> str:
         if self._files.visible != bool(work.rows):

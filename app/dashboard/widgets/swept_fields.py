@@ -104,7 +104,7 @@ def field_of_row(row: NumberRow, snapshot: Snapshot) -> Field:
         raise ScenarioError(f"{row.label}: {error}") from error
     low, high = scale.low, scale.high
     if scale.logarithmic and value > 0.0:
-        low, high = max(low, float(f"{value / DECADE:.3g}")), min(high, float(f"{value * DECADE:.3g}"))
+        low, high = max(low, float(f"{value / DECADE:.1g}")), min(high, float(f"{value * DECADE:.1g}"))
         if not low < high:  # the present value was typed, and is beyond the slider's ends
             low, high = scale.low, scale.high
     return Field(title_of(path), path, low, high, scale.logarithmic, row.place)

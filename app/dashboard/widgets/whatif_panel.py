@@ -16,6 +16,8 @@ from app.session.preview import Figures, Outlook
 from app.session.snapshot import Snapshot
 
 BANDS = {"none": 0, "16 of the declared set": 16, "64 of the declared set": 64}
+WEAK, FINE = 0.1, 1e-5  # N, m: below them mN and µm are easier to read
+NO_FORCE = 1e-6  # N
 _SHOWN = 20.0  # s during which an applied value can be taken back by a click
 
 
@@ -132,6 +134,8 @@ class _Row:
 
 def _rows(units: Units) -> tuple[_Row, ...]:
     def length(value: float | None) -> str | None:
+        if value is not None and units.error == "mm" and abs(value) < FINE:
+            return f"{_small(value * 1e6, 1e-3)} µm"
         return None if value is None else f"{_small(value * 1e3, 1e-4)} {units.error}"
 
     def force(value: float | None) -> str | None:
@@ -139,7 +143,7 @@ def _rows(units: Units) -> tuple[_Row, ...]:
 
     def predicted(figures: Figures) -> str | None:
         by_37 = figures.force_error_predicted
-        return "F_d varies" if by_37 is None else f"by (37) {_small(by_37, 1e-3)} N"
+        return "F_d varies" if by_37 is None else f"by (37) {_newtons(by_37)}"
 
     def largest(figures: Figures) -> str | None:
         most = length(figures.motion_largest)
@@ -149,17 +153,17 @@ def _rows(units: Units) -> tuple[_Row, ...]:
         return None if value is None else f"{_small(value * 1e3, 1e-4)} mrad"
 
     return (
-        _Row("force error at the end", lambda f: _newtons(f.force_error), predicted),
+        _Row("mean force error at the end", lambda f: _newtons(f.force_error), predicted),
         _Row("force within 2 % after", lambda f: _seconds(f.force_settling)),
         _Row("force overshoot", lambda f: _newtons(f.force_overshoot)),
         _Row("largest force on the surface", lambda f: _newtons(f.contact_largest)),
-        _Row("force on it at the end", lambda f: _newtons(f.contact_final)),
+        _Row("mean force on it at the end", lambda f: _newtons(f.contact_final)),
         _Row("largest deflection", largest),
-        _Row("deflection at the end", lambda f: length(f.motion_error)),
+        _Row("largest deflection at the end", lambda f: length(f.motion_error)),
         _Row("path within 2 % after", lambda f: _seconds(f.motion_settling)),
         _Row("swing to the other side", lambda f: length(f.motion_overshoot)),
         _Row("largest angle error", lambda f: angle(f.angle_largest)),
-        _Row("angle error at the end", lambda f: angle(f.angle_error)),
+        _Row("largest angle error at the end", lambda f: angle(f.angle_error)),
         _Row("largest torque of a joint", lambda f: f"{_small(f.torque_largest, 1e-3)} N·m"),
         _Row(
             "layer reached after",
@@ -189,7 +193,9 @@ def _html(head: str, hint: str, body: str) -> str:
 
 
 def _newtons(value: float | None) -> str | None:
-    return None if value is None else f"{_small(value, 1e-3)} N"
+    if value is not None and NO_FORCE < abs(value) < WEAK:
+        return f"{1e3 * value:.3g} mN"
+    return None if value is None else f"{_small(value, NO_FORCE)} N"
 
 
 def _seconds(value: float | None) -> str | None:
