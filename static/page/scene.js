@@ -16,9 +16,26 @@ const place = () => {
   const above = room > Math.max(strip, 48) && held.top < box.top + 0.4 * box.height;
   if (above) document.documentElement.style.setProperty("--vs-strip-top", `${Math.round(held.bottom + 8)}px`);
   else document.documentElement.style.removeProperty("--vs-strip-top");
+  // over the windows, unless one of them lies over the panel
+  const panel = document.querySelector("[data-dock-region]:has(.vs-strip)")?.getBoundingClientRect();
+  const beside = [...document.querySelectorAll("[data-floating-window]")].every((w) => w.getBoundingClientRect().right <= panel?.left + 1);
+  document.documentElement.toggleAttribute("data-over", !!panel && beside);
   document.documentElement.toggleAttribute("data-narrow", !!box && box.width < 180); // no room for the equation
 };
 setInterval(place, 200);
+// The equation stays between the docks when one is pulled: viser places its window before that has its new width.
+let pressed = false;
+for (const [kind, is] of [["pointerdown", true], ["pointerup", false], ["pointercancel", false]])
+  document.addEventListener(kind, () => { pressed = is; }, true);
+setInterval(() => {
+  const equation = document.querySelector("[data-floating-window]:has(.vs-equation)");
+  const scene = document.querySelector("canvas[data-engine]")?.getBoundingClientRect();
+  if (!equation || !scene || pressed) return;
+  const moved = parseFloat(equation.style.translate) || 0, { left, right } = equation.getBoundingClientRect();
+  const by = "stage" in document.documentElement.dataset ? 0
+    : Math.round(Math.max(scene.left - left + moved, Math.min(0, scene.right - right + moved)));
+  if (by !== moved) equation.style.translate = by ? `${by}px 0` : "";
+}, 200);
 window.addEventListener("resize", () => requestAnimationFrame(place));
 window.addEventListener("click", (e) => {
   const button = e.target.closest?.(".vs-legend-button");

@@ -32,7 +32,7 @@ def picture(
     **state: Any,
 ) -> str:
     shown = {"rows": [None] * 24, "going": False, "waiting": False, "problem": ""} | state
-    naming = Naming("force error", "mN", 1e3, view.within is not None, NAMES)
+    naming = Naming("force error", "mN", 1e3, "" if view.within is None else "<7> mN", NAMES)
     points = points_of(sweep, columns(sweep) if table is None else table, view)
     return map_html(
         cast(BackgroundSweep, SimpleNamespace(question=SweepQuestion(sweep), **shown)), points, naming, present
@@ -53,7 +53,7 @@ def test_tiles_say_their_numbers_in_units_and_the_arms_behind_them() -> None:
     assert re.findall(r'data-point="(\d+)"', worst) == ["0", "1", "2", "3", "4", "5"]
     assert "<b>" not in worst
     share = said_in(picture(SweepView("force_error", within=1.25)))
-    assert share[0].endswith("2 of 4 arms (95 %: 0.15 to 0.85); the promise holds for 3 of 4 arms")
+    assert share[0].endswith("2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all); the promise holds for 3 of 4 arms")
     wide = columns() | {"force_error": 10.0 ** -columns()["point"]}
     middle = re.findall(r'y="244" text-anchor="middle">(.*?)<', picture(SweepView("force_error"), table=wide))
     assert middle == ["3.16 mN"]  # of 1000 and 0.01: the colours follow the logarithm
@@ -82,7 +82,7 @@ def test_over_one_field_there_is_a_course_with_an_interval_at_each_share() -> No
     assert worst.count("vs-interval") == 0
     assert re.search(r'class="vs-present" d="M 187.0 ', worst)  # in the middle
     share = picture(SweepView("force_error", within=1.25), sweep=alone)
-    assert "2 of 4 arms (95 %: 0.15 to 0.85)" in said_in(share)[0]
+    assert "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)" in said_in(share)[0]
     assert share.count("vs-interval") == 3
 
 

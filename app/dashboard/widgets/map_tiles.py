@@ -85,7 +85,7 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
     numbers = points.number if naming.share else naming.factor * points.number
     over = ", worst arm" if question.sweep.draw else ""
     if naming.share:
-        over = f", share of the arms that keep {naming.limit}"
+        over = f", share of the arms that keep the limit of {escape(naming.limit)}"
     if len(question.sweep.vary) == 1:
         picture, ends, height = _course(question, points, numbers, naming, present), "", COURSE_HEIGHT
     else:
@@ -201,7 +201,7 @@ def _said(question: SweepQuestion, points: Points, k: int, number: float, naming
         return f"{where}: no figure"
     if naming.share:
         low, high = interval(int(points.good[k]), arms)
-        kept = f"{points.good[k]} of {arms} arms keep {naming.limit} (95 %: {low:.2f} to {high:.2f} of all)"
+        kept = f"{points.good[k]} of {arms} arms keep the limit of {naming.limit} (95 %: {low:.2f} to {high:.2f} of all)"
         return f"{where}: {kept}{_unpromised(points, k)}"
     worst = f", worst of {arms} arms" if arms > 1 else ""
     return f"{where}: {naming.title} {_plain(number)} {naming.unit}{worst}{_unpromised(points, k)}"
