@@ -53,7 +53,8 @@ def test_tiles_say_their_numbers_in_units_and_the_arms_behind_them() -> None:
     assert re.findall(r'data-point="(\d+)"', worst) == ["0", "1", "2", "3", "4", "5"]
     assert "<b>" not in worst
     share = said_in(picture(SweepView("force_error", within=1.25)))
-    assert share[0].endswith("2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all); the promise holds for 3 of 4 arms")
+    kept = "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)"
+    assert share[0].endswith(f"{kept}; the promise holds for 3 of 4 arms")
     wide = columns() | {"force_error": 10.0 ** -columns()["point"]}
     middle = re.findall(r'y="244" text-anchor="middle">(.*?)<', picture(SweepView("force_error"), table=wide))
     assert middle == ["3.16 mN"]  # of 1000 and 0.01: the colours follow the logarithm

@@ -201,8 +201,8 @@ def _said(question: SweepQuestion, points: Points, k: int, number: float, naming
         return f"{where}: no figure"
     if naming.share:
         low, high = interval(int(points.good[k]), arms)
-        kept = f"{points.good[k]} of {arms} arms keep the limit of {naming.limit} (95 %: {low:.2f} to {high:.2f} of all)"
-        return f"{where}: {kept}{_unpromised(points, k)}"
+        kept = f"{points.good[k]} of {arms} arms keep the limit of {naming.limit}"
+        return f"{where}: {kept} (95 %: {low:.2f} to {high:.2f} of all){_unpromised(points, k)}"
     worst = f", worst of {arms} arms" if arms > 1 else ""
     return f"{where}: {naming.title} {_plain(number)} {naming.unit}{worst}{_unpromised(points, k)}"
 
