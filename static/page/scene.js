@@ -23,6 +23,15 @@ const place = () => {
   document.documentElement.toggleAttribute("data-narrow", !!box && box.width < 180); // no room for the equation
 };
 setInterval(place, 200);
+// The server hears how large the picture is, for a file of it: viser tells that before the picture has its new size, and
+// not at all when it draws more coarsely on a slow machine.
+let sized = "";
+setInterval(() => {
+  const { canvas, sendCamera } = window.__viserMutable ?? {};
+  if (!canvas || !sendCamera || sized === `${canvas.width} x ${canvas.height}`) return;
+  sized = `${canvas.width} x ${canvas.height}`;
+  sendCamera();
+}, 300);
 // The equation stays between the docks when one is pulled: viser places its window before that has its new width.
 let pressed = false;
 for (const [kind, is] of [["pointerdown", true], ["pointerup", false], ["pointercancel", false]])
