@@ -100,9 +100,9 @@ def sweep(
     if scheduler is not None and workers is not None:
         raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
     count = question.SweepQuestion(asked).count
-    folder = None if dry_run else folder_of("sweep", out)
+    folder = None if dry_run and out is None else folder_of("sweep", out)
     with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
-        if folder is None:
+        if dry_run or folder is None:
             print(running.estimated(asked, count, on))
             return DONE
         return _sweep_into(folder, asked, on)

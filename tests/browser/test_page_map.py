@@ -75,10 +75,9 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     page.keyboard.press("Shift+F10")
     expect(page.get_by_role("menuitem").first).to_be_focused()
     page.keyboard.press("Enter")
-    expect(page.get_by_label("Across", exact=True).locator("visible=true")).to_have_value("boundary layer")
-    expect(
-        page.get_by_label("Across", exact=True).locator("visible=true")
-    ).to_be_focused()  # the next key goes on there
+    across = page.get_by_label("Across", exact=True).locator("visible=true")
+    expect(across).to_have_value("boundary layer")
+    expect(across).to_be_focused()  # the next key goes on there
     expect(page.get_by_label("Up", exact=True).locator("visible=true")).to_have_value("—")
     session.choose("Up", "stiffness of the surface")
     session.choose("Steps of each", "5")

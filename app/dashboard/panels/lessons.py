@@ -16,7 +16,7 @@ from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.class_panel import ClassPanel
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.file_delivery import FileDelivery
-from app.dashboard.widgets.lesson_answers import CurveAnswer, GoalControls, NumberAnswer, OptionAnswer, unit_of
+from app.dashboard.widgets.lesson_answers import CurveAnswer, GoalControls, NumberAnswer, OptionAnswer, answer_unit
 from app.dashboard.widgets.lesson_list import LessonList
 from app.dashboard.widgets.outcome_chart import outcome_html
 from app.export.export_jobs import FigureJob
@@ -201,7 +201,7 @@ class LessonsPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         course = self._course
-        self._class.show(course, "" if course is None else unit_of(course.step, course))
+        self._class.show(course, "" if course is None else answer_unit(course.step, course))
         self._list.show(self._desk.notebook.progress, visible=course is None)
         if self._folder.visible != (course is not None):
             self._folder.visible = course is not None

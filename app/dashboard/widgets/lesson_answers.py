@@ -88,7 +88,7 @@ class NumberAnswer:
         self._lock.visible = asks and course.open
         if not asks:
             return
-        unit = unit_of(step, course)
+        unit = answer_unit(step, course)
         self._text.label = f"your answer [{unit}]" if unit else "your answer"
         self._text.disabled = not course.open
         if answer is not None:
@@ -98,7 +98,7 @@ class NumberAnswer:
         self._step = step.number
 
 
-def unit_of(step: LessonStep, course: LessonCourse) -> str:
+def answer_unit(step: LessonStep, course: LessonCourse) -> str:
     """Unit of the number that a question asks for, "" for other questions."""
     if not isinstance(step.block, blocks.NumberQuestion):
         return ""
