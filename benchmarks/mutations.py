@@ -1,10 +1,12 @@
 """Mutation test: would the tests detect a wrong sign? Mistakes of one line are planted in a copy of the tree, one at a
 time.
 
-    python -m benchmarks.mutations                     every row of mutations.toml, half an hour of two cores; writes
-                                                       docs/mutations.md
+    python -m benchmarks.mutations                     every row of mutations.toml, some three hours of two cores
     python -m benchmarks.mutations --only task_space   rows with this in their file or meaning
+    python -m benchmarks.mutations --missing           rows without a verdict: goes on where another run was ended
     python -m benchmarks.mutations --check             only whether every row still fits the sources
+
+Each verdict is kept in mutations.json as soon as it is known, with its day; docs/mutations.md is written from them.
 
 A row is caught when a test fails, and survives when all of `TESTS` pass; `--tests` names others. There is a copy for
 each core, with a cache of compiled kernels of its own; before each row the kernels of every module that imports the
@@ -15,6 +17,7 @@ survived, 2 a row does not fit the sources.
 from __future__ import annotations
 
 import ast
+import datetime
 import os
 import re
 import shutil
@@ -29,8 +32,10 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import NamedTuple
 
+import msgspec
 import tyro
 
+from app.process.atomic_write import write_whole
 from app.process.markdown import Table
 
 ROOT = Path(__file__).parents[1]
@@ -56,6 +61,7 @@ TESTS = (
 )
 PATIENCE = 1200.0  # s for one row
 PAGE = ROOT / "docs" / "mutations.md"
+KEPT = Path(__file__).with_suffix(".json")
 CAUGHT, SURVIVED = "caught", "SURVIVED"
 
 
@@ -94,6 +100,7 @@ class Verdict:
     mutation: Mutation
     result: str  # CAUGHT, SURVIVED
     by: str  # test that failed, or the end of the test run
+    day: datetime.date
 
     def __str__(self) -> str:
         m = self.mutation
@@ -166,13 +173,14 @@ class Copy:
             done = self.run(kernels, mutation.named)
             failed = re.search(r"^(?:FAILED|ERROR) (?:tests/(?:\w+/)?)?(\S+)", done.stdout, re.MULTILINE)
             by = failed[1] if failed else f"pytest ended with {done.returncode}"
-            return Verdict(mutation, CAUGHT, by) if done.returncode else Verdict(mutation, SURVIVED, "")
+            result, by = (CAUGHT, by) if done.returncode else (SURVIVED, "")
         except subprocess.TimeoutExpired:
-            return Verdict(mutation, CAUGHT, f"not done within {PATIENCE:g} s")
+            result, by = CAUGHT, f"not done within {PATIENCE:g} s"
         finally:
             file.write_text(sound, encoding="utf-8")
             os.utime(file, ns=(time, time))  # numba compares the file's time with the one that it noted beside a kernel
             shutil.rmtree(kernels)
+        return Verdict(mutation, result, by, datetime.date.today())
 
 
 def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> Iterator[Verdict]:
@@ -193,50 +201,68 @@ def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> I
         yield from pool.map(judged, rows)
 
 
+def kept_verdicts() -> dict[Mutation, Verdict]:
+    """Verdicts of earlier runs on rows that are as they were, by row."""
+    kept = msgspec.json.decode(KEPT.read_bytes(), type=list[Verdict]) if KEPT.exists() else []
+    known = {verdict.mutation: verdict for verdict in kept}
+    return {row: known[row] for row in table() if row in known}
+
+
+def keep(found: dict[Mutation, Verdict]) -> None:
+    """Write mutations.json and docs/mutations.md."""
+    verdicts = [found[row] for row in table() if row in found]
+    text = msgspec.json.format(msgspec.json.encode(verdicts), indent=1) + b"\n"
+    write_whole(KEPT, lambda file: file.write(text))
+    PAGE.write_text(page(verdicts), encoding="utf-8")
+
+
 def page(found: list[Verdict]) -> str:
     """Text of docs/mutations.md."""
-    rows = [(f"`{v.mutation.file}`", v.mutation.meaning, v.result, f"`{v.by}`" if v.by else "") for v in found]
+    rows = [
+        (f"`{v.mutation.file}`", v.mutation.meaning, v.result, f"`{v.by}`" if v.by else "", str(v.day)) for v in found
+    ]
     caught = sum(verdict.result == CAUGHT for verdict in found)
     return f"""# Planted mistakes
 
 Written by `make mutations`: each row is a mistake of one line, planted alone in a copy of the tree, and the first test
-that fails because of it. {caught} of {len(found)} are caught. The lines themselves are in `benchmarks/mutations.toml`;
-a new row is one line there.
+that failed because of it, on the day that is given. Of the {len(table())} lines in `benchmarks/mutations.toml`
+{len(found)} have been tried as they stand now, and {caught} of these were caught. A new row is one line in that file.
 
-{Table(("file", "mistake", "", "by"), rows).markdown()}
+{Table(("file", "mistake", "", "by", "day"), rows).markdown()}
 """
 
 
 def main(
     only: tuple[str, ...] = (),
+    missing: bool = False,
     check: bool = False,
     tests: tuple[str, ...] = TESTS,
     jobs: int = os.cpu_count() or 1,
-    write: bool = True,
 ) -> int:
     """Plant mistakes, see whether the tests catch them.
 
     Args:
         only: rows with one of these in their file or meaning.
+        missing: only rows on which no verdict is kept.
         check: only see whether the rows fit the sources.
-        tests: what pytest is given.
-        jobs: how many at once; each takes a core and 1.5 GB.
-        write: docs/mutations.md, when all rows were judged by all tests.
+        tests: what pytest is given; verdicts of other tests than these are not kept.
+        jobs: how many at once; each takes a core and 3.7 GB.
     """
     wrong = misfits(table())
     print("\n".join(wrong), file=sys.stderr, end="\n" if wrong else "")
     if wrong or check:
         return 2 if wrong else 0
+    known = kept_verdicts()
     rows = tuple(m for m in table() if not only or any(o in m.file or o in m.meaning for o in only))
-    found = []
+    rows = tuple(m for m in rows if not (missing and m in known))
+    found: dict[Mutation, Verdict] = {}
     for verdict in verdicts(rows, tests, jobs):
-        found.append(verdict)
+        found[verdict.mutation] = verdict
         print(f"{len(found):3d}/{len(rows)}  {verdict}", flush=True)
-    survived = sum(verdict.result == SURVIVED for verdict in found)
+        if tests == TESTS:
+            keep(known | found)
+    survived = sum(verdict.result == SURVIVED for verdict in found.values())
     print(f"{len(rows) - survived} of {len(rows)} caught, {survived} survived")
-    if write and rows == table() and tests == TESTS:
-        PAGE.write_text(page(found), encoding="utf-8")
-        print(f"written to {PAGE}")
     return 1 if survived else 0
 
 
