@@ -16,7 +16,7 @@ from app.session.headless_run import simulate
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
 from app.sweep.charts import chart
-from app.sweep.figures_of_run import Figures, SweepRunner
+from app.sweep.figures_of_run import Figures, SweepRunner, columns_of
 from app.sweep.points import SweepView
 from app.sweep.question import Sweep, SweepQuestion, axis_of
 from app.sweep.titles import said
@@ -106,8 +106,9 @@ def conclude(results: Sequence[object]) -> Findings:
     bands = {law: [each for each in of_kind(Arms, results) if each.law == law] for law in LAWS}
     robust = bands["vsmrc"]
     ratio = np.concatenate([each.s / each.bound for each in robust])
-    worst = {law: np.array([row.get("force_error") or np.nan for row in tables[law]]) for law in LAWS}
-    inside = {law: np.array([row.get("declared") == 1.0 for row in tables[law]]) for law in LAWS}
+    columns = {law: columns_of(tables[law]) for law in LAWS}
+    worst = {law: columns[law]["force_error"] for law in LAWS}
+    inside = {law: columns[law]["declared"] == 1.0 for law in LAWS}
     numbers = {
         "arms": str(sum(len(each.s) for each in robust)),
         "holds": str(sum(each.holds for each in robust)),
@@ -129,12 +130,9 @@ def conclude(results: Sequence[object]) -> Findings:
 
 
 def _map(law: str, rows: list[Figures]) -> bytes:
-    names = ("row", "point", "arm", "contact.K_e", "truth.link_scaling", "force_error", "gain_margin", "declared")
-    columns = {name: np.array([row.get(name, np.nan) for row in rows], dtype=float) for name in names}
-    words = {"stopped": np.array([row.get("stopped") for row in rows], dtype=object)}
     sweep = map_of(law)
     titled = msgspec.structs.replace(sweep.scenario, name=f"ur5-hybrid, {said('controller.law', law)}")
-    return chart(msgspec.structs.replace(sweep, scenario=titled), columns | words, SweepView("force_error"), "svg")
+    return chart(msgspec.structs.replace(sweep, scenario=titled), columns_of(rows), SweepView("force_error"), "svg")
 
 
 def _band(bands: dict[str, list[Arms]]) -> bytes:

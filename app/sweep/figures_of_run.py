@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,3 +123,18 @@ def _of(metrics: Metrics) -> Figures:
         "promised_share": metrics.promise.share,
         "stopped": metrics.stopped,
     }
+
+
+def columns_of(rows: Sequence[Figures]) -> dict[str, np.ndarray]:
+    """Columns of rows by name: those of every run and of the varied fields, NaN or None where a row has no value."""
+    names = {name for row in rows for name in row} | set(COLUMNS)
+    words = {name for name, column in COLUMNS.items() if column.word}
+    columns = {}
+    for name in names:
+        values = [row.get(name) for row in rows]
+        columns[name] = (
+            np.array(values, dtype=object)
+            if name in words
+            else np.array([np.nan if value is None else value for value in values])
+        )
+    return columns

@@ -12,6 +12,7 @@ import numpy as np
 from app.scenario.schema import ScenarioError
 from app.sweep.figures_of_run import COLUMNS, METRICS
 from app.sweep.question import Sweep
+from controllers.premises import Premise
 from parameters import allowed
 
 Statistic = Literal["share", "median", "worst"]
@@ -47,6 +48,7 @@ class Points:
     stopped: (N,) bool, whether a run stopped or was refused.
     theorem, declared: (N,) bool, whether (17) and the declaration hold for all arms.
     holding: (N,), number of arms whose promise holds.
+    failed: names of the premises that failed for at least one arm, N tuples, in the order of the theorem's table.
     """
 
     values: Mapping[str, np.ndarray]
@@ -57,6 +59,7 @@ class Points:
     theorem: np.ndarray
     declared: np.ndarray
     holding: np.ndarray
+    failed: tuple[tuple[str, ...], ...]
 
 
 def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) -> Points:
@@ -90,6 +93,7 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
             [bool((np.asarray(columns["declared"], dtype=float)[order][g] == 1.0).all()) for g in groups]
         ),
         holding=np.array([int(holds[g].sum()) for g in groups]),
+        failed=tuple(_failed(columns["failed"][order][g]) for g in groups),
     )
 
 
@@ -104,6 +108,12 @@ def interval(good: int, arms: int) -> tuple[float, float]:
 
     found = binomtest(good, arms).proportion_ci(CONFIDENCE, "wilson")
     return float(found.low), float(found.high)
+
+
+def _failed(listed: np.ndarray) -> tuple[str, ...]:
+    """Names of premises in these cells of the column "failed", each once."""
+    names = {name for cell in listed if cell for name in cell.split(", ")}
+    return tuple(premise.name.lower() for premise in Premise if premise.name.lower() in names)
 
 
 def _statistic(values: np.ndarray, statistic: Statistic, more_is_better: bool) -> float:

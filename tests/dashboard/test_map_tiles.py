@@ -20,7 +20,7 @@ from tests.sweep.test_question import sweep_of
 SWEEP = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:80:2", draw=4)
 NAMES = {"contact.K_e": ("stiffness <b>", "N/m"), "controller.K_s": ("gain", "N·s/m")}
 
-
+PREMISES = "true arm inside the declared set, d covers (17)"
 NOWHERE: dict[str, float | None] = {}
 
 
@@ -48,13 +48,13 @@ def test_tiles_say_their_numbers_in_units_and_the_arms_behind_them() -> None:
     said = said_in(worst)
     assert len(said) == 6
     number = "stiffness &lt;b&gt; 1000 N/m, gain 80 N·s/m: force error 3100 mN, worst of 4 arms"
-    assert said[1] == f"{number}; the promise holds for 3 of 4 arms"
+    assert said[1] == f"{number}; the promise holds for 3 of 4 arms; not met: {PREMISES}"
     assert said[2].endswith("a run stopped or was refused")
     assert re.findall(r'data-point="(\d+)"', worst) == ["0", "1", "2", "3", "4", "5"]
     assert "<b>" not in worst
     share = said_in(picture(SweepView("force_error", within=1.25)))
     kept = "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)"
-    assert share[0].endswith(f"{kept}; the promise holds for 3 of 4 arms")
+    assert share[0].endswith(f"{kept}; the promise holds for 3 of 4 arms; not met: d covers (17)")
     wide = columns() | {"force_error": 10.0 ** -columns()["point"]}
     middle = re.findall(r'y="244" text-anchor="middle">(.*?)<', picture(SweepView("force_error"), table=wide))
     assert middle == ["3.16 mN"]  # of 1000 and 0.01: the colours follow the logarithm

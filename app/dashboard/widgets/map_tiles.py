@@ -13,6 +13,7 @@ from app.export.figures import plain_number
 from app.sweep.background import BackgroundSweep
 from app.sweep.points import Points, interval
 from app.sweep.question import Axis, SweepQuestion
+from controllers.premises import STATEMENTS, Premise
 
 LEFT, RIGHT, TOP, BOTTOM, WIDTH, HEIGHT = 44, 330, 8, 196, 336, 248  # px, of the tiles and of the whole picture
 COURSE_HEIGHT = 224  # px, of a picture over one field, which has no colour bar
@@ -208,11 +209,13 @@ def _said(question: SweepQuestion, points: Points, k: int, number: float, naming
 
 
 def _unpromised(points: Points, k: int) -> str:
-    """Words for arms whose promise does not hold, "" where it holds for all."""
+    """Words for arms whose promise does not hold, with the premises that failed, "" where it holds for all."""
     arms, holding = int(points.arms[k]), int(points.holding[k])
     if holding == arms:
         return ""
-    return "; the promise does not hold" if arms == 1 else f"; the promise holds for {holding} of {arms} arms"
+    told = "; the promise does not hold" if arms == 1 else f"; the promise holds for {holding} of {arms} arms"
+    failed = ", ".join(STATEMENTS[Premise[name.upper()]].title for name in points.failed[k])
+    return f"{told}; not met: {failed}" if failed else told
 
 
 def _color(share: float) -> str:

@@ -4,10 +4,8 @@ opens its run."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import msgspec
-import numpy as np
 import viser
 
 from app.dashboard.transport.callback_errors import guarded
@@ -32,7 +30,7 @@ from app.session.snapshot import Snapshot
 from app.storage.recording_files import Tell
 from app.sweep import charts
 from app.sweep.background import BackgroundSweep
-from app.sweep.figures_of_run import COLUMNS, Figures
+from app.sweep.figures_of_run import columns_of
 from app.sweep.points import Points, SweepView, points_of
 from app.sweep.question import Sweep, SweepQuestion
 
@@ -107,7 +105,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
             job, extension = MadeJob(folder.zipped, (asked, rows)), "zip"
         else:
             form = FORMATS[chosen]
-            job, extension = MadeJob(charts.chart, (asked, _columns(rows), view, form)), form
+            job, extension = MadeJob(charts.chart, (asked, columns_of(rows), view, form)), form
         name = file_name(f"{asked.scenario.name}-map", self._desk.snapshot().t, extension)
 
         def make(tell: Tell) -> bytes:
@@ -174,7 +172,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
 
     def _points(self, sweep: BackgroundSweep) -> Points | None:
         rows = sweep.rows
-        return points_of(sweep.question.sweep, _columns(rows), self._view) if rows else None
+        return points_of(sweep.question.sweep, columns_of(rows), self._view) if rows else None
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the map so far, and the unit of the limit."""
@@ -188,18 +186,3 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
             self._files.visible = bool(work.rows)
         present = {axis.path: self._fields[axis.path].value(snapshot) for axis in work.question.sweep.vary}
         return map_html(work, self._points(work), self._naming, present)
-
-
-def _columns(rows: Sequence[Figures]) -> dict[str, np.ndarray]:
-    """Columns of rows by name, NaN or None where a row has no value."""
-    names = {name for row in rows for name in row} | set(COLUMNS)
-    words = {name for name, column in COLUMNS.items() if column.word}
-    columns = {}
-    for name in names:
-        values = [row.get(name) for row in rows]
-        columns[name] = (
-            np.array(values, dtype=object)
-            if name in words
-            else np.array([np.nan if value is None else value for value in values])
-        )
-    return columns
