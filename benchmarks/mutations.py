@@ -8,9 +8,10 @@ time.
 
 Each verdict is kept in mutations.json as soon as it is known, with its day; docs/mutations.md is written from them.
 
-A row is caught when a test fails, and survives when all of `TESTS` pass; `--tests` names others. There is a copy for
-each core, with a cache of compiled kernels of its own; before each row the kernels of every module that imports the
-changed one are removed from it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some
+A row is caught when a test fails, and survives when the tests of its own file and all of `TESTS` pass; `--tests` names
+others. There is a copy for each core, with a cache of compiled kernels of its own; in it every test file is tried
+without any mistake before it judges one. Before each row the kernels of every module that imports the changed one are
+removed from it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some
 survived, 2 a row does not fit the sources.
 """
 
@@ -25,7 +26,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,36 +132,28 @@ def importers(root: Path, changed: str) -> set[str]:
 
 
 class Copy:
-    """Copy of the tree in a folder, with a cache of kernels that fits the unchanged sources."""
+    """Copy of the tree in a folder, with a cache of kernels that fits the unchanged sources.
+    tests: those that a mistake must survive."""
 
     def __init__(self, folder: Path, tests: tuple[str, ...]) -> None:
         self.tree, self._kernels, self._tests = folder / "tree", folder / "kernels", tests
+        self._kernels.mkdir(parents=True)
+        self._passed: set[str] = set()  # tests that were tried without any mutation
         for name in FOLDERS:
             shutil.copytree(ROOT / name, self.tree / name, ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy2(ROOT / "pyproject.toml", self.tree)
 
-    def run(self, kernels: Path, first: Sequence[str] = ()) -> subprocess.CompletedProcess[str]:
-        """Run the tests, before them the files `first`, up to the first failure."""
-        environment = os.environ | {
-            "NUMBA_CACHE_DIR": str(kernels), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(self.tree),
-            "OMP_NUM_THREADS": "1",
-            "NUMBA_OPT": "0",  # optimising would take longer than the runs, which last seconds
-        }  # fmt: skip
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider"]
-        command += [*first, *(test for test in self._tests if test not in first)]
-        return subprocess.run(
-            command, cwd=self.tree, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
-        )
-
-    def prepare(self) -> Copy:
-        """Compile the kernels, and check that the tests pass. Raises RuntimeError where they fail."""
-        done = self.run(self._kernels)
-        if done.returncode != 0:
-            raise RuntimeError(f"the tests fail without any mutation:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
-        return self
-
     def judge(self, mutation: Mutation) -> Verdict:
-        """Verdict on a mutation: plants the mistake, runs the tests, and restores the file."""
+        """Verdict on a mutation: by the tests that should detect it, then by the others, one file after the other.
+        Raises RuntimeError where a test fails without the mutation."""
+        tests = dict.fromkeys([*mutation.named, *self._tests])
+        by = next(filter(None, (self._failing(test, mutation) for test in tests)), "")
+        return Verdict(mutation, CAUGHT if by else SURVIVED, by, datetime.date.today())
+
+    def _failing(self, tests: str, mutation: Mutation) -> str:
+        """Test of these that fails with the mistake, or how the test run ended; "" where all pass. The file is
+        restored."""
+        self._require_sound(tests)
         file, kernels = self.tree / mutation.file, self._kernels.with_name("kernels of this row")
         sound, time = file.read_text(encoding="utf-8"), file.stat().st_mtime_ns
         shutil.copytree(self._kernels, kernels)
@@ -170,26 +163,44 @@ class Copy:
                 stale.unlink()
         file.write_text(sound.replace(mutation.old, mutation.new), encoding="utf-8")
         try:
-            done = self.run(kernels, mutation.named)
-            failed = re.search(r"^(?:FAILED|ERROR) (?:tests/(?:\w+/)?)?(\S+)", done.stdout, re.MULTILINE)
-            by = failed[1] if failed else f"pytest ended with {done.returncode}"
-            result, by = (CAUGHT, by) if done.returncode else (SURVIVED, "")
+            done = self._run(tests, kernels, PATIENCE)
         except subprocess.TimeoutExpired:
-            result, by = CAUGHT, f"not done within {PATIENCE:g} s"
+            return f"not done within {PATIENCE:g} s"
         finally:
             file.write_text(sound, encoding="utf-8")
             os.utime(file, ns=(time, time))  # numba compares the file's time with the one that it noted beside a kernel
             shutil.rmtree(kernels)
-        return Verdict(mutation, result, by, datetime.date.today())
+        failed = re.search(r"^(?:FAILED|ERROR) (?:tests/(?:\w+/)?)?(\S+)", done.stdout, re.MULTILINE)
+        return "" if done.returncode == 0 else failed[1] if failed else f"pytest ended with {done.returncode}"
+
+    def _require_sound(self, tests: str) -> None:
+        """Check that tests pass without any mutation, which compiles their kernels. Raises RuntimeError."""
+        if tests in self._passed:
+            return
+        done = self._run(tests, self._kernels)
+        if done.returncode != 0:
+            raise RuntimeError(f"tests fail without any mutation:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+        self._passed.add(tests)
+
+    def _run(self, tests: str, kernels: Path, timeout: float | None = None) -> subprocess.CompletedProcess[str]:
+        """Run tests up to the first failure."""
+        environment = os.environ | {
+            "NUMBA_CACHE_DIR": str(kernels), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(self.tree),
+            "OMP_NUM_THREADS": "1",
+            "NUMBA_OPT": "0",  # optimising would take longer than the runs, which last seconds
+        }  # fmt: skip
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider", tests]
+        return subprocess.run(
+            command, cwd=self.tree, env=environment, capture_output=True, text=True, timeout=timeout, check=False
+        )
 
 
 def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> Iterator[Verdict]:
     """Verdicts in the order of the rows, as they become known."""
     with tempfile.TemporaryDirectory(prefix="mutations-") as folder, ThreadPoolExecutor(jobs) as pool:
-        copies = [Copy(Path(folder) / str(number), tests) for number in range(jobs)]
         idle: SimpleQueue[Copy] = SimpleQueue()
-        for copy in pool.map(Copy.prepare, copies):
-            idle.put(copy)
+        for number in range(jobs):
+            idle.put(Copy(Path(folder) / str(number), tests))
 
         def judged(mutation: Mutation) -> Verdict:
             copy = idle.get()

@@ -66,3 +66,6 @@ document.addEventListener("keydown", (e) => {
   pulled.add(edge.dataset.dockRegionResize);
   pull(edge, e.key === "ArrowLeft" ? -STEP : STEP);
 }, true);
+// viser's tabs hear a pointer that does not move, and the key Enter, but no click
+window.vsmrcOpenTab = (tab) =>
+  tab?.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true, cancelable: true }));

@@ -83,12 +83,11 @@ document.addEventListener("keydown", (e) => {
 }, true);
 for (const kind of ["focusin", "focusout"])
   document.addEventListener(kind, (e) => { const svg = padOf(e); if (svg) setTimeout(() => show(svg)); }, true);
-// A button may open a tab of the panel. viser's tabs hear a pointer that does not move, and the key Enter, but no click.
+// A button may open a tab of the panel.
 document.addEventListener("click", (e) => {
   const opens = e.target instanceof Element && e.target.closest("[data-tab]");
   if (!opens) return;
-  [...document.querySelectorAll("[role=tab]")].find((tab) => tab.textContent.trim() === opens.dataset.tab)
-    ?.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true, cancelable: true }));
+  window.vsmrcOpenTab([...document.querySelectorAll("[role=tab]")].find((tab) => tab.textContent.trim() === opens.dataset.tab));
 }, true);
 // The next step begins at its top.
 let shownStep = null;

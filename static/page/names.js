@@ -7,6 +7,7 @@ const PLACES = {
   "[data-dock-region=left]": { role: "region", "aria-label": "plots" },
   "[data-dock-region=right]": { role: "region", "aria-label": "controls" },
   "[data-floating-window]": { role: "region", "aria-label": "target model" },
+  "div:has(> .vs-ticks) + form input:not([type=hidden])": { placeholder: "go to t" },
   ".mantine-Notification-closeButton": { "aria-label": "close" },
   ".uplot-container button:not(.vs-measure)": { "aria-label": "enlarge the plot, or make it small again", title: "enlarge" },
   "canvas[data-engine]": { role: "img", "aria-label": "the robot, the surface and the forces in three dimensions" },

@@ -1,11 +1,12 @@
 // Presentation: the scene, one plot, the sliders moved last, and the equation, in large type; in a lesson the scene, one
-// plot and the step of the lesson. V begins and ends it, and Esc
-// ends it. The plot is the one that was pressed last, else the first one.
+// plot and the step of the lesson. V begins and ends it, and Esc ends it. The plot is the one that was pressed last, else
+// the first one. Where no slider was moved and the open tab has none, the first tab is opened meanwhile.
 const page = document.documentElement, MOST = 3;
 const OPEN = "[data-dock-group] [data-dock-group] form:has(.mantine-Slider-root)"; // in the tab that is open
 const CLOSED = "[style*='display: none']"; // viser's tabs that are not open
 const CHOSEN = "div:has(> .vs-chosen) ~ form"; // app/dashboard/widgets/chosen_sliders.py
-let pressed = null;
+const TABS = "[role=tablist]:has(> :nth-child(10)) [role=tab]"; // of the controls
+let pressed = null, left = null; // the plot; the tab that is opened again when the presentation ends
 for (const kind of ["pointerdown", "focusin"])
   document.addEventListener(kind, (e) => {
     if (e.target instanceof Element) pressed = e.target.closest(".uplot-container") ?? pressed;
@@ -21,6 +22,7 @@ const choose = () => {
   const boxes = [...document.querySelectorAll(".uplot-container")];
   const drawn = boxes.filter((box) => box.parentElement.checkVisibility());
   mark(boxes, [drawn.includes(pressed) ? pressed : drawn[0]]);
+  return lessons.length > 0 || moved.length > 0 || free.length > 0;
 };
 const staged = new Map(); // the height of each plot before
 const fill = () => {
@@ -47,8 +49,15 @@ const fill = () => {
 };
 const toggle = () => {
   page.toggleAttribute("data-stage");
-  if (onStage()) choose();
-  else for (const e of document.querySelectorAll("[data-staged]")) e.removeAttribute("data-staged");
+  const tabs = [...document.querySelectorAll(TABS)];
+  if (!onStage()) {
+    for (const e of document.querySelectorAll("[data-staged]")) e.removeAttribute("data-staged");
+    window.vsmrcOpenTab(left);
+    left = null;
+  } else if (!choose()) {
+    left = tabs.find((tab) => tab.ariaSelected === "true") ?? null;
+    window.vsmrcOpenTab(tabs[0]);
+  }
   fill();
 };
 const leave = document.createElement("button");
