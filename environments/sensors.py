@@ -25,13 +25,17 @@ class Sensor(Section, frozen=True, forbid_unknown_fields=True):
     moment_noise: Annotated[
         float,
         field(
-            "standard deviation per axis of the moments", "N·m", decades("of moments", 1e-3, 1, zero=True), ge=0, le=10
+            "standard deviation per axis of the moments",
+            "N·m",
+            decades("moment noise", 1e-3, 1, zero=True),
+            ge=0,
+            le=10,
         ),
     ] = 0.0
-    moment_bias: Annotated[Vector3, field("bias of the moments", "N·m", Widget("bias"))] = (0.0, 0.0, 0.0)
+    moment_bias: Annotated[Vector3, field("bias of the moments", "N·m", Widget("moment bias"))] = (0.0, 0.0, 0.0)
     delay: Annotated[float, field("delay of the forces", "s", decades("delay", 1e-3, 0.1, zero=True), ge=0, le=1)] = 0.0
     moment_delay: Annotated[
-        float, field("delay of the moments", "s", decades("of moments", 1e-3, 0.1, zero=True), ge=0, le=1)
+        float, field("delay of the moments", "s", decades("moment delay", 1e-3, 0.1, zero=True), ge=0, le=1)
     ] = 0.0
     cutoff: Annotated[
         float,
