@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def _quoted(word: str) -> str:
-    return "".join(c if c.isalnum() else "".join(f"\\x{b:02x}" for b in c.encode()) for c in word)
+    return "".join(c if c.isascii() and c.isalnum() else "".join(f"\\x{b:02x}" for b in c.encode()) for c in word)
 
 
 if __name__ == "__main__":
