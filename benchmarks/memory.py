@@ -7,7 +7,7 @@ import time
 from tqdm import tqdm
 
 from app.process.markdown import Table
-from app.session.runner import FASTEST
+from app.session.commanded_run import FASTEST
 from benchmarks.effort import Effort
 from benchmarks.served import Served, State, served
 

@@ -78,7 +78,7 @@ def test_the_ghost_begins_anew_where_the_scenario_changes() -> None:
     heavy = {"truth.link_scaling": 1.15, "controller.law": "computed-torque"}
     runner, ghost = Runner(changed("ur5-hybrid", **heavy)), Ghost()
     assert followed(runner, ghost, 0.5)[-1] > 1e-3
-    runner._edit(edited(runner._loop.system.scenario, "controller.layer", 0.02))
+    runner._commanded._edit(edited(runner._loop.system.scenario, "controller.layer", 0.02))
     assert followed(runner, ghost, 0.001, glances=1)[-1] < 1e-6
     late = Ghost()  # switched on later, it looks back to the change
     followed(runner, ghost, 0.3)

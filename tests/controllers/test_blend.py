@@ -275,13 +275,13 @@ def test_a_draft_is_applied_by_a_blend_and_judged_before() -> None:
     runner.post(command)
     runner._obey(runner._queued())
     for _ in range(100):
-        runner._step()
+        runner._commanded.step()
     half, revision = runner._publish(), runner.snapshot.revision
     assert half.blending == pytest.approx(0.5, abs=0.02)
     assert "blending: 4" in blend_html(half, None) or "blending: 5" in blend_html(half, None)
     assert snapshot.matrices["K_m"][1, 1] < half.matrices["K_m"][1, 1] < TO["K_m"][1]
     for _ in range(150):
-        runner._step()
+        runner._commanded.step()
     done = runner._publish()
     assert done.blending is None
     assert done.revision > revision

@@ -51,7 +51,7 @@ def test_a_run_at_rest_sends_nothing_and_a_moving_one_does(dashboard: Dashboard)
         frame()
     assert [frame() for _ in range(3)] == [0, 0, 0]
     for _ in range(50):
-        runner._step()
+        runner._commanded.step()
     runner._newest = runner._publish()
     assert frame() > 10
     assert frame() == 0
@@ -80,7 +80,7 @@ def test_the_reaching_phase_is_offered_where_there_is_one() -> None:
     assert reaching(none) is None
     runner = Runner(load("ur5-hybrid-reaching"))
     for _ in range(700):
-        runner._step()
+        runner._commanded.step()
     snapshot = snapshot_of(runner._loop)
     again, epoch = reaching(replace(snapshot, first=0.0)), snapshot.state.epoch
     assert again is not None
@@ -99,7 +99,7 @@ def test_the_plots_have_a_window_of_their_own_until_the_reaching_phase_has_been_
     view = dashboard._view
     assert view is not None
     for _ in range(700):
-        runner._step()
+        runner._commanded.step()
     runner._newest = runner._publish()
     buttons, viewing = view._scene_buttons, view._viewing
     usual = viewing.window

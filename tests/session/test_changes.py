@@ -164,7 +164,7 @@ def test_a_refusal_has_a_way_out_that_works(
     if path is not None:  # what was asked for holds now
         assert differences(after.scenario, before)[path][0] == value
     for _ in range(50):
-        runner._step()
+        runner._commanded.step()
     assert runner._loop.stopped is None
 
 
@@ -183,7 +183,7 @@ def test_a_fork_at_the_end_of_a_run_has_a_way_out_to_the_last_change() -> None:
 
     def step(times: int) -> None:
         for _ in range(times):
-            runner._step()
+            runner._commanded.step()
 
     runner._obey([Fork()])
     assert runner._publish().way_out is None  # nothing has been yet

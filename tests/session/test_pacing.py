@@ -121,7 +121,7 @@ def test_a_slider_of_time_is_followed_to_where_it_is_now(runner: Runner, monkeyp
     runner.post(Pause())
     end = wait(runner, lambda now: now.phase == "paused").end
     sought: list[float] = []
-    line = runner._line
+    line = runner._commanded.line
     seek = line.seek
 
     def slow(t: float) -> None:

@@ -190,7 +190,7 @@ def test_a_timed_push_is_part_of_the_scenario() -> None:
 
 def test_push_now_begins_the_scenarios_push_or_one_sideways_and_the_run_goes_on() -> None:
     runner = Runner(shipped()["ur5-hybrid"])
-    loop = runner._line.loop
+    loop = runner._commanded.line.loop
     run(loop, 0.2)
     runner.post(PushNow())
     runner._obey(runner._queued())

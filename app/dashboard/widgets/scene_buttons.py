@@ -9,8 +9,8 @@ import numpy as np
 
 from app.dashboard.widgets.controls import Desk
 from app.session.changes import PUSH
+from app.session.commanded_run import SLOWEST
 from app.session.commands import Edit, PushNow, ShowAgain, TakeWayOut
-from app.session.runner import SLOWEST
 from app.session.snapshot import Snapshot
 from controllers.control_law import ControlLaw
 from controllers.laws.table import LAWS

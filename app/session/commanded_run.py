@@ -1,0 +1,345 @@
+"""Run under commands: what each command changes, what is refused and why, and the way out of a refusal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import structlog
+
+from app.scenario.data import edited, with_values
+from app.scenario.schema import Scenario, ScenarioError
+from app.session import changes
+from app.session.commands import (
+    Blend,
+    Command,
+    Continue,
+    DropWayOut,
+    Edit,
+    EditAll,
+    Fork,
+    Load,
+    Pause,
+    Perform,
+    Pin,
+    Play,
+    Push,
+    PushNow,
+    Rename,
+    Reset,
+    Seek,
+    SetSpeed,
+    ShowAgain,
+    StepOnce,
+    TakeWayOut,
+    TimedChange,
+    ToEnd,
+    Unpin,
+)
+from app.session.nearest_model import way_to_model
+from app.session.snapshot import Snapshot
+from app.session.timeline import Timeline
+from app.simulation.closed_loop import ClosedLoop
+from app.storage.uploaded_urdfs import Reach, hold
+
+log = structlog.get_logger()
+
+SLOWEST, FASTEST = 0.01, 100.0
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Stretch of a run that is shown at a speed of its own, see `ShowAgain`.
+    run: number of the run.
+    end: s, its last instant.
+    usual: the speed afterwards."""
+
+    run: int
+    end: float
+    usual: float
+
+
+@dataclass(frozen=True)
+class _Performance:
+    """Performance: a run with changes at fixed instants, see `Perform`.
+    run: number of the run.
+    changes: those that are still to come.
+    end: s, the last instant."""
+
+    run: int
+    changes: tuple[TimedChange, ...]
+    end: float
+
+
+class CommandedRun:
+    """Run under commands, without pacing: its timeline, whether it plays and how fast, and what was refused.
+
+    reach: files that commands may name, None for any.
+    line: timeline of the runs.
+    playing: whether it is to go on.
+    speed: simulated over real time.
+    runs: number of runs so far, revision: number of edits so far.
+    """
+
+    def __init__(self, loop: ClosedLoop, reach: Reach | None) -> None:
+        self.line = Timeline(loop)
+        hold(loop.system.robot, loop.system.scenario.robot.urdf)
+        self._reach = reach
+        self.playing, self.speed = True, 1.0
+        self._shown: _Stretch | None = None
+        self._performed: _Performance | None = None
+        self.revision = self.runs = 0
+        self._refusals, self._told = 0, ""
+        self._refusal: str | None = None
+        self._way_out: changes.WayOut | None = None
+
+    @property
+    def loop(self) -> ClosedLoop:
+        """The loop of the present run."""
+        return self.line.loop
+
+    @property
+    def going(self) -> bool:
+        """Whether it plays and has not stopped."""
+        return self.playing and self.loop.stopped is None
+
+    @property
+    def period(self) -> float:
+        """Control period, s."""
+        return self.loop.period
+
+    def execute(self, command: Command) -> None:
+        """Carry out a command; one that cannot be carried out is refused, and the run goes on."""
+        try:
+            self._heed(command)
+        except (ScenarioError, ArithmeticError, ValueError) as error:
+            self._refuse(str(error), command)
+        except Exception as error:  # a fault of this program: the command has failed, and the run goes on
+            log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
+            self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
+
+    def step(self) -> None:
+        """Compute one control period; the end of a blend changes the scenario."""
+        self._perform()
+        blending, stopped = self.loop.system.blend is not None, self.loop.stopped
+        self.line.step()
+        if self.loop.stopped is not stopped:
+            self.note_stop()
+        if blending and self.loop.system.blend is None:
+            self.revision += 1
+
+    def _perform(self) -> None:
+        """Make the changes of a performance that are due, and pause where the next period is its last one. The
+        performance is over when another run has begun; while looking back, no change is due."""
+        performed, line = self._performed, self.line
+        if performed is None or line.loop.t < line.end - 0.5 * self.period:
+            return
+        if performed.run != self.runs:
+            self._performed = None
+            return
+        while performed.changes and performed.changes[0].due(line.loop.t, self.period):
+            change, *rest = performed.changes
+            self._performed = performed = replace(performed, changes=tuple(rest))
+            command = Edit(change.path, change.value)
+            try:
+                self._heed(command)
+            except ScenarioError as error:
+                self._refuse(str(error), command)
+        if line.loop.t > performed.end - 1.5 * self.period:
+            self.playing, self._performed = False, None
+
+    def resumes(self) -> bool:
+        """Whether the stretch that is shown at a speed of its own is over just now, at its end or because another run
+        has begun; then the former speed holds."""
+        shown = self._shown
+        if shown is None or (shown.run == self.runs and self.loop.t < shown.end):
+            return False
+        self.speed, self._shown = shown.usual, None
+        return True
+
+    def note_stop(self) -> None:
+        """Log that the run has stopped."""
+        log.info("stopped", scenario=self.loop.system.scenario.name, reason=self.loop.stopped)
+
+    def _require_reach(self, command: Command) -> None:
+        """Raises ScenarioError for a file that this loop's pages may not name."""
+        match command:
+            case Load(scenario) | Perform(scenario) if self._reach is not None:
+                self._reach.require(scenario.robot.urdf)
+            case Edit("robot.urdf", path) if self._reach is not None:
+                self._reach.require(path)
+            case _:
+                pass
+
+    def _refuse(self, sentence: str, command: Command) -> None:
+        self._refusal = sentence
+        self._refusals += 1
+        log.info("refused", command=type(command).__name__, sentence=sentence)
+
+    def _heed(self, command: Command) -> None:
+        """Carry out a command; where it is refused, note the way out, if there is one."""
+        way = self._way_out
+        match command:
+            case TakeWayOut() if way is not None and way.scenario is not None:
+                self._adapt(way.scenario, way.scenario)
+            case TakeWayOut() if way is not None and way.fork_at is not None:
+                self._way_out = None  # also where that instant is no longer known
+                self._carry_out(Seek(way.fork_at))
+                self._carry_out(Fork())
+            case DropWayOut():
+                self._way_out = None
+            case TakeWayOut():
+                raise ScenarioError("way out: there is none; allowed: after a refusal that names one")
+            case Fork():
+                self._way_out = None
+                try:
+                    self._carry_out(command)
+                except ScenarioError:
+                    self._way_out = self._earlier_fork()
+                    raise
+            case Edit(path, value):
+                self._way_out = None
+                try:
+                    self._carry_out(command)
+                except ScenarioError:
+                    self._way_out = self._way_out or changes.nearest(self.loop.system.scenario, path, value)
+                    raise
+            case _:
+                self._carry_out(command)
+
+    def _earlier_fork(self) -> changes.WayOut | None:
+        """Way out of a refused fork at the run's end: a fork at the last change, or at the earliest known instant."""
+        t, first = self.line.last_change, self.line.first
+        if t is None:
+            return None
+        return changes.WayOut(f"Fork at the {'last change' if t > first else 'earliest instant'}, {t:.2f} s", fork_at=t)
+
+    def _carry_out(self, command: Command) -> None:
+        line, scenario_now = self.line, self.loop.system.scenario
+        self._require_reach(command)
+        match command:
+            case Play():
+                self.playing = True
+            case Pause():
+                self.playing = False
+                line.hold(None)
+            case StepOnce():
+                self.playing = False
+                self.step()
+            case Reset():
+                line.reset()
+                self.runs += 1
+                if self._way_out is not None and self._way_out.fork_at is not None:  # an instant of the run before
+                    self._way_out = None
+            case Seek(t):
+                line.hold(None)
+                line.seek(t)
+                self.playing = False
+            case ToEnd():
+                line.to_end()
+            case Fork():
+                line.fork()
+                self.runs += 1
+            case Pin():
+                line.pin()
+            case Rename(number, name):
+                line.rename(number, name)
+            case Unpin(number):
+                line.unpin(number)
+            case SetSpeed(factor):
+                self.speed, self._shown = _admitted(factor), None
+            case ShowAgain(start, end, factor):
+                slow, usual = _admitted(factor), self.speed if self._shown is None else self._shown.usual
+                line.hold(None)
+                line.seek(start)
+                self.speed, self._shown, self.playing = slow, _Stretch(self.runs, end, usual), True
+            case Push(grip):
+                line.hold(grip)
+            case Blend(model, over):
+                plan = {"to": dict(model), "at": line.loop.t, "over": over}
+                self._edit(edited(scenario_now, "blend", plan))
+            case Load(scenario):
+                self._edit(scenario)
+            case EditAll(values):
+                self._edit(with_values(scenario_now, dict(values)))
+            case Perform(scenario, changes_to_come, end):
+                self._edit(scenario)
+                line.reset()
+                self.runs += 1
+                self._performed, self.playing = _Performance(self.runs, changes_to_come, end), True
+            case Continue(scenario, pinned):
+                self._edit(scenario)
+                line.adopt(pinned)
+            case PushNow():
+                self._edit(changes.pushed(scenario_now, line.loop.t))
+            case Edit("mode", value) if value == scenario_now.mode:
+                pass  # the present mode is not begun anew
+            case Edit("mode", value):
+                self._adapt(scenario_now, changes.in_mode(scenario_now, str(value)))
+            case Edit(path, value) if path.startswith("robot."):
+                self._adapt(scenario_now, changes.with_robot(scenario_now, {path.removeprefix("robot."): value}))
+            case Edit("task_space.kind" | "task_space.supplemental" as path, value):
+                asked = edited(scenario_now, path, value)
+                self._adapt(asked, changes.in_coordinates(scenario_now, path.removeprefix("task_space."), value))
+            case Edit("surface" | "second.surface" | "third.surface" as path, str() as kind):
+                changed = changes.on_surface(scenario_now, kind, path)
+                self._adapt(changed, changed)
+            case Edit("second.contact.kind" | "third.contact.kind" as path, str() as kind):
+                self._edit(changes.with_further(scenario_now, path.split(".")[0], kind))
+            case Edit("face.flat", bool() as flat):
+                self._adapt(edited(scenario_now, "face.flat", flat), changes.with_face(scenario_now, flat=flat))
+            case Edit("second.control" | "third.control" as path, value):
+                self._edit(changes.with_control(scenario_now, path, value))
+            case Edit(path, value):
+                self._edit(edited(scenario_now, path, value))
+
+    def _adapt(self, asked: Scenario, scenario: Scenario) -> None:
+        """Edit to the nearest scenario that can run, and say how it differs from what was asked."""
+        changes.possible(scenario, self._edit)
+        self._told = changes.told(asked, self.loop.system.scenario)
+
+    def _edit(self, scenario: Scenario) -> None:
+        before = self.loop.system.robot
+        try:
+            self.runs += self.line.edit(scenario)
+        except ScenarioError as error:
+            self._way_out = changes.way_out(scenario, error) or way_to_model(self.loop.system, scenario)
+            raise
+        self._way_out = None
+        if self.loop.system.robot is not before:
+            hold(self.loop.system.robot, scenario.robot.urdf)
+        self._told = ""
+        self.revision += 1
+
+    def known(self, seen: Snapshot) -> Snapshot:
+        """The snapshot of the loop with what is known of its run."""
+        line, loop = self.line, self.loop
+        return replace(
+            seen,
+            notice=seen.notice or self._told,
+            revision=self.revision,
+            run=self.runs,
+            first=line.first,
+            end=line.end,
+            phase="stopped" if loop.stopped else "running" if self.playing else "paused",
+            speed=self.speed,
+            refusal=self._refusal,
+            refusal_number=self._refusals,
+            way_out=self._way_out,
+            recording=line.recording,
+            pinned=line.pinned,
+            forks=line.forks,
+        )
+
+
+def is_new_arm(command: Command) -> bool:
+    """Whether a command may change the arm, whose kernels may have to be compiled."""
+    if isinstance(command, Edit):
+        return command.path.startswith(("mode", "robot."))
+    return isinstance(command, Load | Continue | Perform)
+
+
+def _admitted(speed: float) -> float:
+    """The speed, if it is one that the runner keeps. Raises ScenarioError."""
+    if not SLOWEST <= speed <= FASTEST:
+        raise ScenarioError(f"speed: {speed}; allowed: {SLOWEST} to {FASTEST}")
+    return float(speed)
