@@ -105,6 +105,16 @@ def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: 
     assert page.evaluate(font) == small
 
 
+def test_a_presentation_begun_from_a_tab_without_sliders_has_those_of_the_first_tab(session: PageSession):
+    page = session.page
+    session.tab("Runs")
+    expect(session.number("F_d [N]")).to_be_hidden()
+    page.keyboard.press("v")
+    expect(session.number("F_d [N]")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("tab", name="Runs", exact=True)).to_have_attribute("aria-selected", "true")
+
+
 def test_large_buttons_of_a_presentation_in_a_small_window_stand_in_a_row(session: PageSession):
     page = session.page
     page.set_viewport_size({"width": 1024, "height": 768})
