@@ -208,11 +208,12 @@ class Foresight:
     def outlook(self, today: Figures | None = None) -> Outlook | PreviewRefusal:
         """Outlook of what has been computed so far. today: figures of the running scenario."""
         number, recording = self.question.number, self._loop.recording
-        if not len(recording):
+        points = self._points[self._points < len(recording)]
+        if not len(points):  # also where the run has stopped in its first period, which is not drawn
             return PreviewRefusal(
                 number, f"nothing lies ahead: {self._loop.stopped or 'no control period is computed yet'}"
             )
-        signals = recording.picked(self._points[self._points < len(recording)])
+        signals = recording.picked(points)
         return Outlook(
             number,
             self.question.scenario,

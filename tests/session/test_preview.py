@@ -189,6 +189,17 @@ def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
     assert outlook.ahead[-1] == pytest.approx((periods - 1) * period)
 
 
+def test_a_preview_of_a_run_that_stops_in_its_first_period_says_why() -> None:
+    loop = running(shipped()["ur5-hybrid"])
+    foresight = Foresight(Question(1, loop.state.copy(), loop.system.scenario, 1.0))
+    foresight.advance(1)
+    foresight._loop.fail("the arm", ArithmeticError("torn"))
+    refused = foresight.outlook()
+    assert isinstance(refused, PreviewRefusal)
+    assert refused.sentence.startswith("nothing lies ahead: ")
+    assert "torn" in refused.sentence
+
+
 def test_leaving_the_domain_is_said() -> None:
     loop = running(shipped()["ur5-hybrid"])
     weak = edited(edited(loop.system.scenario, "controller.gain", "constant"), "controller.d", 1.0)
