@@ -17,6 +17,7 @@ from unittest import mock
 import numpy as np
 
 from app.dashboard.page import Dashboard
+from app.process import log
 from app.scenario.data import load
 from app.session import runner as runner_module
 from app.session.commands import SetSpeed
@@ -78,11 +79,11 @@ class Served:
 
 
 @contextlib.contextmanager
-def served(scenario: str, speed: float = 1.0) -> Iterator[Served]:
-    """Context in which the dashboard runs. speed: of the loop, times real time."""
+def served(scenario: str, speed: float = 1.0, log_file: Path | None = None) -> Iterator[Served]:
+    """Context in which the dashboard runs. speed: of the loop, times real time. log_file: to which it logs as well."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(theirs, scenario, speed), daemon=True)
+    process = context.Process(target=_serve, args=(theirs, scenario, speed, log_file), daemon=True)
     process.start()
     theirs.close()  # else the end of the process would not end the connection
     try:
@@ -108,7 +109,8 @@ def _noting(uses: list[tuple[float, float]]) -> type[ClosedLoop]:
     return Noting
 
 
-def _serve(connection: Connection, scenario: str, speed: float) -> None:
+def _serve(connection: Connection, scenario: str, speed: float, log_file: Path | None) -> None:
+    log.configure(file=log_file)
     uses: list[tuple[float, float]] = []
     with contextlib.redirect_stdout(io.StringIO()), mock.patch.object(runner_module, "ClosedLoop", _noting(uses)):
         dashboard = Dashboard(port=0)

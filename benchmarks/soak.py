@@ -30,6 +30,7 @@ from websockets.exceptions import ConnectionClosed
 from app.export.figures import Curve, Figure, FigureChart, render
 from app.process.markdown import Table
 from benchmarks import machine, processes
+from benchmarks.logged import server_log, told
 from benchmarks.served import Served, served
 from benchmarks.visitor import Visitor, visit
 from controllers.modes import MODES
@@ -126,17 +127,18 @@ def act(visitor: Visitor, chance: random.Random) -> None:
             visitor.press("P")
 
 
-def soak(minutes: float, clients: int, every: float, seed: int) -> tuple[list[Reading], list[str]]:
-    """Readings of a soak test, and failures of visitors. every: minutes between two readings."""
+def soak(minutes: float, clients: int, every: float, seed: int) -> tuple[list[Reading], list[str], list[str]]:
+    """Readings of a soak test, failures of visitors, and errors that the server logged. every: minutes between two
+    readings."""
     readings = []
-    with served(SCENARIO) as dashboard:
+    with server_log() as log, served(SCENARIO, log_file=log.file) as dashboard:
         crowd = Crowd([dashboard.url], clients, seed)
         for number in tqdm(range(1, math.ceil(minutes / every) + 1), desc="readings", disable=None):
             began = time.perf_counter()
             time.sleep(60.0 * every)
             readings.append(_read(dashboard, number * every, began, crowd.visits))
         crowd.dismiss()
-    return readings, crowd.failures
+        return readings, crowd.failures, log.errors
 
 
 def _read(dashboard: Served, minute: float, since: float, visits: int) -> Reading:
@@ -166,7 +168,7 @@ def grown(readings: Sequence[object], names: Sequence[str] = ("resident", "threa
     return found
 
 
-def page(readings: list[Reading], failures: list[str], clients: int, described: str) -> str:
+def page(readings: list[Reading], failures: list[str], errors: list[str], clients: int, described: str) -> str:
     """Text of the soak test's part of docs/reliability.md."""
     last = readings[-1]
     rows = [
@@ -185,6 +187,7 @@ def page(readings: list[Reading], failures: list[str], clients: int, described: 
     header = ("minute", "visits so far", "resident, MB", "threads", "files", "steps per s", *latenesses)
     growth = "; ".join(grown(readings)) or "nothing grew"
     broken = f"{len(failures)} visits were broken off" + (f" (first: {failures[0]})" if failures else "")
+    broken += f"; {told(errors)}"
     return f"""## In company
 
 Written by `python -m benchmarks.soak --minutes {last.minute:g} --clients {clients}`. {described}
@@ -239,17 +242,18 @@ def main(
     seed: int = 0,
     write: Annotated[bool, tyro.conf.arg(help="docs/reliability.md")] = True,
 ) -> None:
-    """Exit status 1 when memory, threads or files grew, or a visitor was thrown out."""
+    """Exit status 1 when memory, threads or files grew, a visitor was thrown out, or the server logged an
+    error."""
     described = machine.describe()
-    readings, failures = soak(minutes, clients, every, seed)
-    text = page(readings, failures, clients, described)
+    readings, failures, errors = soak(minutes, clients, every, seed)
+    text = page(readings, failures, errors, clients, described)
     print(text)
     if write:
         before = PAGE.read_text(encoding="utf-8").partition(PLACE)[0]
         PAGE.write_text(f"{before}{PLACE}\n\n{text}", encoding="utf-8")
         (PAGE.parent / PICTURE).write_bytes(picture(readings))
         print(f"written to {PAGE}")
-    sys.exit(1 if grown(readings) or failures else 0)
+    sys.exit(1 if grown(readings) or failures or errors else 0)
 
 
 if __name__ == "__main__":

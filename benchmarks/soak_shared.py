@@ -26,6 +26,7 @@ from tqdm import tqdm
 
 from app.process.markdown import Table
 from benchmarks import machine, processes
+from benchmarks.logged import server_log, told
 from benchmarks.sessions import arrived, late
 from benchmarks.soak import PAGE, PLACE, Crowd, grown
 from drivers.visitors import VisitingPage, serving, visiting
@@ -53,10 +54,18 @@ class Reading:
     visits: int
 
 
-def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -> tuple[list[Reading], list[str]]:
-    """Readings of a soak test, and failures of visitors. every: minutes between two readings."""
+def soak(
+    minutes: float, sessions: int, clients: int, every: float, seed: int
+) -> tuple[list[Reading], list[str], list[str]]:
+    """Readings of a soak test, failures of visitors, and errors that the server logged. every: minutes between two
+    readings."""
     readings = []
-    with serving("--shared", "--max-sessions", str(sessions), lines=2, fps=30) as server, ExitStack() as stack:
+    asked = ("--shared", "--max-sessions", str(sessions))
+    with (
+        server_log() as log,
+        serving(*asked, "--log-file", str(log.file), lines=2, fps=30) as server,
+        ExitStack() as stack,
+    ):
         urls, watchers = [], list[VisitingPage]()
         for _ in range(sessions):
             urls.append(url := arrived(server.port))
@@ -67,7 +76,7 @@ def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -
             time.sleep(60.0 * every)
             readings.append(_read(server.process.pid, watchers, number * every, crowd.visits))
         crowd.dismiss()
-    return readings, crowd.failures
+        return readings, crowd.failures, log.errors
 
 
 def _watched(url: str) -> str:
@@ -98,7 +107,9 @@ def _held(pid: int) -> tuple[int, int, int] | None:
         return None
 
 
-def page(readings: list[Reading], failures: list[str], sessions: int, clients: int, described: str) -> str:
+def page(
+    readings: list[Reading], failures: list[str], errors: list[str], sessions: int, clients: int, described: str
+) -> str:
     """Text of this soak test's part of docs/reliability.md."""
     last = readings[-1]
     rows = [
@@ -118,6 +129,7 @@ def page(readings: list[Reading], failures: list[str], sessions: int, clients: i
     header = ("minute", "visits so far", *sizes, "late p50, ms, worst")
     growth = "; ".join(grown(readings, HELD)) or "nothing grew"
     broken = f"{len(failures)} visits were broken off" + (f" (first: {failures[0]})" if failures else "")
+    broken += f"; {told(errors)}"
     return f"""## In company, through the gateway
 
 Written by `python -m benchmarks.soak_shared --minutes {last.minute:g} --sessions {sessions} --clients {clients}`.
@@ -140,16 +152,17 @@ def main(
     seed: int = 0,
     write: Annotated[bool, tyro.conf.arg(help="docs/reliability.md")] = True,
 ) -> None:
-    """Exit status 1 when memory, threads, files or processes grew, or a visitor was thrown out."""
+    """Exit status 1 when memory, threads, files or processes grew, a visitor was thrown out, or the server logged an
+    error."""
     described = machine.describe()
-    readings, failures = soak(minutes, sessions, clients, every, seed)
-    text = page(readings, failures, sessions, clients, described)
+    readings, failures, errors = soak(minutes, sessions, clients, every, seed)
+    text = page(readings, failures, errors, sessions, clients, described)
     print(text)
     if write:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(SHARED)
         PAGE.write_text(f"{before}{SHARED}\n\n{text}\n{PLACE}{rest.partition(PLACE)[2]}", encoding="utf-8")
         print(f"written to {PAGE}")
-    sys.exit(1 if grown(readings, HELD) or failures else 0)
+    sys.exit(1 if grown(readings, HELD) or failures or errors else 0)
 
 
 if __name__ == "__main__":

@@ -134,7 +134,7 @@ STATEMENTS: dict[Premise, Statement] = {
         "<",
         "",
         "the gain (17) runs away: chattering in ė_r raises d by {value} of itself each period, allowed below 1",
-        "δ_H ‖M_m⁻¹B_m‖ T / λ_min(H): d by (17) grows with r̈_eq, which chatters with ė_r",
+        "δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H): d by (17) grows with r̈_eq, which chatters with ė_r",
     ),
     Premise.GAIN_BY_FORCE: Statement(
         "d fed back by the force",

@@ -33,7 +33,7 @@ def compare(
         last: how much of the end counts, in s, instead of the whole run
         duration: simulated time in s, instead of the scenarios'
         engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
-        use: a file with a control law of your own (docs/extending.md)
+        use: a file with a law, surface or trajectory of your own (docs/extending.md)
     """
     from app.analysis.metrics import FIGURES, account
     from app.session import headless_run

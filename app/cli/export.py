@@ -52,7 +52,7 @@ def export(
         start: first instant, s
         end: last instant, s
         engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
-        use: a file with a control law of your own (docs/extending.md)
+        use: a file with a law, surface or trajectory of your own (docs/extending.md)
     """
     from app.dashboard.export import ExportedStretch, FigureChoice, write
     from app.dashboard.plots.paper_figures import plots_of

@@ -37,7 +37,7 @@ def response(
         chirp: lowest and highest frequency, Hz, of a push that sweeps from one to the other and measures it between
         newtons: size of that push along each axis, N
         newton_metres: size of that push about each axis, N·m
-        use: a file with a control law of your own (docs/extending.md)
+        use: a file with a law, surface or trajectory of your own (docs/extending.md)
     """
     from app.export.figures import render
     from app.export.response_files import figure_of, force_table_of, table_of, told

@@ -50,7 +50,7 @@ def run(
         blend_over: how long it takes, s
         strict: end with status 4 when what the theorem promises is broken, 5 when it promises nothing
         engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
-        use: a file with a control law of your own (docs/extending.md)
+        use: a file with a law, surface or trajectory of your own (docs/extending.md)
     """
     from app.session import headless_run
     from app.session.changes import blending_to

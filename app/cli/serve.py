@@ -67,7 +67,8 @@ def serve(
         theme: how the page looks at first; T changes it there
         fps: pictures of the scene per second; without a graphics card, few leave more to the loop
         state_dir: folder that keeps scenarios and pinned runs for the next start, instead of ~/.local/state/vsmrc-lab,
-            and for an audience (--shared, --host, --origin, --token always), whose sessions else end with the server
+            and for an audience (--shared, --class, --host, --origin, a given token, or --token always), whose sessions
+            else end with the server
         stateless: keep nothing
         log_level: what is logged; by default warnings, and what is of interest afterwards to the file, too
         log_file: a file to log to as well
@@ -80,7 +81,7 @@ def serve(
         copies: with --shared, whether who watches may take a private copy of the session
         classes: let the lessons of a session ask a class, which answers on its phones by a link or QR code
         idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
-        use: a file with a control law of your own (docs/extending.md); it runs as your program
+        use: a file with a law, surface or trajectory of your own (docs/extending.md); it runs as your program
     """
     from app.dashboard.frame_rate import check_fps
 

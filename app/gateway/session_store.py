@@ -18,7 +18,7 @@ from environments.regular_file import read_regular
 
 log = structlog.get_logger()
 
-MOST = 100  # sessions on disk: three pinned runs of one can take 225 MB
+MOST = 100  # sessions on disk: three pinned runs of a minute take 243 MB
 LINK = "link.json"
 _PRIVATE = 0o600
 _WORD = re.compile(r"[A-Za-z0-9_-]{1,64}")

@@ -20,7 +20,7 @@ from app.simulation.recording import Recording
 from app.simulation.signals import SIGNALS, columns_of
 
 LINES = 512  # of a CSV, between two looks at how far it has got
-LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 16 min at 1 kHz with six joints; the page keeps ten in full
+LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 14 min at 1 kHz with six joints; the page keeps ten in full
 LARGEST_TEXT = 4_000_000  # bytes of a scenario, which numpy writes with four for a character
 LARGEST_HEADER = 70_000  # bytes of the header that numpy writes before an array
 MOST_JOINTS = 8

@@ -23,7 +23,7 @@ SWITCHES = {
         "A second arm that follows the target model (8) exactly, driven by the force that the arm felt, from the last "
         "change on: what parts the two is the residual of (8).",
     ),
-    "pinned_arms": ("Pinned runs", "The arms of pinned runs (tab Runs), grey, where they stood at this instant."),
+    "pinned_arms": ("Pinned runs", "The arms of pinned runs (tab Runs), each in its own colour, where they stood."),
     "desired_path": ("Desired path", "Where the tool should have been."),
     "tool_path": ("Tool path", "Where it was."),
     "error_colors": (

@@ -53,6 +53,13 @@ COLORS: dict[str, Rgb] = {
 DOCUMENTS = {
     "README.md": "what it is, how to start, where to read on",
     "docs/dashboard.md": "the page: edits, what if, time, the scene, plots, keys",
+    "docs/target-model.md": "the target model, its poles, the impedance that is felt",
+    "docs/scenarios.md": "scenario files, task coordinates, how accurate the shipped ones are",
+    "docs/surfaces.md": "formulas, corners, a flat tool",
+    "docs/theory.md": "what the theorem promises, and when",
+    "docs/sweeps.md": "robustness maps, many runs of a scenario",
+    "docs/tuning.md": "the search for gains",
+    "docs/export.md": "figures, data, playback",
     "docs/lessons.md": "twelve lessons, and how to write one",
     "docs/command-line.md": "runs without a screen",
     "docs/extending.md": "a law, mode, surface, trajectory or arm of your own",
