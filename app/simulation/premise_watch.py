@@ -162,8 +162,8 @@ class PremiseWatch:
         if controller.d is None and chatter >= 1.0:
             raise UnboundedGain(
                 f"controller.bounds: with {controller.bounds!r} the gain (17) runs away at this control period, "
-                f"chattering feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H)), allowed below 1; allowed: "
-                f"controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
+                f"chattering feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H)), allowed below 1; "
+                f"allowed: controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
             )
         if controller.d is None and force >= 1.0:
             raise UnboundedGain(
