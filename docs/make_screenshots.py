@@ -44,7 +44,6 @@ SIZES = ((1280, 720), (1920, 1080))
 PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True, "device_scale_factor": 2}
 SETTLED = 6.0  # s of simulated time
 MINUTE = 5.7  # s of a step of the guided minute: some are pushed at 5 s
-PATIENCE = 120e3  # ms, until the loop keeps up
 FREQUENT, RARE = 150, 100  # colours of a picture, together at most 256: a third of its size
 
 
@@ -69,7 +68,7 @@ class Album:
         if not self.wants(name):
             return
         path = self.folder / f"{name}.png"
-        page.get_by_text("The loop cannot keep up").wait_for(state="hidden", timeout=PATIENCE)  # a busy machine
+        page.get_by_text("The loop cannot keep up").wait_for(state="hidden")  # a busy machine
         page.screenshot(path=path)
         with Image.open(path) as picture:
             fewer_colors(picture.convert("RGB")).save(path, optimize=True)
