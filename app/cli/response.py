@@ -61,6 +61,8 @@ def response(
     loop = ClosedLoop(chosen, memory=memory)
     while loop.t < at - 0.5 * loop.period and not loop.stopped:
         loop.step()
+    if loop.stopped:
+        raise ScenarioError(f"--at {at:g}: the run stops before, {loop.stopped}; allowed: an earlier instant")
     seen = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t)
     if seen.response is None:
         raise ScenarioError(f"response: {scenario} has none: the law chatters, the sensor is late, or J_q is singular")

@@ -63,6 +63,8 @@ def run(
         if scenario is not None or row is None or settings or duration is not None:
             raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
         chosen, by, until = _of_sweep(from_, row)
+    elif row is not None:
+        raise ScenarioError(f"--row {row} without --from; allowed: --from FOLDER --row N")
     elif scenario is None:
         raise ScenarioError("run: no scenario; allowed: one (see `vsmrc list`), or --from FOLDER --row N")
     else:

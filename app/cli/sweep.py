@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from app.sweep.cluster import Cluster
     from app.sweep.question import Sweep
 
+# what a question that is read from a file leaves no choice of: the defaults of the options in `sweep`
+WITHOUT = ((), 0, (), 0, None, "grid", False, 0, "compiled")
+
 
 def sweep(
     scenario: tyro.conf.Positional[str],
@@ -77,8 +80,10 @@ def sweep(
 
     program = question.fingerprint()
     if scenario.endswith(question.FILE):
-        if vary or draw or settings or points or duration is not None:
-            raise ScenarioError(f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --set, ...")
+        if (vary, draw, settings, points, duration, design, corners, seed, engine) != WITHOUT:
+            raise ScenarioError(
+                f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --seed, ..."
+            )
         asked = question.read(Path(scenario))
     else:
         asked = question.Sweep(
@@ -121,6 +126,7 @@ def _sweep_into(out: Path, asked: Sweep, on: int | Cluster | None) -> int:
         try:
             failed = running.run(store, asked, on, show_progress=True)
         except KeyboardInterrupt:
+            store.settle()  # for `vsmrc sweep plot`
             print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
             raise
     print(f"{count} runs in {out}" + (f", {failed} of the last {left} stopped or refused" if failed else ""))

@@ -55,6 +55,8 @@ def tune(
     for name, given, least in (("draw", draw, 0), ("budget", budget, 1), ("unseen", unseen, 1), ("seed", seed, 0)):
         if given < least:
             raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
+    if seed > question.LARGEST_SEED:
+        raise ScenarioError(f"--seed {seed}; allowed: at most {question.LARGEST_SEED}")
     if workers is not None and workers < 1:
         raise ScenarioError(f"--workers {workers}; allowed: 1 or more")
     asked = question.Tuning(

@@ -183,7 +183,8 @@ class Foresight:
         comes = (any(truth.push) or any(truth.push_moment)) and began < loop.t + horizon
         if comes and (truth.push_every > 0.0 or began + truth.push_duration > loop.t):
             return False
-        if truth.disturbance > 0.0 or scenario.surface.motion.amplitude > 0.0:
+        moving = any(each.form.motion.amplitude > 0.0 or each.form.changing for each in scenario.surfaces)
+        if truth.disturbance > 0.0 or moving:
             return False
         now = self.base.reference(loop.t)  # an edit may move the reference, too
         later = [loop.system.reference(t) for t in loop.t + np.linspace(0.0, horizon, LOOKS)]

@@ -47,11 +47,15 @@ def _axes(sweep: Sweep, view: SweepView) -> list[Axis]:
     for path in view.over:
         if path not in by_path:
             raise ScenarioError(f"--over {path!r:.60}; {allowed(path, by_path)}")
+        if view.over.count(path) > 1:
+            raise ScenarioError(f"--over {path} twice; allowed: each field once")
     return [by_path[path] for path in view.over] or list(by_path.values())
 
 
 def _suiting(sweep: Sweep, axes: list[Axis]) -> Kind:
     if len(axes) == 1:
+        if sweep.design != "grid" and len(sweep.vary) > 1:
+            raise ScenarioError(f"--over {axes[0].path} alone; allowed: two or more fields of a design")
         return "slices"
     if len(axes) == 2 and len(sweep.vary) == 2 and all(axis.numeric for axis in axes):
         return "map" if sweep.design == "grid" else "scatter"
@@ -84,7 +88,7 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
         (points.declared, {"color": "#d03030", "linewidth": 1.6}, "declared ends"),
         (points.theorem, {"color": "black", "linewidth": 1.2, "linestyle": (0, (4, 2))}, "(17) ends"),
     ):
-        lines = _borders(grid.of(held.astype(float), shape, np.nan), edges_x, edges_y)
+        lines = _borders(grid.of(held, shape, np.nan), edges_x, edges_y)
         for number, (across, up) in enumerate(lines):
             plot.plot(across, up, label=name if number == 0 else None, **style)
     if plot.get_legend_handles_labels()[0]:
@@ -99,6 +103,8 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
     x, *others = axes
     if not x.numeric:
         raise ScenarioError(f"--as slices over {x.path}; allowed: a field of numbers first")
+    if sweep.design != "grid" and len(sweep.vary) > 1:
+        raise ScenarioError("--as slices of a design; allowed: of a grid, or --as scatter or parallel")
     canvas, plot = sheet(SINGLE, _caption(sweep, points, view))
     rest = [axis.path for axis in sweep.vary if axis.path != x.path]
     shown = [axis.path for axis in others] or rest
@@ -168,6 +174,8 @@ def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -
         plot.plot(range(len(axes)), [column[k] for column in columns], color=color, linewidth=0.6, alpha=0.8)
     for k, axis in enumerate(axes):
         low, high = axis.at(0.0), axis.at(1.0)
+        if axis.numeric and axis.values:
+            low, high = min(axis.values), max(axis.values)
         plot.text(k, -0.03, said(axis.path, low), ha="center", va="top", fontsize=6.0)
         plot.text(k, 1.03, said(axis.path, high), ha="center", va="bottom", fontsize=6.0)
         plot.axvline(k, color="0.35", linewidth=0.5)
@@ -231,7 +239,9 @@ def _caption(sweep: Sweep, points: Points, view: SweepView) -> str:
         told += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"
     if points.stopped.any():
         told += f". A cross: runs that stopped or were refused ({int(points.stopped.sum())} points)"
-    if none := int((np.isnan(points.number) & ~points.stopped).sum()):
+    if never := int((points.never & ~points.stopped).sum()):
+        told += f". White: not on every arm ({never} points)"
+    if none := int((np.isnan(points.number) & ~points.never & ~points.stopped).sum()):
         told += f". White: no run has this figure ({none} points)"
     return told + "."
 
@@ -247,7 +257,7 @@ def _label(points: Points, view: SweepView) -> str:
     unit = f" [{column.unit}]" if column.unit not in ("", "1") else ""
     if view.within is not None:
         unit = "" if column.unit in ("", "1") else f" {column.unit}"
-        return f"share of arms with {name} ≤ {view.within:g}{unit}"
+        return f"share of arms with {name} {'≥' if column.more_is_better else '≤'} {view.within:g}{unit}"
     return f"{name}, {statistic_of(view)} arm{unit}" if points.arms.max() > 1 else f"{name}{unit}"
 
 
@@ -306,7 +316,7 @@ def _shares(axis: Axis, values: np.ndarray) -> np.ndarray:
         names = [str(value) for value in axis.values]
         return np.array([names.index(str(value)) for value in values]) / max(len(names) - 1, 1)
     at = np.asarray(values, dtype=float)
-    low, high = (float(axis.values[0]), float(axis.values[-1])) if axis.values else (axis.low, axis.high)
+    low, high = (float(min(axis.values)), float(max(axis.values))) if axis.values else (axis.low, axis.high)
     logarithmic = axis.logarithmic or (bool(axis.values) and _geometric(np.array(axis.values, dtype=float)))
     if logarithmic:
         at, low, high = np.log(at), math.log(low), math.log(high)

@@ -22,13 +22,15 @@ Figures = dict[str, Any]
 class Column(NamedTuple):
     """Column of the table: unit in SI, "" for a word or a plain number, and meaning.
     more_is_better: whether the worst of several arms is the one with the least number.
-    at_the_end: whether it is of the last fifth of the run only."""
+    at_the_end: whether it is of the last fifth of the run only.
+    may_never: whether a run without a number never came to it, which is worse than any number."""
 
     unit: str
     meaning: str
     word: bool = False
     more_is_better: bool = False
     at_the_end: bool = False
+    may_never: bool = False
 
     @property
     def whole_meaning(self) -> str:
@@ -44,10 +46,12 @@ COLUMNS: dict[str, Column] = {
     "angle_error": Column("rad", "largest error of angles and supplemental joints", at_the_end=True),
     "force_error": Column("N", "largest force error", at_the_end=True),
     "constraint_violation": Column("m", "largest distance from a rigid surface"),
-    "settling_time": Column("s", "until the force, or without force control the path, stays within 2 %"),
-    "reaching_time": Column("s", "until ‖s‖ is within the boundary layer"),
+    "settling_time": Column(
+        "s", "until the force, or without force control the path, stays within 2 %", may_never=True
+    ),
+    "reaching_time": Column("s", "until ‖s‖ is within the boundary layer", may_never=True),
     "layer_time_bound": Column("s", "until then by (18), as promised"),
-    "band_time": Column("s", "until ‖s‖ is within its band"),
+    "band_time": Column("s", "until ‖s‖ is within its band", may_never=True),
     "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised"),
     "gain_margin": Column("N", "least d minus what (17) needs", more_is_better=True),
     "residual": Column("N", "RMS of (8)", at_the_end=True),

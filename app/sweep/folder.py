@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 
+from app.export.export_jobs import plain_name
 from app.sweep.figures_of_run import Figures
 from app.sweep.question import Sweep, fingerprint
 from app.sweep.run_store import LOCK, RunStore
@@ -39,5 +40,5 @@ def packed(name: str, write: Callable[[Path], None]) -> bytes:
         write(folder)
         for path in sorted(folder.rglob("*")):
             if path.is_file() and path.name != LOCK:
-                zipped.write(path, Path(name) / path.relative_to(folder))
+                zipped.write(path, Path(plain_name(name)) / path.relative_to(folder))
     return file.getvalue()

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from app.scenario.schema import ScenarioError
-from app.sweep.figures_of_run import COLUMNS, METRICS
+from app.sweep.figures_of_run import COLUMNS, METRICS, Column
 from app.sweep.question import Sweep
 from controllers.premises import Premise
 from parameters import allowed
@@ -43,16 +43,18 @@ class Points:
     """Points of a sweep with one number each.
 
     values: of the axes by path, (N,) each.
-    number: (N,), NaN where no arm has one.
+    number: (N,), NaN where no arm has one, and where `never`.
+    never: (N,) bool, whether arms never came to what the number would be of, such as settling.
     good, arms: (N,), number of arms that keep the limit, and of all arms.
     stopped: (N,) bool, whether a run stopped or was refused.
-    theorem, declared: (N,) bool, whether (17) and the declaration hold for all arms.
+    theorem, declared: (N,), 1 where (17) and the declaration hold for all arms, 0 where not, NaN where none is known.
     holding: (N,), number of arms whose promise holds.
     failed: names of the premises that failed for at least one arm, N tuples, in the order of the theorem's table.
     """
 
     values: Mapping[str, np.ndarray]
     number: np.ndarray
+    never: np.ndarray
     good: np.ndarray
     arms: np.ndarray
     stopped: np.ndarray
@@ -74,24 +76,26 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
     begins = np.flatnonzero(np.r_[True, np.diff(point) > 0])
     metric = np.asarray(columns[view.metric], dtype=float)[order]
     stopped = np.array([bool(each) for each in columns["stopped"]])[order]
-    keeps = (metric <= (np.inf if view.within is None else view.within)) & ~stopped
-    margin = np.nan_to_num(np.asarray(columns["gain_margin"], dtype=float)[order], nan=0.0)
+    column = COLUMNS[view.metric]
+    limit = np.inf if view.within is None else view.within
+    keeps = (metric >= limit if column.more_is_better else metric <= limit) & ~stopped
+    margin, inside = (np.asarray(columns[name], dtype=float)[order] for name in ("gain_margin", "declared"))
     groups = [slice(a, b) for a, b in zip(begins, [*begins[1:], len(point)], strict=True)]
     arms = np.array([g.stop - g.start for g in groups])
     good = np.array([int(keeps[g].sum()) for g in groups])
-    best = COLUMNS[view.metric].more_is_better
-    number = good / arms if statistic == "share" else np.array([_statistic(metric[g], statistic, best) for g in groups])
+    number = (
+        good / arms if statistic == "share" else np.array([_statistic(metric[g], statistic, column) for g in groups])
+    )
     holds = np.array([verdict == "holds" for verdict in columns["verdict"]])[order]
     return Points(
         values={axis.path: np.asarray(columns[axis.path])[order][begins] for axis in sweep.vary},
-        number=number,
+        number=np.where(np.isinf(number), np.nan, number),
+        never=np.isinf(number),
         good=good,
         arms=arms,
         stopped=np.array([bool(stopped[g].any()) for g in groups]),
-        theorem=np.array([bool((margin[g] >= -1e-9).all()) for g in groups]),
-        declared=np.array(
-            [bool((np.asarray(columns["declared"], dtype=float)[order][g] == 1.0).all()) for g in groups]
-        ),
+        theorem=np.array([_all_from(margin[g], -1e-9) for g in groups]),
+        declared=np.array([_all_from(inside[g], 1.0) for g in groups]),
         holding=np.array([int(holds[g].sum()) for g in groups]),
         failed=tuple(_failed(columns["failed"][order][g]) for g in groups),
     )
@@ -116,8 +120,17 @@ def _failed(listed: np.ndarray) -> tuple[str, ...]:
     return tuple(premise.name.lower() for premise in Premise if premise.name.lower() in names)
 
 
-def _statistic(values: np.ndarray, statistic: Statistic, more_is_better: bool) -> float:
-    known = values[np.isfinite(values)]
+def _all_from(values: np.ndarray, least: float) -> float:
+    """1 where all known ones of these values are at least `least`, 0 where one is not, NaN where none is known."""
+    known = values[~np.isnan(values)]
+    return float((known >= least).all()) if len(known) else math.nan
+
+
+def _statistic(values: np.ndarray, statistic: Statistic, column: Column) -> float:
+    """Median or worst of a column's values; inf where arms never came to it, NaN where no arm has one."""
+    known = values[~np.isnan(values)]
     if not len(known):
         return math.nan
-    return float(np.median(known) if statistic == "median" else known.min() if more_is_better else known.max())
+    if column.may_never:
+        known = np.where(np.isnan(values), np.inf, values)
+    return float(np.median(known) if statistic == "median" else known.min() if column.more_is_better else known.max())

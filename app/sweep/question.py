@@ -21,9 +21,11 @@ from app.scenario.departures import DRAWN, Departure
 from app.scenario.schema import RobotSection, Scenario, ScenarioError, UnknownField, WrongKind
 from app.simulation.engines import Engine
 from app.simulation.environment_builder import robot_of
+from environments.urdf import RobotError
 
 MOST_ROWS = 10_000_000
 MOST_VALUES = 100_000  # of one axis
+LARGEST_INTEGER = 2**53  # up to it, a float holds every integer
 LARGEST_FILE = 4_000_000  # bytes of sweep.toml
 FILE = "sweep.toml"
 COMPUTED = ("app/analysis", "app/scenario", "app/session", "app/simulation", "app/sweep", "controllers", "environments",
@@ -193,7 +195,10 @@ class SweepQuestion:
 
 @lru_cache(maxsize=16)
 def _joints(robot: RobotSection) -> int:
-    return robot_of(Scenario(robot=robot)).n
+    try:
+        return robot_of(Scenario(robot=robot)).n
+    except RobotError as error:
+        raise ScenarioError(str(error)) from error
 
 
 def _require_sound(sweep: Sweep) -> None:
@@ -227,6 +232,10 @@ def _require_axis(axis: Axis) -> None:
     for value in axis.values or (axis.low, axis.high):
         if isinstance(value, float) and not math.isfinite(value):
             raise ScenarioError(f"vary: {axis.path}: {value}; allowed: finite numbers")
+        if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+            raise ScenarioError(f"vary: {axis.path}: {value}; allowed: at most {LARGEST_INTEGER}")
+    if same := next((value for value in axis.values if axis.values.count(value) > 1), None):
+        raise ScenarioError(f"vary: {axis.path}: {same} twice; allowed: different values")
     if not axis.values and not axis.low < axis.high:
         raise ScenarioError(f"vary: {axis.path}: {axis.low:g} to {axis.high:g}; allowed: low before high")
     if axis.logarithmic and axis.low <= 0.0:
@@ -260,7 +269,7 @@ def axis_of(text: str) -> Axis:
     try:
         low, high, *rest = (float(number) for number in numbers)
         count = int(rest[0]) if rest else None
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise ScenarioError(f"--vary {text!r:.100}; {shape}") from error
     if len(rest) > 1 or (rest and rest[0] != count):
         raise ScenarioError(f"--vary {text!r:.100}; {shape}")

@@ -121,8 +121,13 @@ class RunStore:
 
 
 def _read(part: Path, columns: list[str] | None = None) -> pa.Table:
-    with pq.ParquetFile(part) as file:
-        return file.read(columns)
+    """Table of a part. Raises ScenarioError where the file is damaged."""
+    try:
+        with pq.ParquetFile(part) as file:
+            return file.read(columns)
+    except (pa.ArrowInvalid, OSError) as error:
+        remedy = "remove it, and its runs are made again"
+        raise ScenarioError(f"{part}: cannot be read as Parquet; allowed: {remedy}") from error
 
 
 def parts(folder: Path) -> Sequence[Path]:
@@ -157,7 +162,8 @@ def table_of(folder: Path) -> tuple[Sweep, dict[str, np.ndarray]]:
     sweep = read(folder / FILE)
     files = parts(folder)
     if not files:
-        raise ScenarioError(f"{folder}: no runs yet; allowed: a folder in which `vsmrc sweep` has finished some")
+        ended = "a folder in which `vsmrc sweep` has ended or was stopped by Ctrl-C"
+        raise ScenarioError(f"{folder}: no runs yet; allowed: {ended}")
     whole = pa.concat_tables(_read(part) for part in files).sort_by("row")
     columns: dict[str, Any] = {name: whole[name].to_numpy() for name in whole.column_names}
     return sweep, columns

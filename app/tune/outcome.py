@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 TABLE, FIGURE = "candidates.parquet", "tune.svg"
 OWN = "own gains"
+LONGEST_NAME = 150  # letters of the scenario's name in that of a candidate's
 SOON = 0.4  # share of a run by which it has to have settled, for its end not to be the transient's
 
 
@@ -85,7 +86,8 @@ def write(tuning: Tuning, found: Found, folder: Path) -> None:
     write_whole(folder / FIGURE, lambda file: file.write(drawn))
     for number, name in files_of(tuning, found).items():
         scenario = data.with_values(tuning.scenario, dict(found.tried[number].values))
-        text = data.to_toml(msgspec.structs.replace(scenario, name=f"{scenario.name}-tuned-{number}")).encode()
+        called = f"{scenario.name[:LONGEST_NAME]}-tuned-{number}"
+        text = data.to_toml(msgspec.structs.replace(scenario, name=called)).encode()
         (folder / name).parent.mkdir(exist_ok=True)
         write_whole(folder / name, lambda file, text=text: file.write(text))
 
@@ -231,7 +233,7 @@ def verdict(tuning: Tuning, found: Found) -> list[str]:
         sentences.append(f"the {OWN} themselves: {found.tried[0].badge}")
     if short := _short(tuning, found):
         sentences.append(short)
-    badges = Counter(each.badge.partition(" (")[0] for each in found.candidates[1:] if each.badge)
+    badges = Counter(each.badge.rpartition(" (")[0] for each in found.candidates[1:] if each.badge)
     if badges:
         said, count = badges.most_common(1)[0]
         sentences.append(

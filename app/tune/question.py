@@ -18,6 +18,8 @@ AIMS = (
     "motion_error", "angle_error", "force_error", "constraint_violation", "settling_time", "reaching_time", "band_time",
     "residual", "torque_variation", "saturated_share",
 )  # fmt: skip
+GAINS = ("controller.", "target_model.")  # what may move
+LARGEST_SEED = 2**32 - 1  # of optuna
 MOST_AIMS = 2  # the front of two aims is a line, that of more cannot be drawn
 SHAPE = "allowed: PATH=LOW:HIGH, with :log behind where its logarithm is to be drawn evenly"
 
@@ -65,6 +67,9 @@ def require_sound(tuning: Tuning) -> None:
         raise ScenarioError(f"--for {given}; allowed: one figure or two different ones of {', '.join(AIMS)}")
     if not tuning.vary:
         raise ScenarioError(f"--move: no gain may move; {SHAPE}")
+    for axis in tuning.vary:
+        if not axis.path.startswith(GAINS):
+            raise ScenarioError(f"--move {axis.path}: no gain; allowed: fields of controller and target_model")
     SweepQuestion(tuning)
 
 

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from app.dashboard.widgets.map_tiles import Naming, Present, map_html
+from app.dashboard.widgets.robustness_map import badness
 from app.sweep.background import BackgroundSweep, coarse_first
+from app.sweep.figures_of_run import Figures
 from app.sweep.points import SweepView, points_of
 from app.sweep.question import Sweep, SweepQuestion
 from tests.sweep.test_charts import columns
@@ -74,6 +76,26 @@ def test_the_declared_set_ends_between_tiles_and_the_ring_is_at_the_present_sett
     theorem = re.search(r'class="vs-theorem"[^>]* d="([^"]*)"', drawn)
     assert theorem is not None
     assert theorem[1].count("M") == 2  # of point 4, at the lower right corner: its left and its upper edge
+
+
+def test_of_refused_runs_no_line_is_drawn_and_what_never_comes_is_said() -> None:
+    refused = columns()["point"] == 0
+    unknown = {name: np.where(refused, np.nan, 1.0) for name in ("declared", "gain_margin")}
+    drawn = picture(SweepView("settling_time"), table=columns() | unknown | {"settling_time": np.full(24, np.inf)})
+    assert 'class="vs-ends"' not in drawn
+    assert 'class="vs-theorem"' not in drawn
+    assert "force error: not on every arm" in said_in(drawn)[0]
+
+
+def test_a_tile_opens_the_run_of_its_worst_arm() -> None:
+    rows: list[Figures] = [
+        {"arm": arm, "promised_share": share, "settling_time": time, "stopped": None}
+        for arm, (share, time) in enumerate([(1.0, 0.5), (0.2, None), (0.9, 0.7)])
+    ]
+    for metric, worst in (("promised_share", 1), ("settling_time", 1)):
+        assert max(rows, key=lambda row, metric=metric: badness(row, metric))["arm"] == worst
+    rows[0]["stopped"] = "contact lost"
+    assert max(rows, key=lambda row: badness(row, "promised_share"))["arm"] == 0
 
 
 def test_over_one_field_there_is_a_course_with_an_interval_at_each_share() -> None:

@@ -216,6 +216,13 @@ def test_list_shows_robots_and_scenarios() -> None:
         (("run", "ur5-hybrid", "--set", "robot.urdf=/none.urdf"), "robot.urdf: cannot read /none.urdf"),
         (("run", "ur5-hybrid", "--set", "robot.tool_frame=hand"), "robot.tool_frame: no frame 'hand'"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--draw", "-1"), "--draw -1; allowed: 0 or more"),
+        (("tune", "ur5-hybrid", "--seed", "5000000000"), "--seed 5000000000; allowed: at most 4294967295"),
+        (("run", "ur5-hybrid", "--row", "3"), "--row 3 without --from; allowed: --from FOLDER --row N"),
+        (("sweep", "any/sweep.toml", "--seed", "7"), "is the whole question; allowed: without --vary, --draw, --seed"),
+        (
+            ("response", "ur5-impedance", "--at", "0.5", "--set", "truth.push=[0,5000,0]", "truth.push_start=0.0"),
+            "--at 0.5: the run stops before, ",
+        ),
     ],
 )
 def test_wrong_input_is_refused_in_one_sentence(

@@ -234,6 +234,21 @@ def figures_of(question: Question) -> Figures:
     return outlook.figures
 
 
+@pytest.mark.parametrize(
+    ("name", "moving"),
+    [
+        ("ur5-hybrid", "surface.motion.amplitude"),
+        ("ur5-hybrid", "surface.tilt.amplitude"),
+        ("ur5-corner", "second.surface.motion.amplitude"),
+    ],
+)
+def test_an_arm_on_a_moving_surface_is_not_pushed(name: str, moving: str) -> None:
+    still = edited(edited(shipped()[name], "motion", "hold"), "rotation", "hold")
+    for scenario, pushed in ((still, 20.0), (edited(still, moving, 0.01), 0.0)):
+        loop = ClosedLoop(scenario)
+        assert Foresight(Question(1, loop.state.copy(), scenario, 1.0, push=20.0))._push == pushed
+
+
 def test_an_arm_at_rest_is_pushed_and_gives_way_as_its_stiffness_says() -> None:
     """m e'' + b e' + k e = F for a second, from rest: the closed form at its end, and the swing back."""
     free = edited(edited(shipped()["ur5-impedance"], "motion", "hold"), "contact.kind", "free")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.scenario.schema import ScenarioError
-from app.sweep.charts import _borders, _geometric, chart
+from app.sweep.charts import _borders, _geometric, _shares, chart
 from app.sweep.points import SweepView, interval, points_of
 from app.sweep.question import Axis, Sweep, SweepQuestion, axis_of
 from tests.support.svg import texts_of
@@ -40,8 +40,8 @@ def test_a_share_counts_the_arms_within_the_limit_and_not_those_that_stopped() -
     assert points.good.tolist() == [2, 2, 1, 1, 1, 1]  # point 2 would have two, but its arm 1 is row 9
     assert points.number.tolist() == [0.5, 0.5, 0.25, 0.25, 0.25, 0.25]
     assert np.flatnonzero(points.stopped).tolist() == [2]
-    assert np.flatnonzero(~points.theorem).tolist() == [4]
-    assert np.flatnonzero(~points.declared).tolist() == [5]
+    assert points.theorem.tolist() == [1, 1, 1, 1, 0, 1]
+    assert points.declared.tolist() == [1, 1, 1, 1, 1, 0]
     assert points.values["contact.K_e"].tolist() == [1e3, 1e3, 1e4, 1e4, 1e5, 1e5]
 
 
@@ -54,6 +54,41 @@ def test_the_worst_and_the_median_arm() -> None:
     assert worst.holding.tolist() == [3] * 6
     margins = points_of(SWEEP, columns(), SweepView("gain_margin", statistic="worst"))
     assert margins.number == pytest.approx([0.5, 0.5, 0.5, 0.5, -0.3, 0.5])  # of a margin the least is the worst
+
+
+def test_arms_that_never_settle_are_worse_than_any_that_do() -> None:
+    arm = columns()["arm"]
+    some = columns() | {"settling_time": np.where(arm == 0, np.inf, np.where(arm == 1, np.nan, 0.5))}
+    worst = points_of(SWEEP, some, SweepView("settling_time"))
+    assert worst.never.all()
+    assert np.isnan(worst.number).all()
+    few = columns() | {"settling_time": np.where(arm == 3, np.nan, 0.1 * arm)}
+    median = points_of(SWEEP, few, SweepView("settling_time", statistic="median"))
+    assert median.number == pytest.approx([0.15] * 6)  # of 0, 0.1, 0.2 and never
+    assert not median.never.any()
+    none = points_of(SWEEP, columns() | {"settling_time": np.full(24, np.nan)}, SweepView("settling_time"))
+    assert np.isnan(none.number).all()
+    assert not none.never.any()
+
+
+def test_a_limit_of_a_margin_is_its_least() -> None:
+    table = columns() | {"promised_share": np.where(columns()["arm"] == 0, 0.2, 1.0)}
+    assert points_of(SWEEP, table, SweepView("promised_share", within=0.9)).good.tolist() == [3, 3, 2, 3, 3, 3]
+    drawn = texts_of(chart(SWEEP, table, SweepView("promised_share", within=0.9), "svg"))
+    assert "share of arms with promised share ≥ 0.9" in drawn
+
+
+def test_of_refused_runs_nothing_is_known() -> None:
+    refused = columns()["point"] == 0
+    table = columns() | {name: np.where(refused, np.nan, columns()[name]) for name in ("declared", "gain_margin")}
+    points = points_of(SWEEP, table, SweepView("force_error"))
+    assert np.isnan(points.declared[0])
+    assert np.isnan(points.theorem[0])
+    assert points.declared[1:].tolist() == [1, 1, 1, 1, 0]
+
+
+def test_values_in_any_order_stay_within_parallel_coordinates() -> None:
+    assert _shares(axis_of("contact.K_e=3e4,1e4,5e4"), np.array([1e4, 3e4, 5e4])).tolist() == [0.0, 0.5, 1.0]
 
 
 def test_wilsons_interval_of_few_arms() -> None:
@@ -111,6 +146,16 @@ def test_other_charts_for_other_sweeps() -> None:
     )
 
 
+def test_a_design_over_one_of_its_fields_is_refused() -> None:
+    design = sweep_of("contact.K_e=1e3:1e5:log", "controller.K_s=20:80", design="sobol", points=8)
+    for view in (
+        SweepView("force_error", over=("contact.K_e",)),
+        SweepView("force_error", over=("contact.K_e",), kind="slices"),
+    ):
+        with pytest.raises(ScenarioError, match="design"):
+            chart(design, columns(design), view, "svg")
+
+
 def test_slices_say_which_lines_they_leave_out() -> None:
     many = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:100:9")
     drawn = texts_of(chart(many, columns(many), SweepView("force_error", kind="slices"), "svg"))
@@ -144,6 +189,7 @@ def test_a_figure_that_is_the_same_everywhere_stands_at_the_foot_of_its_scale() 
         (SWEEP.vary, SweepView("force_error", statistic="share"), "allowed: share with --within"),
         (SWEEP.vary, SweepView("force_error", within=1.0, statistic="worst"), "allowed: share with --within"),
         (SWEEP.vary, SweepView("force_error", over=("motion.kind",)), "--over 'motion.kind'; allowed:"),
+        (SWEEP.vary, SweepView("force_error", over=("contact.K_e",) * 2), "--over contact.K_e twice; allowed: each"),
         (SWEEP.vary[:1], SweepView("force_error", kind="map"), "a grid of two fields"),
         (SWEEP.vary[:1], SweepView("force_error", kind="scatter"), "two fields of numbers"),
         (

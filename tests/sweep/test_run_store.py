@@ -107,6 +107,17 @@ def test_a_line_that_was_cut_off_is_forgotten_and_a_part_says_units(tmp_path: Pa
     assert (tmp_path / JOURNAL).read_bytes() == b""
 
 
+def test_a_damaged_part_is_said(tmp_path: Path) -> None:
+    with RunStore(tmp_path, SWEEP) as store:
+        store.add(figures(0))
+        store.settle()
+    (part,) = parts(tmp_path)
+    part.write_bytes(b"PAR1 and no more")
+    for look in (lambda: table_of(tmp_path), lambda: RunStore(tmp_path, SWEEP)):
+        with pytest.raises(ScenarioError, match=r"part-000001.parquet: cannot be read as Parquet; allowed: remove it"):
+            look()
+
+
 def test_a_crash_between_part_and_journal_leaves_no_row_twice(tmp_path: Path) -> None:
     with RunStore(tmp_path, SWEEP) as store:
         store.add(figures(0))

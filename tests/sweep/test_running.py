@@ -76,6 +76,8 @@ def test_what_is_refused_or_stops_is_a_row() -> None:
     assert refused["stopped"].startswith("refused: controller.layer: -1")
     assert "motion_error" not in refused
     assert going["stopped"] is None
+    unknown = msgspec.structs.replace(SWEEP, vary=(axis_of("robot.name=planar3r,nonsense"),), draw=1)
+    assert "nonsense" in SweepRunner(unknown).figures(1)["stopped"]
     pressing = edited(shipped()["ur5-constrained"], "target_model.K_f", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     lost, kept = (SweepRunner(Sweep(pressing, (axis_of("target_model.K_f.1=0.2,1"),))).figures(k) for k in (0, 1))
     assert "contact lost" in lost["stopped"]

@@ -45,6 +45,13 @@ def test_one_arm_that_breaks_a_limit_or_stops_gives_a_badge(run: Figures, badge:
     assert front([found]) == []
 
 
+def test_the_reason_why_candidates_are_not_offered_is_told_whole() -> None:
+    over = judged(BOTH, 1, {}, [SOUND | {"failed": "gain"}])
+    own = judged(BOTH, 0, {}, [SOUND])
+    found = Found([own, over], {0: own}, {0: [SOUND]})
+    assert any("because of this: over its limit: d covers (17)" in each for each in verdict(BOTH, found))
+
+
 def test_a_premise_that_is_no_limit_gives_no_badge() -> None:
     found = judged(BOTH, 3, {}, [SOUND, SOUND | {"failed": "held", "verdict": "nothing promised"}])
     assert (found.badge, found.kept) == ("", 0.5)

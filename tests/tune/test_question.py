@@ -67,7 +67,8 @@ def test_a_gain_that_makes_no_sense_is_refused(text: str, sentence: str) -> None
         ({"vary": ()}, "--move: no gain may move"),
         ({"vary": (moved("controller.layr=1:2"),)}, "controller.layr: no such field"),
         ({"vary": (moved("controller.layer=1:2"),) * 2}, "controller.layer twice"),
-        ({"vary": (moved("truth.link_scaling=1:2"),)}, "truth.link_scaling is drawn"),
+        ({"vary": (moved("truth.link_scaling=1:2"),)}, "truth.link_scaling: no gain; allowed: fields of controller"),
+        ({"vary": (moved("simulation.duration=1:2"),)}, "simulation.duration: no gain"),
     ],
 )
 def test_a_tuning_that_makes_no_sense_is_refused(changes: dict[str, object], sentence: str) -> None:

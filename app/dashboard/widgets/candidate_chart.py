@@ -9,8 +9,7 @@ from html import escape
 
 import numpy as np
 
-from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, said_html
-from app.export.figures import plain_number
+from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, plain, said_html
 from app.sweep.titles import unit_of
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate, front
@@ -73,10 +72,10 @@ def _told(tuning: BackgroundTuning) -> str:
 def said_of(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
     """Description of a candidate: its gains and aims, in words."""
     gains = ", ".join(
-        f"{names[path]} {_plain(float(value))} {unit_of(path)}".rstrip() for path, value in candidate.values.items()
+        f"{names[path]} {plain(float(value))} {unit_of(path)}".rstrip() for path, value in candidate.values.items()
     )
     figures = ", ".join(
-        f"{in_words(aim).partition(' [')[0]} {_plain(value)} {_unit(aim)}".rstrip()
+        f"{in_words(aim).partition(' [')[0]} {plain(value)} {_unit(aim)}".rstrip()
         for aim, value in zip(tuning.tuning.aims, candidate.aims, strict=True)
     )
     return f"{gains or 'own gains'}: {figures}"
@@ -133,14 +132,10 @@ def _star(x: float, y: float) -> str:
 
 def _axes(names: Sequence[str], across: ColorScale, up: ColorScale) -> str:
     return "".join([
-        f'<text x="{LEFT + EDGE}" y="{BOTTOM + 11}">{_plain(across.low)}</text>',
-        f'<text x="{RIGHT}" y="{BOTTOM + 11}" text-anchor="end">{_plain(across.high)}</text>',
-        *(f'<text x="{LEFT - 4}" y="{y + 4}" text-anchor="end">{_plain(value)}</text>'
+        f'<text x="{LEFT + EDGE}" y="{BOTTOM + 11}">{plain(across.low)}</text>',
+        f'<text x="{RIGHT}" y="{BOTTOM + 11}" text-anchor="end">{plain(across.high)}</text>',
+        *(f'<text x="{LEFT - 4}" y="{y + 4}" text-anchor="end">{plain(value)}</text>'
           for y, value in ((BOTTOM - EDGE, up.low), (TOP + EDGE, up.high))),
         f'<text x="{RIGHT}" y="{BOTTOM + 23}" text-anchor="end">→ {escape(names[0])}</text>',
         f'<text x="4" y="{BOTTOM + 23}">↑ {escape(names[1])}</text>',
     ])  # fmt: skip
-
-
-def _plain(value: float) -> str:
-    return plain_number(float(f"{value:.3g}"), None)

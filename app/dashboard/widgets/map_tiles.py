@@ -124,7 +124,9 @@ def _tiles(
     tiles, declared, theorem = [], {}, {}
     for k, number in enumerate(numbers):
         i, j = (axis.values.index(float(points.values[axis.path][k])) for axis in (x, y))
-        declared[i, j], theorem[i, j] = bool(points.declared[k]), bool(points.theorem[k])
+        for held, of_points in ((declared, points.declared), (theorem, points.theorem)):
+            if not math.isnan(of_points[k]):
+                held[i, j] = bool(of_points[k])
         color = NOTHING if math.isnan(number) else _color(scale.share(number))
         cross = f'<path d="{_cross(i, j, frame)}" stroke="currentColor"/>' if points.stopped[k] else ""
         said = escape(_said(question, points, k, number, naming))
@@ -172,7 +174,7 @@ def _course(question: SweepQuestion, points: Points, numbers: np.ndarray, naming
     called = escape(f"{name} [{unit}]" if unit else name)
     at = _place(x, present.get(x.path))
     now = "" if at is None else f'<path class="vs-present" d="M {LEFT + at * wide:.1f} {TOP} V {BOTTOM}"/>'
-    ends = ("0", "1") if naming.share else (_plain(scale.low), _plain(scale.high))
+    ends = ("0", "1") if naming.share else (plain(scale.low), plain(scale.high))
     return "".join([
         f'<path class="axis" fill="none" d="M {LEFT} {TOP} V {BOTTOM} H {RIGHT}"/>{now}',
         f'<polyline class="vs-course" points="{", ".join(line)}"/>',
@@ -192,12 +194,14 @@ def _up(share: float) -> float:
 
 def _said(question: SweepQuestion, points: Points, k: int, number: float, naming: Naming) -> str:
     where = ", ".join(
-        f"{naming.axes[axis.path][0]} {_plain(float(points.values[axis.path][k]))} {naming.axes[axis.path][1]}".rstrip()
+        f"{naming.axes[axis.path][0]} {plain(float(points.values[axis.path][k]))} {naming.axes[axis.path][1]}".rstrip()
         for axis in question.sweep.vary
     )
     arms = int(points.arms[k])
     if points.stopped[k] and not naming.share:
         return f"{where}: a run stopped or was refused"
+    if points.never[k]:
+        return f"{where}: {naming.title}: not on every arm{_unpromised(points, k)}"
     if math.isnan(number):
         return f"{where}: no figure"
     if naming.share:
@@ -205,7 +209,7 @@ def _said(question: SweepQuestion, points: Points, k: int, number: float, naming
         kept = f"{points.good[k]} of {arms} arms keep the limit of {naming.limit}"
         return f"{where}: {kept} (95 %: {low:.2f} to {high:.2f} of all){_unpromised(points, k)}"
     worst = f", worst of {arms} arms" if arms > 1 else ""
-    return f"{where}: {naming.title} {_plain(number)} {naming.unit}{worst}{_unpromised(points, k)}"
+    return f"{where}: {naming.title} {plain(number)} {naming.unit}{worst}{_unpromised(points, k)}"
 
 
 def _unpromised(points: Points, k: int) -> str:
@@ -268,7 +272,7 @@ def _ring(question: SweepQuestion, present: Present) -> str:
 def _ticks_across(x: Axis, wide: float) -> list[str]:
     return [
         f'<text x="{LEFT + (k + 0.5) * wide:.1f}" y="{BOTTOM + 11}" text-anchor="middle">'
-        f"{_plain(float(x.values[k]))}</text>"
+        f"{plain(float(x.values[k]))}</text>"
         for k in (0, len(x.values) // 2, len(x.values) - 1)
     ]
 
@@ -279,7 +283,7 @@ def _ticks(x: Axis, y: Axis, frame: _Frame, naming: Naming) -> str:
         *_ticks_across(x, frame.wide),
         *(
             f'<text x="{LEFT - 4}" y="{BOTTOM - (k + 0.5) * frame.tall + 4:.1f}" text-anchor="end">'
-            f"{_plain(float(y.values[k]))}</text>"
+            f"{plain(float(y.values[k]))}</text>"
             for k in (0, len(y.values) // 2, len(y.values) - 1)
         ),
         f'<text x="{RIGHT}" y="{BOTTOM + 23}" text-anchor="end">→ {escape(across)}</text>',
@@ -294,11 +298,11 @@ def _bar(scale: ColorScale, naming: Naming) -> str:
         f'fill="{_color(k / (SHADES - 1))}"/>'
         for k in range(SHADES)
     )
-    ends = ("0", "1") if naming.share else (f"{_plain(each)} {naming.unit}" for each in (scale.low, scale.high))
+    ends = ("0", "1") if naming.share else (f"{plain(each)} {naming.unit}" for each in (scale.low, scale.high))
     left, right = ends
     middle = ""
     if scale.logarithmic and not naming.share:
-        between = f"{_plain(math.sqrt(scale.low * scale.high))} {naming.unit}"
+        between = f"{plain(math.sqrt(scale.low * scale.high))} {naming.unit}"
         middle = f'<text x="{(LEFT + RIGHT) / 2:.1f}" y="244" text-anchor="middle">{between}</text>'
     return (
         f'{shades}<text x="{LEFT}" y="244">{left}</text>{middle}'
@@ -306,5 +310,6 @@ def _bar(scale: ColorScale, naming: Naming) -> str:
     )
 
 
-def _plain(value: float) -> str:
+def plain(value: float) -> str:
+    """Number with three digits."""
     return plain_number(float(f"{value:.3g}"), None)

@@ -30,7 +30,7 @@ from app.session.snapshot import Snapshot
 from app.storage.recording_files import Tell
 from app.sweep import charts
 from app.sweep.background import BackgroundSweep
-from app.sweep.figures_of_run import columns_of
+from app.sweep.figures_of_run import COLUMNS, Figures, columns_of
 from app.sweep.points import Points, SweepView, points_of
 from app.sweep.question import Sweep, SweepQuestion
 
@@ -140,7 +140,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
             self._desk.complain("a tile: its run is locked by the goal of a lesson; allowed: leave the lesson")
             return
         metric, question = self._view.metric, work.question
-        worst = max(rows, key=lambda row: (bool(row.get("stopped")), row.get(metric) or -math.inf))
+        worst = max(rows, key=lambda row: badness(row, metric))
         try:
             scenario = question.scenario(question.row(worst["row"]))
         except ScenarioError as error:
@@ -186,3 +186,13 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
             self._files.visible = bool(work.rows)
         present = {axis.path: self._fields[axis.path].value(snapshot) for axis in work.question.sweep.vary}
         return map_html(work, self._points(work), self._naming, present)
+
+
+def badness(row: Figures, metric: str) -> tuple[bool, float]:
+    """Order of the runs of a point, the worst last: stopped ones, then by the metric."""
+    column, value = COLUMNS[metric], row.get(metric)
+    if value is None:
+        badness = math.inf if column.may_never else -math.inf
+    else:
+        badness = -value if column.more_is_better else value
+    return bool(row.get("stopped")), badness
