@@ -26,7 +26,7 @@ from app.session.runner import Runner as Loop
 from app.sweep import background
 from app.sweep.background import Background, BackgroundSweep
 from app.sweep.figures_of_run import SweepRunner
-from app.sweep.folder import zipped
+from app.sweep.folder import packed, zipped
 from app.sweep.question import Sweep, SweepQuestion, axis_of
 from app.sweep.run_store import table_of
 from app.sweep.share import Allowance, Share, allowance_of
@@ -145,6 +145,11 @@ def test_a_map_that_is_taken_away_is_the_folder_of_a_sweep(tmp_path: Path, capsy
     metrics = msgspec.json.decode((tmp_path / "row" / "metrics.json").read_bytes())
     assert metrics["force_error_tail"] == rows[0]["force_error"]
     assert execute(["sweep", "plot", str(folder), "--of", "force_error"]) == 0
+
+
+def test_a_name_leads_nowhere_out_of_the_file() -> None:
+    with zipfile.ZipFile(io.BytesIO(packed("../../evil-sweep", lambda folder: (folder / "a").touch()))) as file:
+        assert file.namelist() == ["evil-sweep/a"]
 
 
 @pytest.mark.parametrize("most", [100, 600])
