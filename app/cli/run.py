@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 TITLE = 40  # letters of a figure's name, before its value
 
+UNBLENDED = (0.0, 2.0)  # s, when the target model begins to change, and how long that takes
+
 
 def run(
     scenario: tyro.conf.Positional[str | None] = None,
@@ -30,8 +32,8 @@ def run(
     row: int | None = None,
     duration: float | None = None,
     blend_to: str | None = None,
-    blend_at: float = 0.0,
-    blend_over: float = 2.0,
+    blend_at: float = UNBLENDED[0],
+    blend_over: float = UNBLENDED[1],
     strict: bool = False,
     engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "pinocchio",
     use: Files = (),
@@ -69,6 +71,8 @@ def run(
         raise ScenarioError("run: no scenario; allowed: one (see `vsmrc list`), or --from FOLDER --row N")
     else:
         chosen = configured(scenario, settings, duration)
+    if blend_to is None and (blend_at, blend_over) != UNBLENDED:
+        raise ScenarioError("--blend-at or --blend-over without --blend-to; allowed: with a scenario to go over to")
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
     loop, metrics = headless_run.simulate(chosen, until=until, engine=by, show_progress=True, memory=kept_memory())

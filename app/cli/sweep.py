@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 # what a question that is read from a file leaves no choice of: the defaults of the options in `sweep`
 WITHOUT = ((), 0, (), 0, None, "grid", False, 0, "compiled")
+UNDRAWN = ("motion_error", None, None, (), None, None)  # defaults of the options that are for plot
 
 
 def sweep(
@@ -75,6 +76,10 @@ def sweep(
         return _plot_sweep(folder, out, of, within, show, over, kind, to)
     if folder is not None:
         raise ScenarioError(f"sweep: {folder} behind a scenario; allowed: `vsmrc sweep plot FOLDER`")
+    if (of, within, show, over, kind, to) != UNDRAWN:
+        raise ScenarioError(
+            "sweep: --of, --within, --show, --over, --as or --to; allowed: for `vsmrc sweep plot FOLDER`"
+        )
     from app.sweep import question, running
     from app.sweep.cluster import Cluster
 

@@ -135,12 +135,13 @@ def parts(folder: Path) -> Sequence[Path]:
     return sorted((folder / PARTS).glob("part-*.parquet"))
 
 
+def column(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:
+    """Column of a table, with its unit and meaning."""
+    return pa.field(name, kind, metadata={"unit": unit, "meaning": meaning})
+
+
 def schema_of(sweep: Sweep) -> pa.Schema:
     """Schema of the table: the columns of every run and the varied fields, with units and meanings."""
-
-    def column(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:
-        return pa.field(name, kind, metadata={"unit": unit, "meaning": meaning})
-
     known = [
         column(
             name,

@@ -19,7 +19,7 @@ from app.scenario import data
 from app.sweep.charts import sheet, wide
 from app.sweep.figures_of_run import COLUMNS, Figures
 from app.sweep.folder import packed
-from app.sweep.run_store import RunStore
+from app.sweep.run_store import RunStore, column
 from app.tune.candidates import Candidate, aim_of, front
 from app.tune.question import Tuning, in_words, program
 from app.tune.running import Found
@@ -108,10 +108,6 @@ def zipped(tuning: Tuning, rows: Sequence[Figures], found: Found) -> bytes:
 
 def _table(tuning: Tuning, found: Found) -> pa.Table:
     """Table of all candidates, with units and meanings."""
-
-    def column(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:
-        return pa.field(name, kind, metadata={"unit": unit, "meaning": meaning})
-
     worst = [column(aim, pa.float64(), COLUMNS[aim].unit, "worst of the arms seen; inf: none") for aim in tuning.aims]
     tried = [
         column(f"{aim}_unseen", pa.float64(), COLUMNS[aim].unit, "worst of the arms not seen") for aim in tuning.aims

@@ -217,6 +217,8 @@ def test_list_shows_robots_and_scenarios() -> None:
         (("run", "ur5-hybrid", "--set", "robot.tool_frame=hand"), "robot.tool_frame: no frame 'hand'"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--draw", "-1"), "--draw -1; allowed: 0 or more"),
         (("tune", "ur5-hybrid", "--seed", "5000000000"), "--seed 5000000000; allowed: at most 4294967295"),
+        (("run", "ur5-hybrid", "--blend-at", "3"), "--blend-at or --blend-over without --blend-to; allowed: with"),
+        (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--as", "map"), "allowed: for `vsmrc sweep plot"),
         (("run", "ur5-hybrid", "--row", "3"), "--row 3 without --from; allowed: --from FOLDER --row N"),
         (("sweep", "any/sweep.toml", "--seed", "7"), "is the whole question; allowed: without --vary, --draw, --seed"),
         (

@@ -11,6 +11,7 @@ import numpy as np
 
 from app.export.figures import plain_number
 from app.sweep.background import BackgroundSweep
+from app.sweep.charts import wide
 from app.sweep.points import Points, interval
 from app.sweep.question import Axis, SweepQuestion
 from controllers.premises import STATEMENTS, Premise
@@ -21,7 +22,6 @@ GAP = 0.8  # px, around a tile, so that its neighbours do not cover the outline 
 STOPS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))  # evenly spaced colours of viridis
 SHADES = 24  # of the colour bar
 NOTHING = "rgba(128, 128, 128, 0.18)"
-WIDE = 100.0  # ratio of the numbers from which on the scale is logarithmic
 FIELD = "vs-tile-field"
 Present = Mapping[str, float | None]
 
@@ -67,7 +67,7 @@ class ColorScale(NamedTuple):
         if not len(known):
             return cls(0.0, 1.0, False)
         low, high = float(known.min()), float(known.max())
-        return cls(low, high, low > 0.0 and high > WIDE * low)
+        return cls(low, high, wide(known))
 
     def share(self, number: float) -> float:
         """Position of a number on the scale, 0 to 1."""

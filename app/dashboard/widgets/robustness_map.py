@@ -190,9 +190,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
 
 def badness(row: Figures, metric: str) -> tuple[bool, float]:
     """Order of the runs of a point, the worst last: stopped ones, then by the metric."""
-    column, value = COLUMNS[metric], row.get(metric)
+    column, value, stopped = COLUMNS[metric], row.get(metric), bool(row.get("stopped"))
     if value is None:
-        badness = math.inf if column.may_never else -math.inf
-    else:
-        badness = -value if column.more_is_better else value
-    return bool(row.get("stopped")), badness
+        return stopped, math.inf if column.may_never else -math.inf
+    return stopped, -value if column.more_is_better else value
