@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from typing import Literal
+from typing import Literal, TypeGuard
 
 import msgspec
 from msgspec import Struct
 
 Given = int | float | list[float]
+LARGEST = 1e12  # size of a number: pictures of larger ones overflow
 POINTS = 25  # of a drawn curve, evenly over its axis of time
 MOST, NEAR = 400, 200  # answers to a question in all, and from one address: a class may sit behind one
 
@@ -69,7 +69,7 @@ class Classroom:
         return self._answers[browser][1] if browser in self._answers else None
 
     def give(self, browser: str, address: str, number: object, given: object) -> None:
-        """Take the answer of a browser at an address to the question of this number. Raises Refusal."""
+        """Take the answer of a browser at an address to the question of this number. Raises AnswerRefusal."""
         question = self.question
         if not browser:
             raise AnswerRefusal("cookies: none; allowed: with cookies, so that nobody counts twice")
@@ -86,17 +86,21 @@ class Classroom:
         self._answers[browser] = (address, admitted(question, given))
 
 
+def is_number(given: object) -> TypeGuard[int | float]:
+    """Whether what a page sent is a number of an allowed size."""
+    return isinstance(given, int | float) and not isinstance(given, bool) and abs(given) <= LARGEST
+
+
 def admitted(question: ClassQuestion, given: object) -> Given:
-    """Answer that a page sent, checked against its question. Raises Refusal for one that does not fit."""
-    number = not isinstance(given, bool) and isinstance(given, int | float) and math.isfinite(given)
+    """Answer that a page sent, checked against its question. Raises AnswerRefusal for one that does not fit."""
     if question.kind == "choice":
-        if not number or given not in range(1, len(question.options) + 1):
+        if not is_number(given) or given not in range(1, len(question.options) + 1):
             raise AnswerRefusal(f"answer: {given!r:.40}; allowed: 1 to {len(question.options)}")
-        return int(given)  # pyright: ignore[reportArgumentType]
+        return int(given)
     if question.kind == "number":
-        if not number or abs(given) > 1e12:  # pyright: ignore[reportArgumentType]
-            raise AnswerRefusal(f"answer: {given!r:.40}; allowed: a number")
-        return float(given)  # pyright: ignore[reportArgumentType]
+        if not is_number(given):
+            raise AnswerRefusal(f"answer: {given!r:.40}; allowed: a number of at most {LARGEST:g} in size")
+        return float(given)
     try:
         values = msgspec.convert(given, list[float])
     except msgspec.ValidationError as error:

@@ -8,13 +8,15 @@ from typing import Literal
 
 import numpy as np
 
+from app.analysis.metrics import MULTIPLIERS
 from app.scenario.data import differences
 from app.simulation.recording import Epoch, Recording
 from app.simulation.state import Flag
 
 Kind = Literal["edit", "push", "contact", "fork", "fault"]
 
-APART = 0.1  # s: a contact that is lost and made again within this is one event
+APART = 0.1  # s: a contact that is lost and made again within this is no event
+WHICH = ("", ", second surface", ", third surface")  # of the multipliers
 MOST = 400  # events of pushes and contacts, the newest
 _TOLD = 3  # changed fields that an edit names
 
@@ -28,6 +30,19 @@ class Event:
     kind: Kind
     what: str
     changed: tuple[tuple[str, object], ...] = ()
+
+
+@dataclass
+class _Contact:
+    """Contact with a surface.
+    told: whether the last event of it said that the tool touches the surface, or whether it did at first.
+    now: whether it does.
+    at, since: instants of that event and of the last change, s."""
+
+    told: bool
+    now: bool
+    at: float = -np.inf
+    since: float = -np.inf
 
 
 class RunEvents:
@@ -45,7 +60,7 @@ class RunEvents:
         flag: what the run has been flagged for since its last change."""
         if recording is not self._recording:
             self._recording, self._felt, self._flags, self._edited = recording, [], {}, {}
-            self._read, self._pushed, self._touching = -np.inf, False, None
+            self._read, self._pushed, self._contacts = -np.inf, False, {}
         if flag is not None:
             self._flags[flag] = None
         self._feel(recording, end)
@@ -66,20 +81,29 @@ class RunEvents:
         if not len(t):
             return
         force, moment = (np.linalg.norm(rows[name], axis=1) for name in ("F_push", "moment_push"))
-        pushed, touching = (force > 0.0) | (moment > 0.0), rows["multiplier"] != 0.0
-        before = touching[0] if self._touching is None else self._touching
+        pushed = (force > 0.0) | (moment > 0.0)
         for i in np.flatnonzero(pushed & ~np.r_[self._pushed, pushed[:-1]]):
             by = (f"{value:.3g} {unit}" for value, unit in ((force[i], "N"), (moment[i], "N·m")) if value > 0.0)
             self._felt.append(Event(float(t[i]), "push", f"pushed with {' and '.join(by)}"))
-        for i in np.flatnonzero(touching != np.r_[before, touching[:-1]]):
-            self._note_contact(float(t[i]), "contact made" if touching[i] else "contact lost")
-        self._read, self._pushed, self._touching = float(t[-1]), bool(pushed[-1]), bool(touching[-1])
+        for name, which in zip(MULTIPLIERS, WHICH, strict=True):
+            self._feel_contact(t, rows[name] != 0.0, which)
+        self._felt.sort(key=lambda event: event.t)
+        self._read, self._pushed = float(t[-1]), bool(pushed[-1])
         del self._felt[:-MOST]
 
-    def _note_contact(self, t: float, what: str) -> None:
-        last = self._felt[-1] if self._felt else None
-        if last is None or last.kind != "contact" or t - last.t > APART:
-            self._felt.append(Event(t, "contact", what))
+    def _feel_contact(self, t: np.ndarray, touching: np.ndarray, which: str) -> None:
+        """Find where the contact with a surface begins and ends. t, touching: (N,), of rows that are new."""
+        known = self._contacts.setdefault(which, _Contact(*2 * (bool(touching[0]),)))
+        for i in np.flatnonzero(touching != np.r_[known.now, touching[:-1]]):
+            self._settle_contact(known, float(t[i]), which)
+            known.now, known.since = bool(touching[i]), float(t[i])
+        self._settle_contact(known, float(t[-1]), which)
+
+    def _settle_contact(self, known: _Contact, t: float, which: str) -> None:
+        """Tell of a contact's last change, where it is the first one for a while, or has lasted up to t."""
+        if known.now != known.told and (known.since - known.at > APART or t - known.since > APART):
+            known.told, known.at = known.now, known.since
+            self._felt.append(Event(known.since, "contact", f"contact {'made' if known.now else 'lost'}{which}"))
 
 
 def _edit(before: Epoch, after: Epoch) -> Event | None:

@@ -60,11 +60,13 @@ async def relay(
         there = asyncio.create_task(_heard(page, session, meter, judge))
         back = asyncio.create_task(_shown(session, page))
         revoked = asyncio.create_task(taken_back.wait())
-        done, pending = await asyncio.wait((there, back, revoked), return_when=asyncio.FIRST_COMPLETED)
-        for task in pending:
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
+        tasks = (there, back, revoked)
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:  # the server cancels a handler whose page is gone, and nobody else would end these
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
         overrun = next((e for task in done if isinstance(e := task.exception(), Overrun)), None)
         if overrun is not None:
             log.info("page closed", reason=str(overrun))

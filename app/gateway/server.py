@@ -360,11 +360,13 @@ class Gateway:
     async def _answer_question(self, request: web.Request) -> web.StreamResponse:
         session, visitor = self._of_class(request), visitor_of(request, self._access_settings.names)
         room = session.room
+        body = await request.read()
         try:
-            said = msgspec.json.decode(await request.read(), type=dict[str, Any])
-            room.give(visitor.browser, visitor.address, said.get("number"), said.get("given"))
-        except (msgspec.DecodeError, RecursionError) as error:
+            said = msgspec.json.decode(body, type=dict[str, Any])
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             return web.json_response({"refused": f"answer: {error}"}, status=400)
+        try:
+            room.give(visitor.browser, visitor.address, said.get("number"), said.get("given"))
         except AnswerRefusal as error:
             self._refusals["answers of a class"] += 1
             return web.json_response({"refused": str(error)}, status=409)

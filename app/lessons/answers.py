@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
+from app.access.classroom import LARGEST, is_number
 from app.lessons.blocks import ChoiceQuestion, CurveQuestion, NumberQuestion
 from app.lessons.kept_file import KeptFile
 from app.lessons.measures import MeasuredNumber
@@ -88,15 +88,16 @@ def score_curve(question: CurveQuestion, given: list[tuple[float, float]], trace
 
 
 def admitted(question: ChoiceQuestion | NumberQuestion | CurveQuestion, given: object) -> Given:
-    """Answer that a page sent, checked against its question. Raises ScenarioError where it does not fit."""
+    """Answer that a page sent or a file kept, checked against its question. Raises ScenarioError where it does not
+    fit."""
     match question:
         case ChoiceQuestion():
-            if not isinstance(given, int) or not 1 <= given <= len(question.options):
+            if not isinstance(given, int) or isinstance(given, bool) or not 1 <= given <= len(question.options):
                 raise ScenarioError(f"answer: {given!r:.40}; allowed: 1 to {len(question.options)}")
             return given
         case NumberQuestion():
-            if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
-                raise ScenarioError(f"answer: {given!r:.40}; allowed: a number")
+            if not is_number(given):
+                raise ScenarioError(f"answer: {given!r:.40}; allowed: a number of at most {LARGEST:g} in size")
             return float(given)
         case CurveQuestion():
             try:
@@ -106,7 +107,17 @@ def admitted(question: ChoiceQuestion | NumberQuestion | CurveQuestion, given: o
             t = [point[0] for point in points]
             if not 2 <= len(points) <= 500 or not np.isfinite(points).all() or sorted(t) != t:
                 raise ScenarioError(f"answer: {len(points)} points; allowed: 2 to 500, from left to right")
+            start, end, low, high = question.start, question.end, question.low, question.high
+            if not all(_within(at, start, end) and _within(value, low, high) for at, value in points):
+                raise ScenarioError(
+                    f"answer: points off the axes; allowed: t from {start:g} to {end:g}, value from {low:g} to {high:g}"
+                )
             return points
+
+
+def _within(value: float, low: float, high: float) -> bool:
+    room = 1e-3 * (high - low)  # a page has the ends of its axes rounded
+    return low - room <= value <= high + room
 
 
 def csv_of(progress: Mapping[str, LessonProgress]) -> str:

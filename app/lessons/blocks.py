@@ -40,11 +40,11 @@ class StartScenario(Block, frozen=True):
 class Measure(Block, frozen=True):
     """Measure of a run: a statistic of a signal, or a metric of the whole run.
 
-    unit: of the number, a key of `measures.FACTORS`.
+    unit: of the number, a key of `measures.FACTORS`; s or ms for the statistics that are times.
     signal: field of the recording, "e_r.1" for its first entry; or "force_error", "path_error" or "contact_force".
     metric: field of metrics.json, in place of a signal.
     statistic: of the signal. peak: largest size. span: largest minus least. variation: sum of sizes of changes, per s.
-    settles: s until the signal stays within 2 % of its largest deviation from its end. below: s until the signal's
+    settles: time until the signal stays within 2 % of its largest deviation from its end. below: time until its
     size stays below `level`.
     start, end: of the interval that is measured, s of the run.
     last: length of this interval, s, in place of start.

@@ -35,8 +35,12 @@ class LessonCourse:
         self.lesson, self._notebook = lesson, notebook
         self._lock = threading.RLock()
         self.outcomes: dict[int, LessonOutcome] = {}
-        if self.progress.step > len(lesson.steps):  # the lesson was shorter once
+        # the lesson may have been another one when its progress was kept
+        if not 1 <= self.progress.step <= len(lesson.steps):
             self._note(step=1)
+        fitting = {number: answer for number, answer in self.progress.answers.items() if self._fits(number, answer)}
+        if fitting != self.progress.answers:
+            self._note(answers=fitting)
 
     @property
     def progress(self) -> LessonProgress:
@@ -173,6 +177,17 @@ class LessonCourse:
             self._note(step=number, finished=self.progress.finished or number == len(self.lesson.steps))
             if isinstance(self.step.block, Explain):
                 self._score()
+
+    def _fits(self, number: int, answer: Answer) -> bool:
+        """Whether the step of this number asks a question to which this is an answer."""
+        question = self.lesson.steps[number - 1].question if 1 <= number <= len(self.lesson.steps) else None
+        if question is None:
+            return False
+        try:
+            admitted(question, answer.given)
+        except ScenarioError:
+            return False
+        return True
 
     def _score(self) -> None:
         """Score the answers up to the shown step whose runs have been measured."""

@@ -33,7 +33,7 @@ class KeptFile(Generic[T]):
             return None, ""
         except OSError as error:
             return None, f"{self._what} cannot be read: {error.strerror}; it is kept as {self._path}"
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             aside = self._path.with_name(f"set-aside-{self._path.name}")
             self._path.replace(aside)
             return None, f"{self._what} cannot be read: {error}; it is kept as {aside}"

@@ -44,6 +44,8 @@ DERIVED: dict[str, Callable[[System, Mapping[str, np.ndarray]], np.ndarray]] = {
     "contact_force": lambda _, record: record["multiplier"],
 }
 DIGITS = 3
+OVER_TIME = ("settles", "below")  # statistics that are times
+TIMES = ("s", "ms")
 
 
 @dataclass(frozen=True)
@@ -109,15 +111,15 @@ def measured(loop: ClosedLoop, each: Measure) -> MeasuredNumber:
 
 def taken(system: System, recording: Recording, now: float, each: Measure) -> MeasuredNumber:
     """Measured number of a signal, in a run that goes on. now: time of the run, s. Raises ScenarioError."""
+    if each.statistic in OVER_TIME and each.unit not in TIMES:
+        raise ScenarioError(f"unit: {each.unit!r:.40} of the statistic {each.statistic}; {allowed(each.unit, TIMES)}")
     factor, half = factor_of(each.unit), 0.5 * system.scenario.controller.period
     end = now if each.end is None else min(each.end, now)
     start = each.start if each.last is None else max(end - each.last, 0.0)
     t, values = signal_of(system, recording, str(each.signal), start - half, end + half)
     if len(t) < 2:
         raise ScenarioError(f"measure of {each.signal}: nothing is recorded from {start:g} s to {end:g} s")
-    return MeasuredNumber(
-        _statistic(t, values, each) * (1.0 if each.statistic in ("settles", "below") else factor), each.unit
-    )
+    return MeasuredNumber(factor * _statistic(t, values, each), each.unit)
 
 
 def _statistic(t: np.ndarray, values: np.ndarray, each: Measure) -> float:

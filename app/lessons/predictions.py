@@ -10,8 +10,7 @@ import numpy as np
 from app.lessons.answers import Answer
 from app.lessons.blocks import CurveQuestion, LessonRun, NumberQuestion, PictureLine
 from app.lessons.lesson import LessonStep
-
-OVER_TIME = ("settles", "below")
+from app.lessons.measures import OVER_TIME, factor_of
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ def predicted(run: LessonRun, line: PictureLine, answers: Sequence[tuple[LessonS
         ):
             measure = run.measures[question.measure]
             if measure.signal == line.signal and measure.statistic in OVER_TIME:
-                instants.append(measure.start + given)
+                instants.append(measure.start + given / factor_of(measure.unit))
             elif measure.signal == line.signal and measure.unit == line.unit:
                 levels.append(float(given))
     return Predicted(tuple(courses), tuple(levels), tuple(instants))

@@ -163,7 +163,8 @@ class Recording:
         """Copy of this recording from about t_from, to a whole block, up to t_to exactly, which can continue
         differently. Full blocks are shared, since nobody writes to them any more; the last one is copied."""
         twin = Recording(self.n, self.history)
-        twin._thinned.extend(_between(piece, t_from, t_to) for piece in tuple(self._thinned))
+        older = (_between(piece, t_from, t_to) for piece in tuple(self._thinned) if len(piece))
+        twin._thinned.extend(piece for piece in older if len(piece))
         for block in tuple(self._blocks):
             rows = block.rows[: block.filled]
             filled = int(np.searchsorted(rows[:, 0], t_to, side="right"))

@@ -54,13 +54,15 @@ const begin = (about) => {
       code.src = `qr?link=${encodeURIComponent(address)}`;
       code.title = "on the whole screen, and back";
       const large = () => {
+        const open = document.querySelector(".vg-large"); // Enter comes to the focused code also below it
+        if (open) return open.remove();
         const whole = document.body.appendChild(make("div", "vg-large"));
         whole.append(Object.assign(make("img"), { src: code.src, alt: code.alt }), make("p", "", address));
         whole.addEventListener("click", () => whole.remove());
         document.addEventListener("keydown", () => whole.remove(), { once: true });
       };
       code.addEventListener("click", large);
-      code.addEventListener("keydown", (e) => { if (e.key === "Enter") { e.stopPropagation(); large(); } });
+      code.addEventListener("keydown", (e) => { if (e.key === "Enter") { e.stopPropagation(); if (!e.repeat) large(); } });
     }
     if (about.renew) {
       const form = card.appendChild(Object.assign(make("form", "vg-link"), { method: "post", action: "renew" }));

@@ -10,7 +10,7 @@ const taken = (e) =>
 // A browser opens its dialog for a file only while a key or a button is being pressed, so not from the server.
 const upload = () => {
   const way = document.querySelector("[data-upload]");
-  if (way) document.querySelector(`input[type=file][accept^="${way.dataset.upload}"]`).click();
+  if (way) document.querySelector(`input[type=file][accept^="${way.dataset.upload}"]`)?.click();
   return way !== null;
 };
 document.body.addEventListener("keydown", (e) => {

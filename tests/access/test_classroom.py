@@ -60,6 +60,8 @@ def test_neither_one_address_nor_all_together_fill_the_memory() -> None:
     [
         (CHOICE, 0), (CHOICE, 4), (CHOICE, 1.5), (CHOICE, "1"), (CHOICE, True), (CHOICE, None), (CHOICE, [1]),
         (NUMBER, float("nan")), (NUMBER, float("inf")), (NUMBER, 1e13), (NUMBER, "3"), (NUMBER, False), (NUMBER, {}),
+        pytest.param(CHOICE, 10**400, id="huge choice"), pytest.param(NUMBER, 10**400, id="huge number"),
+        pytest.param(NUMBER, -(10**400), id="huge and negative"), (CURVE, [10**400] * POINTS),
         (CURVE, [0.0] * (POINTS - 1)), (CURVE, [0.0] * 10_000), (CURVE, [2.0] * POINTS), (CURVE, 0.0),
         (CURVE, [float("nan")] * POINTS), (CURVE, ["x"] * POINTS),
     ],

@@ -10,6 +10,7 @@ from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.timeline import Timeline
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.recording import Recording
 from environments.push import Grip
 
 
@@ -67,6 +68,20 @@ def test_a_push_by_the_button_is_no_edit_and_an_edit_says_what(pushed: Scenario)
     last = RunEvents().of(line.recording, line.end, None, ())[-1]
     changed = (("controller.law", "computed-torque"),)
     assert last == Event(last.t, "edit", "controller.law = computed-torque", changed)
+
+
+def test_a_contact_is_told_of_each_surface_as_it_is_at_last() -> None:
+    recording = Recording(2, 4096)
+    for k in range(600):
+        row = recording.new_row()
+        t = 1e-3 * k
+        row["t"], row["multiplier"] = t, float(0.1 <= t < 0.15)  # made, and lost for good within APART
+        row["multiplier_2"] = float(t < 0.3 or t >= 0.32)  # lost for 20 ms
+        recording.commit()
+    found = RunEvents()
+    told = [(round(event.t, 3), event.what) for event in found.of(recording, 0.6, None, ())]
+    assert told == [(0.1, "contact made"), (0.15, "contact lost"), (0.3, "contact lost, second surface"),
+                    (0.32, "contact made, second surface")]  # fmt: skip
 
 
 def test_contact_and_a_run_that_leaves_the_domain() -> None:

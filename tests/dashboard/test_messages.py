@@ -8,6 +8,8 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,8 +17,12 @@ import viser
 
 from app.dashboard.page import Dashboard
 from app.dashboard.scene.trails import PIECE, PIECES, SPACING, Trail
+from app.dashboard.transport.visible_tabs import AWAY, VisibleTabs, marker_html, panel_marker_html
+from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.scene_buttons import reaching
 from app.scenario.data import load
+from app.scenario.schema import ScenarioError
+from app.session.autosave import Offer
 from app.session.commands import Edit, Reset, ToEnd
 from app.session.runner import Runner
 from app.session.snapshot import snapshot_of
@@ -175,3 +181,70 @@ def test_a_complaint_stays_while_an_edit_from_before_it_is_carried_out(dashboard
     assert shown(30.0)
     runner.post(Edit("force.value", 40.0))
     assert not shown(40.0)
+
+
+def test_of_the_tabs_that_a_page_reports_only_those_with_a_marker_count() -> None:
+    marker_html("Some plots")
+    panel_marker_html("controls: some")
+    heard: list[Any] = []
+    field = SimpleNamespace(_impl=SimpleNamespace(uuid="1"), value="", on_update=heard.append)
+    gui = SimpleNamespace(add_html=lambda _: None, add_text=lambda *_: field)
+    tabs = VisibleTabs()
+    tabs.add_field(cast(viser.GuiApi, gui))
+    event = SimpleNamespace(client=SimpleNamespace(client_id=3))
+    for number in range(100):
+        field.value = f"Some plots,invented {number},controls: some,#{number}"
+        asyncio.run(heard[0](event))
+    assert tabs.tabs([3]) == {"Some plots", "controls: some"}
+    assert (tabs.reports("Some plots"), len(tabs._reports)) == (100, 2)
+    field.value = f"{AWAY}#1"
+    asyncio.run(heard[0](event))
+    assert tabs.all_away([3])
+
+
+class Widget(SimpleNamespace):
+    """Stand-in for a widget of viser, and for the context that a folder is."""
+
+    def on_click(self, click: Any) -> None:
+        self.click = click
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+@pytest.mark.faults
+def test_a_last_session_that_cannot_be_read_stays_offered_and_is_answered_once() -> None:
+    made: list[Widget] = []
+
+    def widget(content: str, **_: object) -> Widget:
+        made.append(Widget(content=content, visible=True))
+        return made[-1]
+
+    gui = cast(viser.GuiApi, SimpleNamespace(add_folder=widget, add_html=widget, add_button=widget))
+    offer = cast(Offer, SimpleNamespace(runs=(), saved=0.0, scenario=load("ur5-hybrid")))
+    page, said, done = SimpleNamespace(client=object()), list[str](), list[object]()
+    during: list[Any] = [ScenarioError("no room"), ValueError("boom"), None]
+
+    def take_up(_: Offer) -> tuple[tuple[()], str]:
+        assert "reading" in text.content
+        dismiss.click(page)  # comes while it is read
+        if (fault := during.pop(0)) is not None:
+            raise fault
+        return (), ""
+
+    session = LastSession(offer, "", take_up, lambda: done.append("refused"))
+    add_last_session(gui, session, 0.0, done.append, said.append)
+    folder, text, go_on, dismiss = made
+    offered = text.content
+    for sentence in ("cannot be continued now: no room", "ValueError: boom"):
+        go_on.click(page)
+        assert sentence in said[-1]
+        assert text.content == offered
+        assert all(each.visible for each in (folder, go_on, dismiss))
+    go_on.click(page)
+    dismiss.click(page)
+    assert not folder.visible
+    assert [type(each).__name__ for each in done] == ["Continue"]

@@ -126,6 +126,30 @@ async def test_links_that_are_taken_back_open_nothing_and_let_go_of_who_came_by_
         assert not other.closed
 
 
+def relaying() -> int:
+    """Number of tasks that relay pages, three for each."""
+    names = [getattr(task.get_coro(), "__qualname__", "") for task in asyncio.all_tasks()]
+    return sum(names.count(name) for name in ("_heard", "_shown", "Event.wait"))
+
+
+@in_a_loop
+async def test_pages_that_are_gone_leave_no_task_behind() -> None:
+    async with town() as lab, asyncio.timeout(PATIENCE):
+        path = await lab.arrive()
+        stays, closed, aborted = [await lab.looked_at(path) for _ in range(3)]
+        (session,) = lab.pool.sessions
+        assert relaying() == 9
+        await closed.close()
+        connection = aborted._response.connection
+        assert connection is not None
+        assert connection.transport is not None
+        connection.transport.abort()
+        while len(session.pages) > 1:
+            await asyncio.sleep(0.01)
+        assert relaying() == 3
+        await stays.close()
+
+
 @in_a_loop
 async def test_without_a_token_only_the_owner_takes_links_back() -> None:
     async with town() as lab:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -85,6 +86,18 @@ def test_answers_are_bars_or_lines_over_each_other() -> None:
     html = answers_html(number, (10.0, 10.0, 20.0))
     assert html.count("<tr>") == 2
     assert ">2</td>" in html
+    html = answers_html(number, (0.3, 0.1 + 0.2))
+    assert html.count("<tr>") == 1
+    assert "<td>0.3 mm</td>" in html
+    assert ">2</td>" in html
+    html = answers_html(number, (-5.0, *([0.0] * 50), 7.0, 8.0))
+    assert re.findall("<td>([^<]*)</td><td[^>]*>([0-9]+)<", html) == [
+        ("below 0 mm", "1"),
+        ("0 mm", "50"),
+        ("above 0 mm", "2"),
+    ]
+    html = answers_html(number, (*range(1, 101), 900))
+    assert re.findall("<td>(below|above) [^<]*</td><td[^>]*>([0-9]+)<", html) == [("below", "5"), ("above", "5")]
     assert answers_html(curve, ([0.0] * POINTS, [10.0] * POINTS)).count('opacity="0.45"') == 2
     assert [answers_html(each, ()).count(">0</td>") for each in (number, curve, choice)] == [0, 0, 2]
 

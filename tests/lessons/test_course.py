@@ -3,20 +3,39 @@ is measured."""
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import io
 import json
+import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from app.lessons.answers import FILE, Notebook, admitted, csv_of, json_of, score_choice, score_curve, score_number
-from app.lessons.blocks import ChoiceQuestion, CurveQuestion, NumberQuestion, PictureLine
+from app.dashboard.panels.lessons import LessonsPanel
+from app.dashboard.widgets.lesson_answers import CurveAnswer
+from app.lessons.answers import (
+    FILE,
+    Answer,
+    LessonProgress,
+    Notebook,
+    admitted,
+    csv_of,
+    json_of,
+    score_choice,
+    score_curve,
+    score_number,
+)
+from app.lessons.blocks import ChoiceQuestion, CurveQuestion, LessonRun, Measure, NumberQuestion, PictureLine
 from app.lessons.course import LessonCourse
-from app.lessons.measures import MeasuredNumber
+from app.lessons.lesson import LessonStep
+from app.lessons.measures import MeasuredNumber, taken
 from app.lessons.playing import Trace, performance, play, runs
+from app.lessons.predictions import predicted
 from app.scenario.data import shipped
 from app.scenario.schema import ScenarioError
 from app.session.commands import SetSpeed
@@ -96,14 +115,28 @@ def test_progress_survives_a_restart_and_the_runs_are_played_again(tmp_path: Pat
     assert json.loads(json_of(later.progress))["test"]["answers"]["2"]["given"] == 3.0
 
 
-def test_a_damaged_file_of_progress_is_set_aside_and_lessons_go_on(tmp_path: Path) -> None:
-    (tmp_path / FILE).write_text("{", encoding="utf-8")
+@pytest.mark.parametrize(
+    "damaged", [b"{", b'{"\xff": {}}', b'{"test": {"more": ' + b"[" * 100_000], ids=["cut", "no UTF-8", "deep"]
+)
+def test_a_damaged_file_of_progress_is_set_aside_and_lessons_go_on(damaged: bytes, tmp_path: Path) -> None:
+    (tmp_path / FILE).write_bytes(damaged)
     notebook = Notebook()
     told = notebook.keep_in(tmp_path)
     assert told.startswith("the progress in lessons cannot be read: ")
-    assert (tmp_path / f"set-aside-{FILE}").read_text(encoding="utf-8") == "{"
+    assert (tmp_path / f"set-aside-{FILE}").read_bytes() == damaged
     LessonCourse(lesson(), notebook).go(1)
     assert json.loads((tmp_path / FILE).read_text(encoding="utf-8"))["test"]["step"] == 2
+
+
+@pytest.mark.parametrize("step", [-2, 0, 9])
+def test_of_progress_in_another_version_of_the_lesson_stays_what_fits(step: int) -> None:
+    kept = {1: 2, 2: 27.5, 3: 1.75e308, 4: 5, 6: 1, 40: 1}
+    notebook = Notebook()
+    notebook.note("test", LessonProgress(step, {number: Answer(given) for number, given in kept.items()}, (8,)))
+    course = LessonCourse(lesson(), notebook)
+    assert course.step.number == 1
+    assert {number: answer.given for number, answer in course.progress.answers.items()} == {2: 27.5, 6: 1}
+    assert course.progress.goals == (8,)
 
 
 def test_answers_are_right_within_their_tolerance_only() -> None:
@@ -118,10 +151,49 @@ def test_answers_are_right_within_their_tolerance_only() -> None:
     assert score_curve(CURVE, [(at, value + 0.02) for at, value in drawn], trace).points == 0.0
 
 
+def test_a_time_is_measured_and_predicted_in_its_own_unit_and_no_length_is_a_time() -> None:
+    t = np.linspace(0.0, 2.0, 2001)
+    system: Any = SimpleNamespace(scenario=SimpleNamespace(controller=SimpleNamespace(period=1e-3)))
+    recording: Any = SimpleNamespace(stretch=lambda *_: {"t": t, "x": np.where(t < 0.8, 1.0, 0.0)})
+
+    def told(statistic: Any, unit: str) -> str:
+        return str(taken(system, recording, 2.0, Measure(unit, signal="x", statistic=statistic, level=0.5)))
+
+    assert [told("below", unit) for unit in ("s", "ms")] == ["0.8 s", "800 ms"]
+    assert [told("settles", unit) for unit in ("s", "ms")] == ["0.8 s", "800 ms"]
+    assert told("peak", "mm") == "1000 mm"
+    for statistic in ("below", "settles"):
+        with pytest.raises(ScenarioError, match=f"unit: 'mm' of the statistic {statistic}; allowed: s, ms"):
+            told(statistic, "mm")
+
+    run = LessonRun("run", 2.0, (LINE,), {"way": Measure("ms", signal=LINE.signal, statistic="settles", start=0.5)})
+    step = LessonStep(1, 1, "predict", "", NUMBER, None)
+    assert predicted(run, LINE, [(step, Answer(250.0))]).instants == (0.75,)
+
+
+def test_a_lesson_that_was_left_does_not_unlock_the_one_that_computes_now() -> None:
+    panel = SimpleNamespace(_busy=None)
+    first, second = threading.Event(), threading.Event()
+    threads: list[threading.Thread] = []
+    for goes_on in (first, second):
+        LessonsPanel._work(cast(LessonsPanel, panel), lambda goes_on=goes_on: cast(None, goes_on.wait(60.0)))
+        threads.append(cast(threading.Thread, panel._busy))
+    first.set()
+    threads[0].join(60.0)
+    assert panel._busy is threads[1]
+    second.set()
+    threads[1].join(60.0)
+    assert panel._busy is None
+
+
 @pytest.mark.parametrize(
     ("question", "given"),
     [
         (CHOICE, 0), (CHOICE, 3), (CHOICE, "1"), (NUMBER, float("nan")), (NUMBER, "3"), (NUMBER, True),
+        (CHOICE, True), (NUMBER, 1.75e308), (NUMBER, -1.1e12),
+        (CURVE, [[0.0, 1.75e308], [1.0, 0.0]]), (CURVE, [[0.0, 0.0], [1.0, -1.1]]), (CURVE, [[0.0, 0.0], [1.1, 0.0]]),
+        (CURVE, [[-0.1, 0.0], [1.0, 0.0]]), (CURVE, [[0.0, 10**400], [1.0, 0.0]]),
+        pytest.param(CHOICE, 10**400, id="huge choice"), pytest.param(NUMBER, 10**400, id="huge number"),
         (CURVE, 3), (CURVE, [[0.0, 0.0]]), (CURVE, [[1.0, 0.0], [0.0, 0.0]]), (CURVE, [[0.0, 1e400], [1.0, 0.0]]),
         (CURVE, [[0.0, 0.0]] * 501), (CURVE, [[0.0, 0.0, 0.0], [1.0, 0.0]]),
     ],
@@ -129,6 +201,19 @@ def test_answers_are_right_within_their_tolerance_only() -> None:
 def test_what_is_no_answer_is_refused(question: ChoiceQuestion | NumberQuestion | CurveQuestion, given: object) -> None:
     with pytest.raises(ScenarioError, match="answer: "):
         admitted(question, given)
+
+
+@pytest.mark.parametrize("drawn", ["", "{", "[" * 100_000, '"\ud800"'], ids=["none", "cut", "deep", "no UTF-8"])
+def test_what_is_no_drawn_line_is_said(drawn: str) -> None:
+    said: list[str] = []
+    answer = SimpleNamespace(_field=SimpleNamespace(value=drawn), _desk=SimpleNamespace(complain=said.append))
+    asyncio.run(CurveAnswer._on_lock(cast(CurveAnswer, answer), None))
+    assert said == ["your line: nothing is drawn yet; allowed: draw it on the axes, or use the arrow keys"]
+
+
+def test_a_line_along_the_ends_of_its_rounded_axes_is_an_answer() -> None:
+    drawn = [[0.0, 1.0 + 1e-6], [1.0 + 1e-6, -1.0]]
+    assert admitted(CURVE, drawn) == [tuple(point) for point in drawn]
 
 
 def test_the_run_on_the_page_is_the_run_that_is_measured_to_the_last_bit() -> None:

@@ -27,6 +27,15 @@ def test_recent_rows_are_whole_and_older_ones_thinned() -> None:
     assert np.isclose(np.diff(t).max(), THINNING * 1e-3)
 
 
+def test_a_branch_of_the_thinned_past_can_be_branched_again() -> None:
+    recording = filled(8 * BLOCK, history=2 * BLOCK)
+    end = recording.first + 2.0  # of 33 s
+    branch = recording.branch(-np.inf, end)
+    again = branch.branch(-np.inf, end)
+    np.testing.assert_array_equal(again.rows(), branch.rows())
+    assert np.isclose(branch.rows()[-1, 0], end, atol=THINNING * 1e-3)
+
+
 def test_a_long_run_keeps_no_more_than_its_bound() -> None:
     history = 2 * BLOCK
     blocks = history // BLOCK + 2  # at full rate, and as many thinned ones

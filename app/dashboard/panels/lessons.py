@@ -171,7 +171,9 @@ class LessonsPanel:
                 log.error("fault", stage="a lesson", exc_info=error)
                 self._desk.complain(f"the run of the lesson failed ({type(error).__name__}: {error})")
             finally:
-                self._busy = None
+                # after "Leave the lesson", another lesson may be computing by now
+                if self._busy is threading.current_thread():
+                    self._busy = None
 
         self._busy = threading.Thread(target=work, name="lesson", daemon=True)
         self._busy.start()

@@ -16,6 +16,7 @@ from app.lessons.course import LessonCourse
 from app.lessons.markup import inline_html
 
 BINS = 10
+NARROW = 1e-9  # of the size of the answers: a smaller range of them counts as one number
 
 
 class ClassPanel:
@@ -93,10 +94,23 @@ def _counted(question: ClassQuestion, answers: Sequence[Given]) -> list[tuple[st
     if not len(values):
         return []
     low, high = np.quantile(values, [0.05, 0.95]) if len(values) > 20 else (values.min(), values.max())
-    counts, edges = np.histogram(np.clip(values, low, high), bins=min(BINS, max(1, len(np.unique(values)))))
+    unit = escape(question.unit)
+    if high - low <= NARROW * max(abs(low), abs(high)):  # numpy has no bins that small
+        room = NARROW * max(abs(low), abs(high))
+        low, high = low - room, high + room
+        inside = [(f"{(low + high) / 2.0:.3g} {unit}", int(np.sum((low <= values) & (values <= high))))]
+    else:
+        bins = min(BINS, len(np.unique(values)))
+        counts, edges = np.histogram(values, bins=bins, range=(low, high))
+        inside = [
+            (f"{first:.3g} to {after:.3g} {unit}", int(count))
+            for count, first, after in zip(counts, edges[:-1], edges[1:], strict=True)
+        ]
+    below, above = int(np.sum(values < low)), int(np.sum(values > high))
     return [
-        (f"{first:.3g} to {after:.3g} {escape(question.unit)}", int(count))
-        for count, first, after in zip(counts, edges[:-1], edges[1:], strict=True)
+        *([(f"below {low:.3g} {unit}", below)] if below else []),
+        *inside,
+        *([(f"above {high:.3g} {unit}", above)] if above else []),
     ]
 
 

@@ -59,7 +59,7 @@ def add_last_session(
         buttons = [gui.add_button(_GO_ON)] if session.offer is not None else []
         buttons.append(gui.add_button(_NOT, color="gray"))
 
-    answering = threading.Lock()  # the second of two clicks is ignored
+    answering = threading.Lock()  # the second of two clicks is ignored, also where one continues and one dismisses
 
     # synchronous on purpose, unlike callbacks that post commands: reading takes seconds, in a thread of viser's pool
     def on_continue(event: viser.GuiEvent) -> None:
@@ -73,12 +73,14 @@ def add_last_session(
         text.content = _note("reading …")
         try:
             runs, problem = session.take_up(offer)
-        except ScenarioError as error:
-            complain(f"the last session cannot be continued now: {error}")
+        except Exception as error:
             text.content = _note(_told(offer))
             for button in buttons:
                 button.visible = True
             answering.release()
+            if not isinstance(error, ScenarioError):
+                raise
+            complain(f"the last session cannot be continued now: {error}")
             return
         if problem:
             complain(problem)
@@ -86,7 +88,7 @@ def add_last_session(
         folder.visible = False
 
     def on_dismiss(event: viser.GuiEvent) -> None:
-        if event.client is not None:
+        if event.client is not None and answering.acquire(blocking=False):
             folder.visible = False
             session.refuse()
 

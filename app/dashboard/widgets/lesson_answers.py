@@ -121,7 +121,7 @@ class CurveAnswer:
     async def _on_lock(self, _: object) -> None:
         try:
             points = msgspec.json.decode(self._field.value or "null")
-        except msgspec.DecodeError:
+        except (msgspec.DecodeError, UnicodeError, RecursionError):
             points = None
         if not points:
             self._desk.complain("your line: nothing is drawn yet; allowed: draw it on the axes, or use the arrow keys")
