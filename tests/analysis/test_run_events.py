@@ -74,6 +74,7 @@ def test_a_contact_is_told_of_each_surface_as_it_is_at_last() -> None:
     recording = Recording(2, 4096)
     for k in range(600):
         row = recording.new_row()
+        row.view(float)[:] = 0.0
         t = 1e-3 * k
         row["t"], row["multiplier"] = t, float(0.1 <= t < 0.15)  # made, and lost for good within APART
         row["multiplier_2"] = float(t < 0.3 or t >= 0.32)  # lost for 20 ms

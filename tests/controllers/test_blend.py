@@ -223,13 +223,14 @@ def test_a_blend_that_begins_with_its_epoch_or_is_taken_back_is_told_by_it() -> 
     loop = ClosedLoop(scenario)
     loop.edit(msgspec.structs.replace(scenario, blend=plan))
     run(loop, 100)
-    epoch = loop.recording.epochs[-1]
-    np.testing.assert_allclose(epoch.model_at(loop.t).M_m, loop.system.controller.model.M_m, rtol=1e-9)
-    assert not np.array_equal(loop.system.controller.model.M_m, ClosedLoop(scenario).system.controller.model.M_m)
+    in_force = loop.system.controller.model.B_m
+    told = loop.recording.epochs[-1].model_at(loop.t - loop.period).B_m
+    np.testing.assert_allclose(told, in_force, rtol=1e-9)
+    assert not np.allclose(in_force, ClosedLoop(scenario).system.controller.model.B_m, rtol=1e-3)
     later = ClosedLoop(planned(0.05))
     later.edit(scenario)
     run(later, 100)
-    np.testing.assert_array_equal(later.recording.epochs[-1].model_at(later.t).M_m, later.system.controller.model.M_m)
+    np.testing.assert_array_equal(later.recording.epochs[-1].model_at(later.t).B_m, later.system.controller.model.B_m)
 
 
 def test_a_blend_to_a_model_that_would_be_refused_is_refused() -> None:

@@ -448,9 +448,9 @@ def test_a_contact_whose_surroundings_are_changed_pushes_as_it_is_now(name: str,
     line = run(line_of(shipped()[name]), 60)
     line.edit(edited(line.loop.system.scenario, path, value))
     arm = line.loop.state.arm.copy()
-    before = arm.views.load.copy()
+    before = arm.views.load.wrench.copy()
     line.loop.system.plant.find_load(arm, line.loop.t)
-    np.testing.assert_array_equal(arm.views.load, before)
+    np.testing.assert_array_equal(arm.views.load.wrench, before)
 
 
 def test_live_numbers_are_those_of_the_estimates_in_use() -> None:
