@@ -93,7 +93,8 @@ class RunEvents:
 
     def _feel_contact(self, t: np.ndarray, touching: np.ndarray, which: str) -> None:
         """Find where the contact with a surface begins and ends. t, touching: (N,), of rows that are new."""
-        known = self._contacts.setdefault(which, _Contact(*2 * (bool(touching[0]),)))
+        first = bool(touching[0])
+        known = self._contacts.setdefault(which, _Contact(told=first, now=first))
         for i in np.flatnonzero(touching != np.r_[known.now, touching[:-1]]):
             self._settle_contact(known, float(t[i]), which)
             known.now, known.since = bool(touching[i]), float(t[i])
