@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from app.dashboard.scene.robot_view import RobotView
 from app.scenario.data import edited, load
 from app.scenario.schema import ScenarioError
-from app.session import runner
+from app.session import commanded_run
 from app.session.commands import Command, Edit, Load
 from app.session.runner import Runner
 from app.simulation.environment_builder import robot_of
@@ -175,7 +175,7 @@ def test_a_run_holds_the_file_of_its_arm(tmp_path: Path, monkeypatch: pytest.Mon
     for scenario in (one, two):
         Path(scenario.robot.urdf or "").write_text(BENT)
     held: list[tuple[Robot, str | None]] = []
-    monkeypatch.setattr(runner, "hold", lambda robot, path: held.append((robot, path)))
+    monkeypatch.setattr(commanded_run, "hold", lambda robot, path: held.append((robot, path)))
     running = Runner(one)
     running.post(Load(two))
     assert running._obey(running._queued())
