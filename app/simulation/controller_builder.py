@@ -10,7 +10,7 @@ from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModelSect
 from app.simulation.domain import Constants
 from app.simulation.environment_builder import believed_matrix, environment_of
 from controllers import modes
-from controllers.blend import ModelBlend, blended, certify
+from controllers.blend import ModelBlend, certify
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
 from controllers.control_law import ControlLaw
@@ -25,8 +25,6 @@ from controllers.target_model import InvalidGain, TargetModel
 from controllers.task_space import TaskLayout
 from environments.robots import Robot
 from parameters import allowed, values_of
-
-ON_THE_WAY = np.linspace(0.0, 1.0, 9)[1:-1]  # shares of a blend whose models are looked at by themselves
 
 
 def laws() -> dict[str, ControlLaw]:
@@ -205,8 +203,6 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
     try:
         end = target_model(after_blend(scenario), n)
         require_admitted(end, scenario, mode, surfaces)
-        for alpha in ON_THE_WAY:
-            _require_passive(blended(start, end, float(alpha)), scenario, mode)
     except (InvalidGain, ScenarioError) as error:
         raise ScenarioError(f"blend.to: {error}") from error
     certificate = certify(start, end, mode.environment(n, stiffness_met(scenario)), surfaces)
@@ -219,26 +215,9 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
 
 def require_admitted(model: TargetModel, scenario: Scenario, mode: Mode, surfaces: SurfaceRange | None) -> None:
     """Raise InvalidGain unless the mode admits the model, whether the tool presses the followed faces or not."""
-    _require_passive(model, scenario, mode)
     mode.check(model, stiffness_met(scenario), surfaces)
     if followed_faces(scenario).sets:
         mode.check(model, np.linalg.inv(believed_compliance(scenario)), surfaces)
-
-
-def _require_passive(model: TargetModel, scenario: Scenario, mode: Mode) -> None:
-    """Raise InvalidGain where only a passive model is known to be stable, and this one is not."""
-    if mode.feedback != "all":
-        return
-    if mode.m() < len(scenario.surfaces) > 1 and not passive(model.after(mode.m())):
-        where = "among several surfaces"
-    elif scenario.face.flat and not mode.on_surface and not passive(model):
-        where = "with a flat tool"
-    else:
-        return
-    raise InvalidGain(
-        f"target_model: not passive with its K_f, which {where} is not enough to be stable; allowed: K_f^-1 M_m, "
-        "K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a multiple of the identity"
-    )
 
 
 def z_at_start(scenario: Scenario, n: int) -> np.ndarray:
@@ -254,6 +233,16 @@ def controller_of(scenario: Scenario, robot: Robot, mode: Mode, layout: TaskLayo
     n, c = layout.n, scenario.controller
     model = target_model(scenario, n)
     require_admitted(model, scenario, mode, surfaces_met(scenario, mode, layout))
+    if mode.feedback == "all" and mode.m() < len(scenario.surfaces) > 1 and not passive(model.after(mode.m())):
+        raise InvalidGain(
+            "target_model: not passive with its K_f, which among several surfaces is not enough to be stable; allowed: "
+            "K_f^-1 M_m, K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a multiple of the identity"
+        )
+    if scenario.face.flat and mode.feedback == "all" and not mode.on_surface and not passive(model):
+        raise InvalidGain(
+            "target_model: not passive with its K_f, which with a flat tool is not enough to be stable; allowed: "
+            "K_f^-1 M_m, K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a multiple of the identity"
+        )
     gains = {f: square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}
     law = law_of(scenario)
     return Controller(

@@ -440,19 +440,6 @@ def test_a_contact_that_is_changed_pushes_as_it_is_now(noisy: Timeline) -> None:
     np.testing.assert_allclose(noisy.loop.view().force, 0.5 * force, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("name", "path", "value"),
-    [("ur5-corner-coupled", "coupling.K_e", (-1500.0, 0.0, 0.0)), ("panda-align", "face.K_t", 30.0)],
-)
-def test_a_contact_whose_surroundings_are_changed_pushes_as_it_is_now(name: str, path: str, value: object) -> None:
-    line = run(line_of(shipped()[name]), 60)
-    line.edit(edited(line.loop.system.scenario, path, value))
-    arm = line.loop.state.arm.copy()
-    before = arm.views.load.wrench.copy()
-    line.loop.system.plant.find_load(arm, line.loop.t)
-    np.testing.assert_array_equal(arm.views.load.wrench, before)
-
-
 def test_live_numbers_are_those_of_the_estimates_in_use() -> None:
     line = run(line_of(edited(shipped()["ur5-hybrid"], "controller.estimates", "along-reference")), 100)
     live = line.loop.view().live
