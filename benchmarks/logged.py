@@ -28,6 +28,7 @@ def server_log() -> Iterator[ServerLog]:
         yield ServerLog(Path(folder) / "server.log")
 
 
-def told(errors: list[str]) -> str:
-    """Sentence on the errors of a log."""
-    return f"{len(errors)} errors were logged" + (f" (first: {errors[0]})" if errors else "")
+def told(failures: list[str], errors: list[str]) -> str:
+    """Words for visits that failed and errors of the log."""
+    said = ((failures, "visits were broken off"), (errors, "errors were logged"))
+    return "; ".join(f"{len(each)} {what}" + (f" (first: {each[0]})" if each else "") for each, what in said)

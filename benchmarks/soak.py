@@ -186,8 +186,7 @@ def page(readings: list[Reading], failures: list[str], errors: list[str], client
     latenesses = ("late p50, ms", "p99, ms", "max, ms")
     header = ("minute", "visits so far", "resident, MB", "threads", "files", "steps per s", *latenesses)
     growth = "; ".join(grown(readings)) or "nothing grew"
-    broken = f"{len(failures)} visits were broken off" + (f" (first: {failures[0]})" if failures else "")
-    broken += f"; {told(errors)}"
+    broken = told(failures, errors)
     return f"""## In company
 
 Written by `python -m benchmarks.soak --minutes {last.minute:g} --clients {clients}`. {described}

@@ -128,8 +128,7 @@ def page(
     sizes = ("gateway, MB", "sessions, MB", "processes", "threads", "files")
     header = ("minute", "visits so far", *sizes, "late p50, ms, worst")
     growth = "; ".join(grown(readings, HELD)) or "nothing grew"
-    broken = f"{len(failures)} visits were broken off" + (f" (first: {failures[0]})" if failures else "")
-    broken += f"; {told(errors)}"
+    broken = told(failures, errors)
     return f"""## In company, through the gateway
 
 Written by `python -m benchmarks.soak_shared --minutes {last.minute:g} --sessions {sessions} --clients {clients}`.

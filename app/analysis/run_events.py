@@ -15,7 +15,7 @@ from app.simulation.state import Flag
 
 Kind = Literal["edit", "push", "contact", "fork", "fault"]
 
-APART = 0.1  # s: a contact that is lost and made again within this is no event
+APART = 0.1  # s: what a contact does within this after an event of it is told only if it stays so
 WHICH = ("", ", second surface", ", third surface")  # of the multipliers
 MOST = 400  # events of pushes and contacts, the newest
 _TOLD = 3  # changed fields that an edit names

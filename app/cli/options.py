@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from inspect import signature
 from pathlib import Path
 from typing import Annotated, TypeVar, get_args
 
@@ -45,6 +46,12 @@ def folder_of(command: str, out: Path | None) -> Path:
     if out == Path():  # also what an empty text is
         raise ScenarioError("--out: no folder of its own; allowed: the name of a folder")
     return out
+
+
+def beyond_defaults(command: Callable[..., object], **given: object) -> bool:
+    """Whether one of these parameters of a command has another value than its default."""
+    known = signature(command).parameters
+    return any(value != known[name].default for name, value in given.items())
 
 
 @contextmanager

@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, shown, use_own, written_to
+from app.cli.options import (
+    ENGINES,
+    Files,
+    Settings,
+    beyond_defaults,
+    braces,
+    configured,
+    one_of,
+    shown,
+    use_own,
+    written_to,
+)
 from app.cli.status import BROKEN, DONE, STOPPED, UNPROMISED
 from app.process.terminal_text import say
 from app.scenario.data import load
@@ -20,8 +31,6 @@ if TYPE_CHECKING:
 
 TITLE = 40  # letters of a figure's name, before its value
 
-UNBLENDED = (0.0, 2.0)  # s, when the target model begins to change, and how long that takes
-
 
 def run(
     scenario: tyro.conf.Positional[str | None] = None,
@@ -32,8 +41,8 @@ def run(
     row: int | None = None,
     duration: float | None = None,
     blend_to: str | None = None,
-    blend_at: float = UNBLENDED[0],
-    blend_over: float = UNBLENDED[1],
+    blend_at: float = 0.0,
+    blend_over: float = 2.0,
     strict: bool = False,
     engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "pinocchio",
     use: Files = (),
@@ -71,7 +80,7 @@ def run(
         raise ScenarioError("run: no scenario; allowed: one (see `vsmrc list`), or --from FOLDER --row N")
     else:
         chosen = configured(scenario, settings, duration)
-    if blend_to is None and (blend_at, blend_over) != UNBLENDED:
+    if blend_to is None and beyond_defaults(run, blend_at=blend_at, blend_over=blend_over):
         raise ScenarioError("--blend-at or --blend-over without --blend-to; allowed: with a scenario to go over to")
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)

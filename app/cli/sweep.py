@@ -8,17 +8,13 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import tyro
 
-from app.cli.options import ENGINES, Settings, braces, configured, folder_of, one_of, written_to
+from app.cli.options import ENGINES, Settings, beyond_defaults, braces, configured, folder_of, one_of, written_to
 from app.cli.status import DONE
 from app.scenario.schema import ScenarioError
 
 if TYPE_CHECKING:
     from app.sweep.cluster import Cluster
     from app.sweep.question import Sweep
-
-# what a question that is read from a file leaves no choice of: the defaults of the options in `sweep`
-WITHOUT = ((), 0, (), 0, None, "grid", False, 0, "compiled")
-UNDRAWN = ("motion_error", None, None, (), None, None)  # defaults of the options that are for plot
 
 
 def sweep(
@@ -76,7 +72,7 @@ def sweep(
         return _plot_sweep(folder, out, of, within, show, over, kind, to)
     if folder is not None:
         raise ScenarioError(f"sweep: {folder} behind a scenario; allowed: `vsmrc sweep plot FOLDER`")
-    if (of, within, show, over, kind, to) != UNDRAWN:
+    if beyond_defaults(sweep, of=of, within=within, show=show, over=over, kind=kind, to=to):
         raise ScenarioError(
             "sweep: --of, --within, --show, --over, --as or --to; allowed: for `vsmrc sweep plot FOLDER`"
         )
@@ -85,7 +81,10 @@ def sweep(
 
     program = question.fingerprint()
     if scenario.endswith(question.FILE):
-        if (vary, draw, settings, points, duration, design, corners, seed, engine) != WITHOUT:
+        if beyond_defaults(
+            sweep, vary=vary, draw=draw, settings=settings, points=points, duration=duration, design=design,
+            corners=corners, seed=seed, engine=engine,
+        ):  # fmt: skip
             raise ScenarioError(
                 f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --seed, ..."
             )

@@ -29,7 +29,7 @@ from app.dashboard.transport.message_filter import MessageFilter
 from app.dashboard.transport.repeated_inputs import RepeatedInputs
 from app.dashboard.transport.stalled_clients import StalledClients
 from app.dashboard.transport.viser_private import let_any_thread_send
-from app.dashboard.transport.visible_tabs import VisibleTabs, panel_marker_html
+from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.transport.widget_lock import WidgetLock
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.chosen_sliders import ChosenSliders
@@ -321,7 +321,7 @@ class _View:
         self._panels: dict[str, Panel] = {}
         for title, panel in PANELS.items():
             with tabs.add_tab(title):
-                server.gui.add_html(panel_marker_html(panel_name(title)))
+                server.gui.add_html(self._visible_tabs.panel_marker_html(panel_name(title)))
                 self._panels[panel_name(title)] = panel(desk)
         (self._robustness,) = (panel for panel in self._panels.values() if isinstance(panel, RobustnessPanel))
         equation = server.gui.add_panel()

@@ -156,15 +156,15 @@ class Recording:
     def first(self) -> float:
         """Time of the oldest row, s; 0 while there is none."""
         full = next((block.rows[0, 0] for block in tuple(self._blocks) if block.filled), np.inf)
-        oldest = min(full, next((piece[0, 0] for piece in tuple(self._thinned) if len(piece)), np.inf))
+        oldest = min(full, next((piece[0, 0] for piece in tuple(self._thinned)), np.inf))
         return 0.0 if np.isinf(oldest) else float(oldest)
 
     def branch(self, t_from: float, t_to: float) -> Recording:
         """Copy of this recording from about t_from, to a whole block, up to t_to exactly, which can continue
         differently. Full blocks are shared, since nobody writes to them any more; the last one is copied."""
         twin = Recording(self.n, self.history)
-        older = (_between(piece, t_from, t_to) for piece in tuple(self._thinned) if len(piece))
-        twin._thinned.extend(piece for piece in older if len(piece))
+        older = (_between(piece, t_from, t_to) for piece in tuple(self._thinned))
+        twin._thinned.extend(kept for kept in older if len(kept))
         for block in tuple(self._blocks):
             rows = block.rows[: block.filled]
             filled = int(np.searchsorted(rows[:, 0], t_to, side="right"))
@@ -194,7 +194,7 @@ class Recording:
                 begin = block.rows[0, 0]
                 yield block.rows[: block.filled]
         for piece in reversed(tuple(self._thinned)):
-            if len(piece) and piece[0, 0] < begin:
+            if piece[0, 0] < begin:
                 yield piece
 
     def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:

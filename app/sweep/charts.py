@@ -173,9 +173,7 @@ def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -
         color = "0.6" if math.isnan(value) else map_(norm(value))
         plot.plot(range(len(axes)), [column[k] for column in columns], color=color, linewidth=0.6, alpha=0.8)
     for k, axis in enumerate(axes):
-        low, high = axis.at(0.0), axis.at(1.0)
-        if axis.numeric and axis.values:
-            low, high = min(axis.values), max(axis.values)
+        low, high = _ends(axis) if axis.numeric else (axis.at(0.0), axis.at(1.0))
         plot.text(k, -0.03, said(axis.path, low), ha="center", va="top", fontsize=6.0)
         plot.text(k, 1.03, said(axis.path, high), ha="center", va="bottom", fontsize=6.0)
         plot.axvline(k, color="0.35", linewidth=0.5)
@@ -310,13 +308,19 @@ def _log_scales(plot: Axes, xs: np.ndarray, ys: np.ndarray | None) -> None:
         plain_decades(plot.yaxis)
 
 
+def _ends(axis: Axis) -> tuple[float, float]:
+    """Least and largest value of an axis of numbers."""
+    values = [float(value) for value in axis.values] or [axis.low, axis.high]
+    return min(values), max(values)
+
+
 def _shares(axis: Axis, values: np.ndarray) -> np.ndarray:
     """Places (N,) of values along an axis, 0 to 1."""
     if not axis.numeric:
         names = [str(value) for value in axis.values]
         return np.array([names.index(str(value)) for value in values]) / max(len(names) - 1, 1)
     at = np.asarray(values, dtype=float)
-    low, high = (float(min(axis.values)), float(max(axis.values))) if axis.values else (axis.low, axis.high)
+    low, high = _ends(axis)
     logarithmic = axis.logarithmic or (bool(axis.values) and _geometric(np.array(axis.values, dtype=float)))
     if logarithmic:
         at, low, high = np.log(at), math.log(low), math.log(high)

@@ -32,6 +32,13 @@ class Column(NamedTuple):
     at_the_end: bool = False
     may_never: bool = False
 
+    def badness(self, values: object) -> np.ndarray:
+        """Numbers of the size of `values`, the larger the worse. A value that is None or NaN is the worst where a run
+        may never come to it, else the best."""
+        known = np.asarray(values, dtype=float)
+        none = np.inf if self.may_never else -np.inf
+        return np.where(np.isnan(known), none, -known if self.more_is_better else known)
+
     @property
     def whole_meaning(self) -> str:
         """Meaning, with the part of the run that it is of."""

@@ -36,9 +36,9 @@ def packed(name: str, write: Callable[[Path], None]) -> bytes:
         tempfile.TemporaryDirectory(prefix="vsmrc-") as place,
         zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as zipped,
     ):
-        folder = Path(place)
+        folder, inside = Path(place), Path(plain_name(name))
         write(folder)
         for path in sorted(folder.rglob("*")):
             if path.is_file() and path.name != LOCK:
-                zipped.write(path, Path(plain_name(name)) / path.relative_to(folder))
+                zipped.write(path, inside / path.relative_to(folder))
     return file.getvalue()

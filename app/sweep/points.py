@@ -131,6 +131,7 @@ def _statistic(values: np.ndarray, statistic: Statistic, column: Column) -> floa
     known = values[~np.isnan(values)]
     if not len(known):
         return math.nan
-    if column.may_never:
-        known = np.where(np.isnan(values), np.inf, values)
-    return float(np.median(known) if statistic == "median" else known.min() if column.more_is_better else known.max())
+    if statistic == "median":
+        return float(np.median(np.where(np.isnan(values), np.inf, values) if column.may_never else known))
+    worst = values[np.argmax(column.badness(values))]
+    return float(np.inf if np.isnan(worst) else worst)

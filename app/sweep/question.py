@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import tomllib
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
@@ -234,8 +235,9 @@ def _require_axis(axis: Axis) -> None:
             raise ScenarioError(f"vary: {axis.path}: {value}; allowed: finite numbers")
         if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
             raise ScenarioError(f"vary: {axis.path}: {value}; allowed: at most {LARGEST_INTEGER}")
-    if same := next((value for value in axis.values if axis.values.count(value) > 1), None):
-        raise ScenarioError(f"vary: {axis.path}: {same} twice; allowed: different values")
+    for value, times in Counter(axis.values).most_common(1):
+        if times > 1:
+            raise ScenarioError(f"vary: {axis.path}: {value} twice; allowed: different values")
     if not axis.values and not axis.low < axis.high:
         raise ScenarioError(f"vary: {axis.path}: {axis.low:g} to {axis.high:g}; allowed: low before high")
     if axis.logarithmic and axis.low <= 0.0:

@@ -17,7 +17,7 @@ import viser
 
 from app.dashboard.page import Dashboard
 from app.dashboard.scene.trails import PIECE, PIECES, SPACING, Trail
-from app.dashboard.transport.visible_tabs import AWAY, VisibleTabs, marker_html, panel_marker_html
+from app.dashboard.transport.visible_tabs import AWAY, VisibleTabs
 from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.scene_buttons import reaching
 from app.scenario.data import load
@@ -184,12 +184,12 @@ def test_a_complaint_stays_while_an_edit_from_before_it_is_carried_out(dashboard
 
 
 def test_of_the_tabs_that_a_page_reports_only_those_with_a_marker_count() -> None:
-    marker_html("Some plots")
-    panel_marker_html("controls: some")
+    tabs = VisibleTabs()
+    tabs.marker_html("Some plots")
+    tabs.panel_marker_html("controls: some")
     heard: list[Any] = []
     field = SimpleNamespace(_impl=SimpleNamespace(uuid="1"), value="", on_update=heard.append)
     gui = SimpleNamespace(add_html=lambda _: None, add_text=lambda *_: field)
-    tabs = VisibleTabs()
     tabs.add_field(cast(viser.GuiApi, gui))
     event = SimpleNamespace(client=SimpleNamespace(client_id=3))
     for number in range(100):

@@ -15,7 +15,7 @@ from app.analysis.perturbation import PerturbationAnalysis
 from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.charts import BUCKETS, ChartWidget, Frame, Label, PinnedChart, Recent, Setup, Signals
 from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
-from app.dashboard.transport.visible_tabs import VisibleTabs, marker_html
+from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.equation import symbol
 from app.session.preview import Outlook
@@ -59,7 +59,7 @@ class Plots:
         self._tabs: dict[str, _TabView] = {}
         for title, tab in TABS.items():
             with panel.add_tab(title):
-                self._tabs[title] = _TabView(gui, title, tab, viewing, turn)
+                self._tabs[title] = _TabView(gui, title, tab, visible_tabs, viewing, turn)
                 visible_tabs.add_field(gui)
         panel.dock_left()
         panel.expand()  # on a phone, too
@@ -144,10 +144,11 @@ class _TabView:
         gui: viser.GuiApi,
         title: str,
         tab: Tab,
+        visible_tabs: VisibleTabs,
         viewing: Viewing,
         turn: AbstractContextManager[object],
     ) -> None:
-        self._title, self._tab, self._viewing, self._turn = title, tab, viewing, turn
+        self._title, self._tab, self._visible_tabs, self._viewing, self._turn = title, tab, visible_tabs, viewing, turn
         with gui.add_form(None):
             self._window = gui.add_dropdown(
                 "window", tuple(WINDOWS), initial_value=WINDOW, hint="How far back to look."
@@ -159,7 +160,7 @@ class _TabView:
         self._window.on_update(self._on_window)
         for chooser in self._choosers.values():
             chooser.on_update(self._on_choice)
-        self._note = gui.add_html(marker_html(title))
+        self._note = gui.add_html(visible_tabs.marker_html(title))
         self._charts = [ChartWidget(gui, plot) for plot in tab.plots]
         self._page_height = 0
 
@@ -177,7 +178,7 @@ class _TabView:
         with self._turn:
             self._show_choices(setup)
         ahead = 0.0 if shown.outlook is None else shown.horizon
-        self._note.content = marker_html(
+        self._note.content = self._visible_tabs.marker_html(
             self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
         )
         for chart in self._charts:

@@ -11,22 +11,6 @@ import viser
 from app.dashboard.transport.viser_private import uuid_of
 
 AWAY = "-"  # instead of tabs, of a page that is not on the screen: `static/page/looking.js`
-_marked = {AWAY}  # every name that has a marker: a page may report any others, and would fill the memory with them
-
-
-def marker_html(tab: str, window: float = 0.0, ahead: float = 0.0, text: str = "") -> str:
-    """Marker of a tab of plots for the page's script: the tab counts as visible while its marker is on the screen.
-    window, ahead: s before and after now, the ends of the time axes.
-    text: HTML that the marker shows."""
-    _marked.add(tab)
-    ends = f'data-from="{-window:g}" data-to="{ahead:g}"'
-    return f'<div class="vs-plots" data-plots="{escape(tab)}" {ends}>{text}</div>'
-
-
-def panel_marker_html(name: str) -> str:
-    """Marker of a tab of controls for the page's script. name: of the tab, as `VisibleTabs.tabs` returns it."""
-    _marked.add(name)
-    return f'<i class="vs-panel" data-plots="{escape(name)}"></i>'
 
 
 class VisibleTabs:
@@ -35,9 +19,23 @@ class VisibleTabs:
 
     def __init__(self, heard: Callable[[], None] = lambda: None) -> None:
         self._heard = heard
+        self._marked = {AWAY}  # a page may report any other name, and would fill the memory with them
         self._tabs: dict[int, frozenset[str]] = {}
         self._reports: Counter[str] = Counter()
         self.fields: frozenset[str] = frozenset()
+
+    def marker_html(self, tab: str, window: float = 0.0, ahead: float = 0.0, text: str = "") -> str:
+        """Marker of a tab of plots for the page's script: the tab counts as visible while its marker is on the screen.
+        window, ahead: s before and after now, the ends of the time axes.
+        text: HTML that the marker shows."""
+        self._marked.add(tab)
+        ends = f'data-from="{-window:g}" data-to="{ahead:g}"'
+        return f'<div class="vs-plots" data-plots="{escape(tab)}" {ends}>{text}</div>'
+
+    def panel_marker_html(self, name: str) -> str:
+        """Marker of a tab of controls for the page's script. name: of the tab, as `tabs` returns it."""
+        self._marked.add(name)
+        return f'<i class="vs-panel" data-plots="{escape(name)}"></i>'
 
     def add_field(self, gui: viser.GuiApi) -> None:
         """Add one more field, in the current container."""
@@ -48,7 +46,7 @@ class VisibleTabs:
         async def on_report(event: viser.GuiEvent) -> None:
             if event.client is not None:
                 names, _, _ = field.value.partition("#")  # the part behind # only makes every report a new value
-                self._tabs[event.client.client_id] = tabs = frozenset(_marked.intersection(names.split(",")))
+                self._tabs[event.client.client_id] = tabs = frozenset(self._marked.intersection(names.split(",")))
                 self._reports.update(tabs)
                 self._heard()
 

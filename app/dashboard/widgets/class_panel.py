@@ -94,9 +94,8 @@ def _counted(question: ClassQuestion, answers: Sequence[Given]) -> list[tuple[st
     if not len(values):
         return []
     low, high = np.quantile(values, [0.05, 0.95]) if len(values) > 20 else (values.min(), values.max())
-    unit = escape(question.unit)
-    if high - low <= NARROW * max(abs(low), abs(high)):  # numpy has no bins that small
-        room = NARROW * max(abs(low), abs(high))
+    unit, room = escape(question.unit), NARROW * max(abs(low), abs(high))
+    if high - low <= room:  # numpy has no bins that small
         low, high = low - room, high + room
         inside = [(f"{(low + high) / 2.0:.3g} {unit}", int(np.sum((low <= values) & (values <= high))))]
     else:

@@ -3,8 +3,6 @@ opens its run."""
 
 from __future__ import annotations
 
-import math
-
 import msgspec
 import viser
 
@@ -190,7 +188,4 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
 
 def badness(row: Figures, metric: str) -> tuple[bool, float]:
     """Order of the runs of a point, the worst last: stopped ones, then by the metric."""
-    column, value, stopped = COLUMNS[metric], row.get(metric), bool(row.get("stopped"))
-    if value is None:
-        return stopped, math.inf if column.may_never else -math.inf
-    return stopped, -value if column.more_is_better else value
+    return bool(row.get("stopped")), float(COLUMNS[metric].badness(row.get(metric)))
