@@ -22,8 +22,9 @@ import numpy as np
 from controllers.target_model import InvalidGain, TargetModel
 
 SAMPLES, DESCENTS, STEPS = 3000, 4, 400
-MODELS = 41  # of a blend, which are checked for passivity
+MODELS = 41  # of a blend, on which the search for an unstable one begins
 SYMMETRIC = 1e-9  # of the largest entry
+REAL = 1e-6  # share of its magnitude up to which the imaginary part of an eigenvalue is rounding
 
 
 class SurfaceRange(NamedTuple):
@@ -97,19 +98,35 @@ def passive(model: TargetModel) -> bool:
     )
 
 
+def passive_throughout(start: TargetModel, end: TargetModel, first: int = 0) -> bool:
+    """Whether every model of a blend is `passive` in the coordinates from `first` on, which are not coupled with the
+    others.
+
+    N = M_m^-1 K_f, beta = M_m^-1 B_m and kappa = M_m^-1 K_m are linear in alpha, see `controllers.blend`. N stays
+    s.p.d. between s.p.d. ends. K_f^-1 B_m = N^-1 beta is symmetric where beta N is; the rest, alpha (1 - alpha) C
+    between symmetric ends, is 0 everywhere if it is 0 halfway. It stays positive definite while beta is regular, which
+    is so unless beta_0^-1 beta_1 has a negative eigenvalue. The same holds for kappa.
+    """
+    way = _Way.between(start, end, first)
+    if not all(passive(way.model(alpha)) for alpha in (0.0, 0.5, 1.0)):
+        return False
+    (_, *begin, _), (_, *last, _) = way.begin, way.begin + way.change
+    found = np.linalg.eigvals(np.linalg.solve(np.stack(begin), np.stack(last)))
+    return not ((found.real < 0.0) & (np.abs(found.imag) <= REAL * np.abs(found))).any()
+
+
 def unstable_surface(start: TargetModel, end: TargetModel, surfaces: SurfaceRange) -> Unstable | None:
     """Surface with the rightmost pole that was found, where that is unstable, for the models of a blend, in which
     M_m^-1, M_m^-1 B_m, M_m^-1 K_m and M_m^-1 K_f go from those of `start` to those of `end`."""
     if surfaces.first == start.n:
         return None  # a force is controlled in every coordinate: no model is left that a surface could destabilise
+    if passive_throughout(start, end, surfaces.first):
+        return None
     from scipy.optimize import minimize  # takes 0.1 s: where no search is needed, a run does not wait for it
 
     way = _Way.between(start, end, surfaces.first)
-    models = np.linspace(0.0, 1.0, MODELS if way.blends else 1)
-    if all(passive(way.model(alpha)) for alpha in models):
-        return None
     search = _Search(way, surfaces)
-    samples = search.samples(models)
+    samples = search.samples(np.linspace(0.0, 1.0, MODELS if way.blends else 1))
     found = _rightmost(search.loops(samples))
     starts = samples[np.argsort(np.real(found))[-DESCENTS:]]
     ends = [

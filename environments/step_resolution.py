@@ -89,16 +89,17 @@ def oscillators(
     mobility: Mobility,
     K_t: float = 0.0,
     joints: int = 0,
+    paths: Sequence[str] = ("", "second.", "third."),
 ) -> Iterator[Oscillator]:
     """Oscillators of the arm's springs and dampers, one for each cause. Each of k surfaces counts k times, which bounds
     their joint effect; force and moments of a flat face, with K_t N m/rad, each count twice. An arm turns the face by
     at most the number of its joints times the mobility of a joint. Coupled surfaces count with the largest eigenvalues
-    of their matrices, whichever of them are touched."""
+    of their matrices, whichever of them are touched. paths: where the contacts stand in the scenario."""
     k = 2 if K_t else len(contacts)
     if K_t and kind.springs:
         turning, B_t = k * joints * mobility.joints, contacts[0].B_e * K_t / max(contacts[0].K_e, 1e-3)
         yield Oscillator("face.K_t", K_t, "N·m/rad", turning * K_t, turning * B_t)
-    for path, c in zip(("", "second.", "third."), contacts, strict=False):
+    for path, c in zip(paths, contacts, strict=False):
         Y = mobility.normal
         if kind.springs and not environment.coupled:
             Y = k * Y / (1.0 + c.M_e * Y) if kind.massive else k * Y

@@ -16,7 +16,7 @@ from app.simulation.state import Flag
 Kind = Literal["edit", "push", "contact", "fork", "fault"]
 
 APART = 0.1  # s: what a contact does within this after an event of it is told only if it stays so
-WHICH = ("", ", second surface", ", third surface")  # of the multipliers
+WHICH = ("", ", second surface", ", third surface")  # by a surface's place
 MOST = 400  # events of pushes and contacts, the newest
 _TOLD = 3  # changed fields that an edit names
 
@@ -85,8 +85,8 @@ class RunEvents:
         for i in np.flatnonzero(pushed & ~np.r_[self._pushed, pushed[:-1]]):
             by = (f"{value:.3g} {unit}" for value, unit in ((force[i], "N"), (moment[i], "N·m")) if value > 0.0)
             self._felt.append(Event(float(t[i]), "push", f"pushed with {' and '.join(by)}"))
-        for name, which in zip(MULTIPLIERS, WHICH, strict=True):
-            self._feel_contact(t, rows[name] != 0.0, which)
+        for name, surface in zip(MULTIPLIERS, recording.epochs[-1].scenario.surfaces, strict=False):
+            self._feel_contact(t, rows[name] != 0.0, WHICH[surface.place])
         self._felt.sort(key=lambda event: event.t)
         self._read, self._pushed = float(t[-1]), bool(pushed[-1])
         del self._felt[:-MOST]

@@ -144,7 +144,7 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     push_every: Annotated[
         float,
         field(
-            "after how long it comes again, 0 for never",
+            "after how long it comes again, 0 for never; no pause where it lasts longer",
             "s",
             decades("again every", 0.5, 20, zero=True),
             ge=0,

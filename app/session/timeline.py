@@ -226,8 +226,9 @@ class Timeline:
     def _so_far(self, loop: ClosedLoop) -> Recording:
         """The run's recording up to the instant of a loop that looks back, with the epoch of that loop."""
         recording, now = self.recording.branch(-np.inf, loop.t - 0.5 * loop.period), loop.state.epoch
-        if not recording.epochs or recording.epochs[-1].t < now.t:  # the epoch begins at this instant
-            recording.epochs.append(now)
+        while recording.epochs and recording.epochs[-1].t >= now.t:
+            recording.epochs.pop()  # this epoch with a blend that was planned later, or one that begins at this instant
+        recording.epochs.append(now)
         return recording
 
     def _go_on(self, loop: ClosedLoop) -> None:

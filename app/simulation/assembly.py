@@ -252,17 +252,17 @@ def _mobility(
     previous: System | None,
 ) -> Mobility:
     """The true arm's largest mobility over Omega. Raises TooStiff where the plant's step cannot follow it."""
+    touched = replace(constants.omega, span=span_of(plant.surfaces, scenario.simulation.duration))
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
         mobility = previous.mobility
         if previous.plant is plant and previous.scenario.controller.period == scenario.controller.period:
             return mobility
     else:
-        touched = replace(constants.omega, span=span_of(plant.surfaces, scenario.simulation.duration))
         # the believed arm is the same in all runs of a sweep, and a search takes longer than a run
         believed = mobility_over(touched, plant.robot.model, plant.surfaces, nominal, memory)
         mobility = believed.at_most_for(plant.model, plant.robot.model)
-        if mobility is None or _unresolved(scenario, plant, mobility):
-            mobility = mobility_over(touched, plant.model, plant.surfaces, nominal, memory)
+    if mobility is None or _unresolved(scenario, plant, mobility):
+        mobility = mobility_over(touched, plant.model, plant.surfaces, nominal, memory)
     _require_resolved(scenario, plant, mobility)
     return mobility
 
@@ -452,5 +452,6 @@ def _unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[Os
     step = scenario.controller.period / plant.substeps
     K_t = scenario.face.K_t if scenario.face.flat else 0.0
     parts = (plant.kind, plant.contacts, plant.environment, plant.truth)
-    known = oscillators(*parts, mobility, K_t, plant.model.nv)
+    paths = [each.path for each in scenario.surfaces]
+    known = oscillators(*parts, mobility, K_t, plant.model.nv, paths)
     return [o for o in known if not resolved(scenario.simulation.integrator, o, step)]

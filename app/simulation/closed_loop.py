@@ -101,6 +101,11 @@ class LiveFigures:
         }
 
 
+def _met(scenario: Scenario) -> tuple[object, ...]:
+    """Parts of a scenario that the load of an arm which touches something depends on, besides arm and surfaces."""
+    return [each.contact for each in scenario.surfaces], scenario.coupling, scenario.face
+
+
 def _begun_with(scenario: Scenario) -> tuple[object, ...]:
     """Fields, besides the sections in `RESTARTING`, of which a change begins a new run."""
     met = tuple((each.path, each.contact.kind, each.pressed) for each in scenario.surfaces)
@@ -226,6 +231,8 @@ class ClosedLoop:
                 raise ScenarioError(f"target_model: a blend is under way; allowed: from its end on, t = {end:.4g} s")
         elif msgspec.structs.replace(old, blend=scenario.blend) == scenario:
             self._bind(replace(self.system, scenario=scenario, blend=new.blend), self.state)
+            self.state.epoch = replace(self.state.epoch, blend=new.blend)
+            self.recording.epochs[-1] = self.state.epoch
             return
         self._become(self._changed(new.after(self.system, self.t)))
         self.recording.epochs.append(self.state.epoch)
@@ -254,7 +261,7 @@ class ClosedLoop:
         changed = object.__new__(ClosedLoop)
         changed.recording = self.recording
         changed._take_up(system, state)
-        if [each.contact for each in old.surfaces] != [each.contact for each in new.surfaces]:
+        if _met(old) != _met(new):
             system.plant.find_load(state.arm, state.t)
         return changed
 

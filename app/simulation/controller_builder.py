@@ -19,7 +19,7 @@ from controllers.followed_faces import FollowedFaces
 from controllers.laws.table import LAWS
 from controllers.modes import Mode
 from controllers.nominal_model import LinkRates
-from controllers.surface_stability import SurfaceRange, passive
+from controllers.surface_stability import SurfaceRange, passive_throughout
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain, TargetModel
 from controllers.task_space import TaskLayout
@@ -203,6 +203,7 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
     try:
         end = target_model(after_blend(scenario), n)
         require_admitted(end, scenario, mode, surfaces)
+        _require_passive(start, end, scenario, mode)
     except (InvalidGain, ScenarioError) as error:
         raise ScenarioError(f"blend.to: {error}") from error
     certificate = certify(start, end, mode.environment(n, stiffness_met(scenario)), surfaces)
@@ -215,9 +216,28 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
 
 def require_admitted(model: TargetModel, scenario: Scenario, mode: Mode, surfaces: SurfaceRange | None) -> None:
     """Raise InvalidGain unless the mode admits the model, whether the tool presses the followed faces or not."""
+    _require_passive(model, model, scenario, mode)
     mode.check(model, stiffness_met(scenario), surfaces)
     if followed_faces(scenario).sets:
         mode.check(model, np.linalg.inv(believed_compliance(scenario)), surfaces)
+
+
+def _require_passive(start: TargetModel, end: TargetModel, scenario: Scenario, mode: Mode) -> None:
+    """Raise InvalidGain where only passive models are known to be stable, and one from `start` to `end` is not."""
+    if mode.feedback != "all":
+        return
+    if mode.m() < len(scenario.surfaces) > 1:
+        where = "among several surfaces"
+    elif scenario.face.flat and not mode.on_surface:
+        where = "with a flat tool"
+    else:
+        return
+    if not passive_throughout(start, end, mode.m()):
+        which = "target_model" if start is end else "a model on the way"
+        raise InvalidGain(
+            f"{which}: not passive with its K_f, which {where} is not enough to be stable; allowed: K_f^-1 M_m, "
+            "K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a multiple of the identity"
+        )
 
 
 def z_at_start(scenario: Scenario, n: int) -> np.ndarray:
@@ -233,16 +253,6 @@ def controller_of(scenario: Scenario, robot: Robot, mode: Mode, layout: TaskLayo
     n, c = layout.n, scenario.controller
     model = target_model(scenario, n)
     require_admitted(model, scenario, mode, surfaces_met(scenario, mode, layout))
-    if mode.feedback == "all" and mode.m() < len(scenario.surfaces) > 1 and not passive(model.after(mode.m())):
-        raise InvalidGain(
-            "target_model: not passive with its K_f, which among several surfaces is not enough to be stable; allowed: "
-            "K_f^-1 M_m, K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a multiple of the identity"
-        )
-    if scenario.face.flat and mode.feedback == "all" and not mode.on_surface and not passive(model):
-        raise InvalidGain(
-            "target_model: not passive with its K_f, which with a flat tool is not enough to be stable; allowed: "
-            "K_f^-1 M_m, K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a multiple of the identity"
-        )
     gains = {f: square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}
     law = law_of(scenario)
     return Controller(

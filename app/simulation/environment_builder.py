@@ -114,6 +114,18 @@ def push_of(scenario: Scenario) -> TimedPush:
             f"truth.push_sweep_to: {t.push_sweep_to:g} Hz without a frequency to begin with; allowed: 0, or with a "
             "truth.push_frequency above 0"
         )
+    if 0.0 < t.push_every < t.push_duration and t.push_frequency > 0.0:  # a constant push just goes on
+        raise ScenarioError(
+            f"truth.push_every: {t.push_every:g} s, which cuts a sine of {t.push_duration:g} s short; allowed: 0 for "
+            "once, or at least truth.push_duration"
+        )
+    fastest, half = max(t.push_frequency, t.push_sweep_to), 0.5 / scenario.controller.period
+    if fastest >= half and (any(t.push) or any(t.push_moment)):
+        field = "push_frequency" if t.push_frequency >= half else "push_sweep_to"
+        raise ScenarioError(
+            f"truth.{field}: {fastest:g} Hz, at least half the control rate, so that the loop sees a slower one; "
+            f"allowed: below {half:g} Hz"
+        )
     times = t.push_start, t.push_duration, t.push_every, t.push_frequency
     return TimedPush(np.array(t.push), *times, np.array(t.push_moment), t.push_sweep_to)
 
@@ -313,6 +325,11 @@ def require_surfaces(scenario: Scenario, mode: Mode, positions: int, n: int) -> 
     """Raise ScenarioError unless an arm with n joints can meet the scenario's surfaces in this mode. positions: number
     of coordinates that are positions."""
     first, *further = scenario.surfaces
+    for each in scenario.surfaces:
+        if mode.on_surface and each.pressed and each.contact.nature.springs and each.contact.K_e == 0.0:
+            raise ScenarioError(
+                f"{each.path}contact.K_e: 0 N/m, which takes no force in {mode.name} mode; allowed: > 0"
+            )
     pressed = first.pressed
     for each in further:
         kind = each.contact.kind

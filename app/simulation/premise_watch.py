@@ -238,7 +238,8 @@ class PremiseWatch:
 
 def _surface_named(system: System, number: int) -> str:
     """Words for a surface, counted from 0."""
-    return "the surface" if len(system.surfaces) == 1 else f"the {('first', 'second', 'third')[number]} surface"
+    place = system.scenario.surfaces[number].place
+    return "the surface" if len(system.surfaces) == 1 else f"the {('first', 'second', 'third')[place]} surface"
 
 
 def _last_loss(system: System, holding: Holding) -> str:

@@ -10,7 +10,9 @@ from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.timeline import Timeline
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.recording import Recording
+from app.simulation.recording import Epoch, Recording
+from app.simulation.state import UNPROMISED
+from controllers.target_model import TargetModel
 from environments.push import Grip
 
 
@@ -70,8 +72,12 @@ def test_a_push_by_the_button_is_no_edit_and_an_edit_says_what(pushed: Scenario)
     assert last == Event(last.t, "edit", "controller.law = computed-torque", changed)
 
 
-def test_a_contact_is_told_of_each_surface_as_it_is_at_last() -> None:
+@pytest.mark.parametrize("further", ["second", "third"])
+def test_a_contact_is_told_of_each_surface_as_it_is_at_last(further: str) -> None:
+    """Also where the scenario has a first and a third surface, which is the second one of the run."""
+    scenario = edited(load("ur5-hybrid"), f"{further}.contact.kind", "elastic")
     recording = Recording(2, 4096)
+    recording.epochs.append(Epoch(0.0, scenario, TargetModel(*np.ones((4, 1, 1))), UNPROMISED))
     for k in range(600):
         row = recording.new_row()
         row.view(float)[:] = 0.0
@@ -81,8 +87,8 @@ def test_a_contact_is_told_of_each_surface_as_it_is_at_last() -> None:
         recording.commit()
     found = RunEvents()
     told = [(round(event.t, 3), event.what) for event in found.of(recording, 0.6, None, ())]
-    assert told == [(0.1, "contact made"), (0.15, "contact lost"), (0.3, "contact lost, second surface"),
-                    (0.32, "contact made, second surface")]  # fmt: skip
+    assert told == [(0.1, "contact made"), (0.15, "contact lost"), (0.3, f"contact lost, {further} surface"),
+                    (0.32, f"contact made, {further} surface")]  # fmt: skip
 
 
 def test_contact_and_a_run_that_leaves_the_domain() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ from app.dashboard.widgets.model_checks import blend_html
 from app.dashboard.widgets.model_fields import applying, model_edit
 from app.evidence import blend as section
 from app.evidence.blend import NOTE, diagonal_lyapunov
-from app.scenario.data import edited, from_toml, shipped
+from app.scenario.data import edited, from_toml, shipped, with_values
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import blending_to
 from app.session.commands import Blend, Edit
@@ -213,6 +214,62 @@ def test_the_model_in_force_is_the_blend() -> None:
     q, F_1, A = (getattr(loop.system.controller.compensator, name) for name in ("K_vz", "F_1", "A"))
     np.testing.assert_allclose(q, np.linalg.solve(model.M_m, model.B_m) - F_1 + A, atol=1e-9)  # (13), F_2 = 1
     np.testing.assert_array_equal(loop._arm.settings.read().gains.K_vz, q)
+
+
+def test_a_blend_that_begins_with_its_epoch_or_is_taken_back_is_told_by_it() -> None:
+    """At t = 0, and for an edit of the same instant, there is no earlier epoch; one that is taken back never acts."""
+    plan = planned(0.0).blend
+    scenario = shipped()["planar3r-hybrid"]
+    loop = ClosedLoop(scenario)
+    loop.edit(msgspec.structs.replace(scenario, blend=plan))
+    run(loop, 100)
+    in_force = loop.system.controller.model.B_m
+    told = loop.recording.epochs[-1].model_at(loop.t - loop.period).B_m
+    np.testing.assert_allclose(told, in_force, rtol=1e-9)
+    assert not np.allclose(in_force, ClosedLoop(scenario).system.controller.model.B_m, rtol=1e-3)
+    later = ClosedLoop(planned(0.05))
+    later.edit(scenario)
+    run(later, 100)
+    np.testing.assert_array_equal(later.recording.epochs[-1].model_at(later.t).B_m, later.system.controller.model.B_m)
+
+
+def test_a_way_on_from_before_a_blend_was_planned_is_not_told_as_blended() -> None:
+    line = Timeline(ClosedLoop(shipped()["planar3r-hybrid"]))
+    begun = line.loop.system.controller.model.B_m
+    for _ in range(100):
+        line.step()
+    line.edit(planned(0.2))
+    for _ in range(50):
+        line.step()
+    line.seek(0.05)
+    line.fork()
+    for _ in range(500):
+        line.step()
+    (epoch,) = line.recording.epochs
+    np.testing.assert_array_equal(epoch.model_at(0.5).B_m, begun)
+
+
+def test_a_blend_to_a_model_that_would_be_refused_is_refused() -> None:
+    walls = {
+        "contact.kind": "elastic",
+        "second.contact.kind": "elastic",
+        "second.surface.normal": [0.0, 1.0, 0.0],
+        "surface.origin": [0.0, 0.0, -1.0],
+        "second.surface.origin": [0.0, 1.0, 0.0],
+        "motion": "hold",
+    }
+    scenario = with_values(shipped()["ur5-impedance"], walls)
+    K_f = np.eye(6)
+    K_f[0, 1] = K_f[1, 0] = 0.3
+    K_m = np.diag([1000.0, 500.0, 1000.0, 1000.0, 1000.0, 1000.0])
+    to = {"to": {"K_f": K_f.tolist(), "K_m": K_m.tolist()}, "at": 0.1, "over": 0.1}
+    with pytest.raises(ScenarioError, match=r"blend.to: target_model: not passive with its K_f, which among several"):
+        assemble(edited(scenario, "blend", to))
+    begun = edited(scenario, "target_model", {"K_m": K_m.tolist(), "K_f": [1.0] * 6})
+    alike = {"M_m": [10.0] * 6} | {name: (k * K_f).tolist() for name, k in (("B_m", 200), ("K_m", 1000), ("K_f", 1))}
+    assemble(edited(begun, "target_model", alike))
+    with pytest.raises(ScenarioError, match=r"blend.to: a model on the way: not passive with its K_f, which among sev"):
+        assemble(edited(begun, "blend", {"to": alike, "at": 0.1, "over": 0.1}))
 
 
 def test_a_blend_is_shown_again_to_the_last_bit() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -11,7 +13,8 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import blending_to, in_mode
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from controllers.surface_stability import SurfaceRange, passive, unstable_surface
+from controllers.blend import blended
+from controllers.surface_stability import SurfaceRange, passive, passive_throughout, unstable_surface
 from controllers.target_model import TargetModel
 from tests.support.arms import random_spd
 
@@ -84,6 +87,29 @@ def test_a_passive_model_is_stable_on_every_surface() -> None:
         model = TargetModel(*(K_f @ matrix for matrix in divided), K_f)
         assert passive(model)
         assert searched(model, SurfaceRange(1e5, 50.0, 5.0, 0.0, 0, 3, normal=True), random) < 0.0
+
+
+def test_a_blend_is_passive_throughout_where_a_fine_grid_of_its_models_is() -> None:
+    """Pairs of passive models, of which K_f^-1 B_m stays symmetric between, or not; where it does, it may lose its
+    definiteness."""
+    random, counts = np.random.default_rng(2), Counter[tuple[bool, bool]]()
+    for number in range(400):
+        N_0, N_1, S_0 = (random_spd(random, 2, 0.02, 4.0) for _ in range(3))
+        S_1 = np.diag(random.uniform(0.02, 4.0, 2))
+        if number % 4:  # N_0 S_0 N_1 + N_1 S_1 N_0 symmetric, by the entry of S_1 that is left
+            turned = [N_0 @ S_0 @ N_1 + N_1 @ S @ N_0 for S in (S_1, S_1 + np.eye(2)[::-1])]
+            off = [X[0, 1] - X[1, 0] for X in turned]
+            S_1[0, 1] = S_1[1, 0] = off[0] / (off[0] - off[1])
+        models = [TargetModel(np.eye(2), N @ S, N, N) for N, S in ((N_0, S_0), (N_1, S_1))]
+        if not all(passive(model) for model in models):
+            continue
+        grid = [blended(*models, alpha) for alpha in np.linspace(0.0, 1.0, 201)]
+        divided = np.linalg.solve(grid[100].K_f, grid[100].B_m)
+        symmetric = bool(np.abs(divided - divided.T).max() < 1e-9 * np.abs(divided).max())
+        found = passive_throughout(*models)
+        assert found == all(passive(model) for model in grid), number
+        counts[symmetric, found] += 1
+    assert {(True, True), (True, False), (False, False)} == set(counts), counts
 
 
 def twisted(kind: str = "elastic", **contact: float) -> Scenario:

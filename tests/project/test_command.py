@@ -219,6 +219,15 @@ def test_list_shows_robots_and_scenarios() -> None:
         (("tune", "ur5-hybrid", "--seed", "5000000000"), "--seed 5000000000; allowed: at most 4294967295"),
         (("run", "ur5-hybrid", "--blend-at", "3"), "--blend-at or --blend-over without --blend-to; allowed: with"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--as", "map"), "allowed: for `vsmrc sweep plot"),
+        (("run", "ur5-hybrid", "--set", "contact.K_e=0"), "contact.K_e: 0 N/m, which takes no force in hybrid mode"),
+        (
+            ("run", "ur5-motion", "--set", "truth.push=[0,5,0]", "truth.push_frequency=500"),
+            "truth.push_frequency: 500 Hz, at least half the control rate, so that the loop sees a slower one",
+        ),
+        (
+            ("run", "ur5-motion", "--set", "truth.push_duration=2", "truth.push_every=1", "truth.push_frequency=2"),
+            "truth.push_every: 1 s, which cuts a sine of 2 s short; allowed: 0 for once, or at least",
+        ),
         (("run", "ur5-hybrid", "--row", "3"), "--row 3 without --from; allowed: --from FOLDER --row N"),
         (("sweep", "any/sweep.toml", "--seed", "7"), "is the whole question; allowed: without --vary, --draw, --seed"),
         (

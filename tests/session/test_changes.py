@@ -131,7 +131,7 @@ def test_what_no_adaptation_mends_is_refused() -> None:
     ("scenario", "edits", "title", "path", "value"),
     [
         ("ur5-hybrid", {"surface.origin": [0.0, 0.0, -3.0]}, "Move the surface under the tool", None, None),
-        ("ur5-hybrid", {"contact.B_e": 1e5}, "Take 14 steps per period", "contact.B_e", 1e5),
+        ("ur5-hybrid", {"contact.B_e": 1e5}, "Take 13 steps per period", "contact.B_e", 1e5),
         ("ur5-hybrid", {"force.value": -20.0}, "Let the surface pull, too", "force.value", -20.0),
         ("ur5-hybrid", {"motion.radius": 2.0}, "Take a path that the arm can follow", None, None),
         ("ur5-hybrid", {"target_model.M_m": [0.0] * 6}, "Go 80 % of the way to it", None, None),

@@ -125,8 +125,10 @@ def test_a_fork_at_a_change_is_in_the_epoch_that_begins_there(noisy: Timeline, t
             line.fork()
         case "edit":
             assert line.edit(edited(before, "force.value", 10.0))
-        case "plan":  # a blend to come is no epoch yet
+        case "plan":  # a blend to come is no epoch yet, but the epoch knows it
             assert line.edit(edited(before, "blend", {"to": {"B_m": [900.0] * 6}, "at": t + 0.5, "over": 1.0}))
+            assert line.recording.epochs[-1].model_at(t + 2.0).B_m[0, 0] == 900.0
+            assert line.pinned[-1].recording.epochs[1 if t else 0].blend is None
     assert line.first == 0.0
     assert line.end == pytest.approx(t)
     run(line, 100)
@@ -438,6 +440,19 @@ def test_a_contact_that_is_changed_pushes_as_it_is_now(noisy: Timeline) -> None:
     force = noisy.loop.view().force
     noisy.edit(edited(noisy.loop.system.scenario, "contact.K_e", 5000.0))
     np.testing.assert_allclose(noisy.loop.view().force, 0.5 * force, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "value"),
+    [("ur5-corner-coupled", "coupling.K_e", (-1500.0, 0.0, 0.0)), ("panda-align", "face.K_t", 30.0)],
+)
+def test_a_contact_whose_surroundings_are_changed_pushes_as_it_is_now(name: str, path: str, value: object) -> None:
+    line = run(line_of(shipped()[name]), 60)
+    line.edit(edited(line.loop.system.scenario, path, value))
+    arm = line.loop.state.arm.copy()
+    before = arm.views.load.wrench.copy()
+    line.loop.system.plant.find_load(arm, line.loop.t)
+    np.testing.assert_array_equal(arm.views.load.wrench, before)
 
 
 def test_live_numbers_are_those_of_the_estimates_in_use() -> None:

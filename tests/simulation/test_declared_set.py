@@ -87,6 +87,19 @@ def test_noise_is_judged_behind_the_low_pass() -> None:
     assert np.mean(np.linalg.norm(readings, axis=1) < spread) > 0.995
 
 
+def test_bias_and_noise_of_a_sensor_count_where_they_reach_the_reading() -> None:
+    """The ideal reading of a surface without springs is the force of the period itself."""
+    faulty = {"sensor.ideal": True, "sensor.noise": 1.0, "sensor.bias": [9.0, 0.0, 0.0]}
+    for name, known in (("ur5-constrained", 0), ("ur5-hybrid", 1)):
+        scenario = changed(shipped()[name], faulty | {"simulation.leaving_domain": "flag"})
+        assert sum(said.startswith("force error") for said in outside(scenario)) == known
+        loop = ClosedLoop(scenario)
+        for _ in range(50):
+            loop.step()
+        last = loop.recording.at(loop.t)
+        assert (np.linalg.norm(last["F"] - last["F_true"]) > 1.0) == bool(known)
+
+
 TRUE = {
     "truth.link_scaling": [1.3, 1.0, 0.8],
     "truth.link_centre": [[0.0, 0.0, 0.02], [0.01, 0.0, 0.0], [0.0, 0.0, -0.02]],

@@ -284,6 +284,22 @@ def test_other_smooth_switching_functions_work(switching: str) -> None:
     assert metrics.envelope_violation == 0.0
 
 
+def test_motion_control_is_judged_along_the_normal_of_a_surface_too() -> None:
+    """It knows of no surface: the force of one, here some 20 N, pushes the arm off its path along the normal."""
+    scenario = changed(
+        shipped()["ur5-motion"],
+        motion={"kind": "hold"},
+        simulation={"duration": 1.0},
+        controller={"law": "computed-torque"},
+        contact={"kind": "elastic", "K_e": 5000.0},
+        surface={"kind": "plane", "origin": [0.5, 0.1, 0.1855], "normal": [0.0, 0.0, 1.0]},
+    )
+    loop, metrics = simulate(scenario)
+    last = loop.recording.at(loop.t)
+    assert abs(last["e_r"][2]) > 5.0 * np.linalg.norm(last["e_r"][:2])
+    assert metrics.motion_error_tail == pytest.approx(np.linalg.norm(last["e_r"][:3]), rel=1e-2)
+
+
 def test_sensor_errors_show_up_in_the_force() -> None:
     base = changed(shipped()["planar3r-hybrid"], motion={"kind": "hold"}, simulation={"duration": 2.0})
     biased, _ = simulate(changed(base, sensor={"bias": [0.0, 0.0, -1.5]}))

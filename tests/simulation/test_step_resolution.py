@@ -218,6 +218,14 @@ def test_everything_stiff_is_refused_by_its_own_name(field: str, value: float, s
     assert str(refusal.value).startswith(said)
 
 
+def test_what_is_too_stiff_does_not_depend_on_what_was_before() -> None:
+    light = edited(edited(shipped()["ur5-hybrid"], "controller.period", 0.002), "truth.link_scaling", [0.5] + [1.0] * 5)
+    system = assemble(light)
+    for K_e in (2e6, 3e6, 4e6):
+        stiff = edited(light, "contact.K_e", K_e)
+        assert assemble(stiff).scenario == assemble(stiff, system).scenario
+
+
 def test_a_loop_that_runs_goes_on_when_a_stiffness_is_refused() -> None:
     loop = run(pressing("planar3r", 1e4, H), 0.01)
     gentle = loop.system.scenario
