@@ -90,25 +90,24 @@ def test_a_passive_model_is_stable_on_every_surface() -> None:
 
 
 def test_a_blend_is_passive_throughout_where_a_fine_grid_of_its_models_is() -> None:
-    """Pairs of passive models, of which K_f^-1 B_m stays symmetric between, or not; where it does, it may lose its
-    definiteness."""
+    """Pairs of passive models with K_f^-1 B_m symmetric between them, and others; a few of the first lose their
+    definiteness on the way, though not halfway."""
     random, counts = np.random.default_rng(2), Counter[tuple[bool, bool]]()
-    for number in range(400):
-        N_0, N_1, S_0 = (random_spd(random, 2, 0.02, 4.0) for _ in range(3))
-        S_1 = np.diag(random.uniform(0.02, 4.0, 2))
-        if number % 4:  # N_0 S_0 N_1 + N_1 S_1 N_0 symmetric, by the entry of S_1 that is left
+    for number in range(3000):
+        N_0, N_1, S_0 = (random_spd(random, 2, 0.001, 4.0) for _ in range(3))
+        S_1 = np.diag(np.exp(random.uniform(np.log(0.001), np.log(4.0), 2)))
+        if number % 20:  # N_0 S_0 N_1 + N_1 S_1 N_0 symmetric, by the entry of S_1 that is left
             turned = [N_0 @ S_0 @ N_1 + N_1 @ S @ N_0 for S in (S_1, S_1 + np.eye(2)[::-1])]
             off = [X[0, 1] - X[1, 0] for X in turned]
             S_1[0, 1] = S_1[1, 0] = off[0] / (off[0] - off[1])
         models = [TargetModel(np.eye(2), N @ S, N, N) for N, S in ((N_0, S_0), (N_1, S_1))]
         if not all(passive(model) for model in models):
             continue
-        grid = [blended(*models, alpha) for alpha in np.linspace(0.0, 1.0, 201)]
-        divided = np.linalg.solve(grid[100].K_f, grid[100].B_m)
-        symmetric = bool(np.abs(divided - divided.T).max() < 1e-9 * np.abs(divided).max())
-        found = passive_throughout(*models)
-        assert found == all(passive(model) for model in grid), number
-        counts[symmetric, found] += 1
+        found, halfway = passive_throughout(*models), passive(blended(*models, 0.5))
+        counts[halfway, found] += 1
+        if halfway > found or number % 20 < 2:
+            grid = [blended(*models, alpha) for alpha in np.linspace(0.0, 1.0, 201)]
+            assert found == all(passive(model) for model in grid), number
     assert {(True, True), (True, False), (False, False)} == set(counts), counts
 
 

@@ -27,6 +27,7 @@ from environments.coupled_surfaces import EnvironmentMatrices
 from environments.plant import Plant
 from tests.support.arms import answered
 from tests.support.same_rows import require_same_rows
+from tests.support.surfaces import to_third
 
 PAIRS = tuple(combinations(range(3), 2))
 DIAGONALS = {"K_e": (3000.0, 2000.0, 2500.0), "B_e": (8.0, 5.0, 6.0), "M_e": (2.0, 1.0, 1.5)}
@@ -306,13 +307,6 @@ def test_an_edit_of_what_couples_the_surfaces_reaches_the_plant_and_the_law() ->
     assert np.linalg.inv(after.plan.compliance[:2, :2])[0, 1] == pytest.approx(500.0)
     elsewhere = edited(to_third(scenario), "coupling.K_e", [2000.0, 700.0, 0.0])
     assert assemble(elsewhere, before).plant.environment.K_e[0, 1] == 700.0
-
-
-def to_third(scenario: Scenario) -> Scenario:
-    """The scenario with its second surface as the third one."""
-    data = to_plain(scenario)
-    data["third"], data["second"] = data["second"], to_plain(Scenario())["second"]
-    return from_plain(data)
 
 
 def test_changes_of_a_coupled_corner_that_are_made_with_one_choice() -> None:

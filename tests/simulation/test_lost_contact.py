@@ -18,7 +18,7 @@ from environments.acceleration import PlantState
 from environments.contact import Contact
 from environments.contact_kinds import CONTACTS
 from environments.plant import Plant
-from tests.support.surfaces import plane
+from tests.support.surfaces import plane, to_third
 
 H, HELD = 1e-3, 1e-9
 PUSHES_ONLY = Contact(0.0, 0.0, 0.0, unilateral=True, friction_coulomb=0.0, friction_viscous=0.0)
@@ -200,10 +200,12 @@ def test_the_verdict_names_the_surface_and_the_instants_of_loss_and_impact() -> 
     assert np.isnan(loop.kept.broken)
 
 
-def test_the_run_stops_where_leaving_the_domain_stops_it() -> None:
-    loop = run(pulled("ur5-corner-rigid", [0.0, -60.0, 0.0], leaving="stop", **{"sensor.ideal": False}), 0.5)
-    assert (loop.stopped or "").startswith("t = 0.050 s: contact lost, the second surface would have to pull (λ = -")
-    assert "the second surface, lost at t = 0.0505 s" in loop.standing.run.because
+@pytest.mark.parametrize("which", ["second", "third"])
+def test_the_run_stops_where_leaving_the_domain_stops_it(which: str) -> None:
+    scenario = pulled("ur5-corner-rigid", [0.0, -60.0, 0.0], leaving="stop", **{"sensor.ideal": False})
+    loop = run(scenario if which == "second" else to_third(scenario), 0.5)
+    assert (loop.stopped or "").startswith(f"t = 0.050 s: contact lost, the {which} surface would have to pull (λ = -")
+    assert f"the {which} surface, lost at t = 0.0505 s" in loop.standing.run.because
 
 
 def test_a_run_is_resumed_exactly_before_within_and_after_a_loss() -> None:

@@ -34,7 +34,7 @@ from environments.step_resolution import (
     substeps_needed,
 )
 from tests.support.arms import arm
-from tests.support.surfaces import plane
+from tests.support.surfaces import plane, to_third
 
 pytestmark = pytest.mark.slow  # long or many simulations
 
@@ -216,6 +216,12 @@ def test_everything_stiff_is_refused_by_its_own_name(field: str, value: float, s
     with pytest.raises(ScenarioError) as refusal:
         assemble(pressing("planar3r", 1e4, H, **{field: value}))
     assert str(refusal.value).startswith(said)
+
+
+def test_a_third_surface_beside_the_first_is_refused_by_its_own_name() -> None:
+    corner = to_third(edited(shipped()["ur5-corner"], "second.contact.K_e", 1e7))
+    with pytest.raises(ScenarioError, match=r"^third\.contact\.K_e: 1e\+07 N/m is too stiff"):
+        assemble(corner)
 
 
 def test_what_is_too_stiff_does_not_depend_on_what_was_before() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from app.scenario.data import from_plain, to_plain
+from app.scenario.schema import Scenario
 from environments.surfaces.cylinder import Cylinder
 from environments.surfaces.form import SurfaceMotion
 from environments.surfaces.formula import FormulaSurface
@@ -56,3 +58,10 @@ def formula(
 ) -> Surface:
     form = FormulaSurface(text=text, origin=triple(origin), normal=triple(normal), solid=solid, motion=motion)
     return Surface.of(form, near)
+
+
+def to_third(scenario: Scenario) -> Scenario:
+    """The scenario with its second surface as the third one."""
+    data = to_plain(scenario)
+    data["third"], data["second"] = data["second"], to_plain(Scenario())["second"]
+    return from_plain(data)
