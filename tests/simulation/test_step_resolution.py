@@ -219,7 +219,8 @@ def test_everything_stiff_is_refused_by_its_own_name(field: str, value: float, s
 
 
 def test_a_third_surface_beside_the_first_is_refused_by_its_own_name() -> None:
-    corner = to_third(edited(shipped()["ur5-corner"], "second.contact.K_e", 1e7))
+    slow = edited(shipped()["ur5-corner"], "controller.period", 0.002)
+    corner = to_third(edited(slow, "second.contact.K_e", 1e7))
     with pytest.raises(ScenarioError, match=r"^third\.contact\.K_e: 1e\+07 N/m is too stiff"):
         assemble(corner)
 
