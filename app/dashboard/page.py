@@ -283,7 +283,7 @@ class _View:
         self._whatif = WhatIf(previewer, wake)
         self._viewing = Viewing()
         self._export_jobs = ExportJobs()
-        lock = EditLock(runner.post, self.complain)
+        self._lock = lock = EditLock(runner.post, self.complain)
         desk = Desk(
             server.gui,
             lock.post,
@@ -367,7 +367,7 @@ class _View:
 
     def offer(self, last_session: LastSession) -> None:
         above = self._status.order + 0.5
-        add_last_session(self._server.gui, last_session, above, self._runner.post, self.fail)
+        add_last_session(self._server.gui, last_session, above, self._lock, self.fail)
 
     def close(self) -> None:
         """End all that was started for the page. The caller ends the runner."""

@@ -10,13 +10,12 @@ from msgspec import Struct
 
 from app.scenario.data import shipped
 from app.scenario.schema import CouplingSection, FurtherSurface, Scenario, field_info
+from app.scenario.units import CARTESIAN, JOINT
 from controllers.controller import Controller
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
 
 _LAW = ("A", "F_1", "F_2", "K_s")
-_MODEL_UNITS = {"M_m": " kg", "B_m": " N·s/m", "K_m": " N/m", "K_f": ""}
-_JOINT_UNITS = {"M_m": " kg·m²", "B_m": " N·m·s/rad", "K_m": " N·m/rad", "K_f": ""}
 _ELSEWHERE = ("name", "title", "mode", "robot", "target_model", "controller", "simulation")
 _IN_FULL = ("motion", "force")  # of these, and of springs, defaults that are not zero are listed, too
 
@@ -92,8 +91,8 @@ def _model(scenario: Scenario, model: Mapping[str, np.ndarray], angles: Sequence
     """The target model with the units of its task coordinates, which hold angles times a length, and its torsional
     stiffness."""
     joint, n = scenario.task_space.kind == "joint", len(model["M_m"])  # two coordinates are places
-    units = _JOINT_UNITS if joint else _MODEL_UNITS
-    matrices = ", ".join(f"{name} = {_matrix(model[name])}{unit}" for name, unit in units.items())
+    units = (JOINT if joint else CARTESIAN).of_model
+    matrices = ", ".join(f"{name} = {_matrix(model[name])} {unit}".rstrip() for name, unit in units.items())
     l = scenario.task_space.characteristic_length
     scaled = f", angles in r times ℓ = {l:g} m" if not joint and n > 2 else ""
     if scaled and len(angles):

@@ -6,16 +6,25 @@ from typing import NamedTuple
 
 
 class Units(NamedTuple):
-    """Units of a task space: of a thousandth of r, of a thousandth of r_dot or s, and of a generalised force such as
-    d."""
+    """Units of a task space: of a thousandth of r, of a thousandth of r_dot or s, of a generalised force such as d, and
+    of the target model's matrices."""
 
     error: str
     rate: str
     force: str
+    M_m: str
+    B_m: str
+    K_m: str
+    K_f: str = ""
+
+    @property
+    def of_model(self) -> dict[str, str]:
+        """Units of the target model's matrices by name; "" for K_f, which has none."""
+        return {"M_m": self.M_m, "B_m": self.B_m, "K_m": self.K_m, "K_f": self.K_f}
 
 
-CARTESIAN = Units("mm", "mm/s", "N")
-JOINT = Units("mrad", "mrad/s", "N·m")
+CARTESIAN = Units("mm", "mm/s", "N", "kg", "N·s/m", "N/m")
+JOINT = Units("mrad", "mrad/s", "N·m", "kg·m²", "N·m·s/rad", "N·m/rad")
 
 # fields whose unit depends on that of r, and that unit where r = q
 OF_R = ("motion.", "shift.by", "controller.layer", "controller.K_s", "controller.d", "controller.epsilon",

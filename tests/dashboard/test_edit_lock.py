@@ -6,7 +6,8 @@ import pytest
 
 from app.dashboard.widgets.edit_lock import EditLock
 from app.scenario.data import shipped
-from app.session.commands import Blend, Command, Edit, Load, Pause, Play, PushNow, Reset, Seek, TakeWayOut
+from app.session.commands import Blend, Command, Edit, Load, Pause, Play, Push, PushNow, Reset, Seek, TakeWayOut
+from environments.push import Grip
 
 HYBRID = shipped()["ur5-hybrid"]
 ALLOWED = Edit("target_model.B_m", [100.0] * 6)
@@ -21,7 +22,15 @@ def lock() -> tuple[EditLock, list[Command], list[str]]:
 
 @pytest.mark.parametrize(
     "command",
-    [Edit("mode", "motion"), Edit("target_model", {}), Blend({}, 1.0), Load(HYBRID), PushNow(), TakeWayOut()],
+    [
+        Edit("mode", "motion"),
+        Edit("target_model", {}),
+        Blend({}, 1.0),
+        Load(HYBRID),
+        PushNow(),
+        Push(Grip((0.5, 0.0, 0.3))),
+        TakeWayOut(),
+    ],
 )
 def test_other_changes_are_refused_with_the_way_out(
     command: Command, lock: tuple[EditLock, list[Command], list[str]]
@@ -40,7 +49,7 @@ def test_other_changes_are_refused_with_the_way_out(
 def test_the_controls_and_the_time_stay_free(lock: tuple[EditLock, list[Command], list[str]]) -> None:
     gate, posted, complaints = lock
     gate.fields = frozenset({"target_model.B_m"})
-    free = [ALLOWED, Play(), Pause(), Reset(), Seek(0.1)]
+    free = [ALLOWED, Play(), Pause(), Reset(), Seek(0.1), Push(None)]
     for command in free:
         gate.post(command)
     assert posted == free

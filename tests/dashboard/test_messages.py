@@ -18,6 +18,7 @@ import viser
 from app.dashboard.page import Dashboard
 from app.dashboard.scene.trails import PIECE, PIECES, SPACING, Trail
 from app.dashboard.transport.visible_tabs import AWAY, VisibleTabs
+from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.scene_buttons import reaching
 from app.scenario.data import load
@@ -236,9 +237,14 @@ def test_a_last_session_that_cannot_be_read_stays_offered_and_is_answered_once()
         return (), ""
 
     session = LastSession(offer, "", take_up, lambda: done.append("refused"))
-    add_last_session(gui, session, 0.0, done.append, said.append)
+    lock = EditLock(done.append, said.append)
+    add_last_session(gui, session, 0.0, lock, said.append)
     folder, text, go_on, dismiss = made
     offered = text.content
+    lock.fields = frozenset({"target_model.B_m"})
+    go_on.click(page)
+    assert said.pop() == "the last session: locked by the goal of a lesson; allowed: leave the lesson"
+    lock.fields = None
     for sentence in ("cannot be continued now: no room", "ValueError: boom"):
         go_on.click(page)
         assert sentence in said[-1]

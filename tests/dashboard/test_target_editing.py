@@ -228,6 +228,12 @@ def test_the_pole_map_shows_omega_zeta_and_how_often():
     assert pole_map_html(grouped(np.array([0.0, -1e-30, -1e-300])), [])
 
 
+def test_eigenvalues_have_the_units_of_the_coordinates(hybrid: Snapshot):
+    assert "B_m [N·s/m]" in checks_html(hybrid, None)
+    shown = checks_html(snapshot_of("ur5-joint"), None)
+    assert all(f"[{unit}]" in shown for unit in ("kg·m²", "N·m·s/rad", "N·m/rad"))
+
+
 def test_what_is_asked_for_is_judged_beside_what_runs(hybrid: Snapshot):
     assert judge_running(hybrid).slowest == pytest.approx(-20.0, rel=1e-3)
     indefinite = hybrid.matrices["K_m"].copy()

@@ -18,7 +18,7 @@ from app.dashboard.widgets.model_checks import checks_html, loops_html
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, pressed_on
 from app.dashboard.widgets.pole_drag import PoleDrag
 from app.scenario.schema import Scenario
-from app.scenario.units import JOINT
+from app.scenario.units import CARTESIAN, JOINT
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
 
@@ -173,20 +173,21 @@ def oscillator_note(snapshot: Snapshot, unit: str) -> str:
     return "<br>".join(told)
 
 
-def _diagonal(name: str, meaning: str, metric: str, angular: str, scale: SliderScale) -> _Quantity:
+def _diagonal(name: str, meaning: str, scale: SliderScale) -> _Quantity:
+    metric, angular = CARTESIAN.of_model[name], JOINT.of_model[name]
     return _Quantity(
         lambda i, linked: DiagonalPlace(f"target_model.{name}", i, linked),
         scale,
         lambda snapshot: matrix_note(snapshot, name, meaning, metric, angular),
-        lambda snapshot: angular if snapshot.system.units == JOINT else metric,
+        lambda snapshot: snapshot.system.units.of_model[name],
     )
 
 
 _DIAGONALS = {
-    "M_m": _diagonal("M_m", "inertia", "kg", "kg·m²", decades(0.1, 100)),
-    "B_m": _diagonal("B_m", "damping", "N·s/m", "N·m·s/rad", decades(1, 10_000)),
-    "K_m": _diagonal("K_m", "stiffness", "N/m", "N·m/rad", decades(1, 100_000, zero=True)),
-    "K_f": _diagonal("K_f", "weight of the force error", "", "", decades(0.01, 100, zero=True)),
+    "M_m": _diagonal("M_m", "inertia", decades(0.1, 100)),
+    "B_m": _diagonal("B_m", "damping", decades(1, 10_000)),
+    "K_m": _diagonal("K_m", "stiffness", decades(1, 100_000, zero=True)),
+    "K_f": _diagonal("K_f", "weight of the force error", decades(0.01, 100, zero=True)),
 }
 _OSCILLATORS = {
     "ω": _Quantity(

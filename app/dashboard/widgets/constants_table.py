@@ -5,7 +5,6 @@ from __future__ import annotations
 from html import escape
 
 from app.scenario.schema import STATED_IN, Declared, field_info
-from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
 
@@ -57,7 +56,7 @@ def _searched(snapshot: Snapshot) -> list[tuple[str, ...]]:
     constants, along = snapshot.system.constants, snapshot.scenario.controller.estimates == "along-reference"
     declared, rates = snapshot.scenario.declared, constants.rates
     in_doubt = declared.link_centre > 0.0 or declared.link_shape > 0.0
-    lipschitz, mass = constants.lipschitz, "kg·m²" if snapshot.system.units == JOINT else "kg"
+    lipschitz, mass = constants.lipschitz, snapshot.system.units.M_m
     only = "for estimates along r_d (Remark 3) only"
     rows = [
         ("k_r′", "least eigenvalue of H", constants.k_r_low * MARGIN, constants.k_r_low, True, mass),

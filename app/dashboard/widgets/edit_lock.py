@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from app.session.commands import Blend, Command, Continue, Edit, EditAll, Load, PushNow, TakeWayOut
+from app.session.commands import Blend, Command, Continue, Edit, EditAll, Load, Push, PushNow, TakeWayOut
 
 # commands that change the run and are no edits, and their names in a refusal
 _OTHERS = {
@@ -33,10 +33,19 @@ class EditLock:
                 self._refuse(path)
             case EditAll(values) if self.fields is not None and not self.fields >= values.keys():
                 self._refuse(", ".join(values))
+            case Push(grip) if self.fields is not None and grip is not None:
+                self._refuse("a push by hand")
             case _ if self.fields is not None and type(command) in _OTHERS:
                 self._refuse(_OTHERS[type(command)])
             case _:
                 self._post(command)
+
+    def refuses(self, what: str) -> bool:
+        """Whether the lock is closed; then it complains that `what`, which begins another run, is locked."""
+        if self.fields is None:
+            return False
+        self._complain(f"{what}: locked by the goal of a lesson; allowed: leave the lesson")
+        return True
 
     def _refuse(self, what: str) -> None:
         allowed = ", ".join(sorted(self.fields or ()))

@@ -12,9 +12,10 @@ from html import escape
 import viser
 
 from app.dashboard.transport.callback_errors import Complain, guarded
+from app.dashboard.widgets.edit_lock import EditLock
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.autosave import Autosave, Offer, StateFolder
-from app.session.commands import Command, Continue
+from app.session.commands import Continue
 from app.session.timeline import Pinned
 
 _GO_ON, _NOT = "Continue where you left off", "Dismiss"
@@ -49,9 +50,7 @@ def left_by(folder: StateFolder, autosave: Autosave, chosen: Scenario) -> LastSe
     return LastSession(offer, folder.problem, autosave.take_up, autosave.refuse_offer)
 
 
-def add_last_session(
-    gui: viser.GuiApi, session: LastSession, order: float, post: Callable[[Command], None], complain: Complain
-) -> None:
+def add_last_session(gui: viser.GuiApi, session: LastSession, order: float, lock: EditLock, complain: Complain) -> None:
     """Add the offer to the current container, until it is answered. order: place among the other widgets."""
     folder = gui.add_folder("Last session", order=order)
     with folder:
@@ -64,7 +63,7 @@ def add_last_session(
     # synchronous on purpose, unlike callbacks that post commands: reading takes seconds, in a thread of viser's pool
     def on_continue(event: viser.GuiEvent) -> None:
         offer = session.offer
-        if offer is None or event.client is None:
+        if offer is None or event.client is None or lock.refuses("the last session"):
             return
         if not answering.acquire(blocking=False):
             return
@@ -84,7 +83,7 @@ def add_last_session(
             return
         if problem:
             complain(problem)
-        post(Continue(offer.scenario, runs))
+        lock.post(Continue(offer.scenario, runs))
         folder.visible = False
 
     def on_dismiss(event: viser.GuiEvent) -> None:

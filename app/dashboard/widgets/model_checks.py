@@ -17,6 +17,7 @@ from app.dashboard.widgets.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem_table import judged
 from app.scenario.data import edited
 from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.units import Units
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import (
@@ -31,8 +32,6 @@ from app.simulation.sampled_stability import oscillations
 from controllers.blend import BlendCertificate, certify
 from controllers.target_model import InvalidGain, TargetModel
 from controllers.task_space import TaskLayout
-
-_UNITS = {"M_m": "kg", "B_m": "N·s/m", "K_m": "N/m", "K_f": ""}
 
 
 @dataclass(frozen=True)
@@ -117,7 +116,7 @@ def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
     return (
         f'<div class="vs-checks"><div class="vs-row">{verdicts}</div>{message}'
         f"{pole_map_html(grouped(now.poles), [] if asked is None else grouped(asked.poles), draggable(snapshot))}"
-        f"{_table(now, asked)}</div>"
+        f"{_table(now, asked, snapshot.system.units)}</div>"
     )
 
 
@@ -127,10 +126,10 @@ def _verdict(judgement: Judgement, prefix: str) -> str:
     return chip(f"{prefix}{word}, rightmost pole at {rightmost} 1/s", look)
 
 
-def _table(now: Judgement, asked: Judgement | None) -> str:
+def _table(now: Judgement, asked: Judgement | None, units: Units) -> str:
     head = f"<tr><td>eigenvalues</td><td>running</td>{'' if asked is None else '<td>asked</td>'}</tr>"
     rows = ""
-    for name, unit in _UNITS.items():
+    for name, unit in units.of_model.items():
         cells = "".join(f"<td>{_spread(getattr(j.model, name))}</td>" for j in (now, asked) if j is not None)
         rows += f"<tr><td>{name}{f' [{unit}]' if unit else ''}</td>{cells}</tr>"
     return f'<table class="vs-facts">{head}{rows}</table>'

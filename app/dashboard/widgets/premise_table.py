@@ -5,7 +5,6 @@ from __future__ import annotations
 from html import escape
 
 from app.dashboard.widgets.chips import CHIP_OF, chip
-from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
 from app.simulation.verdict import Finding
@@ -30,7 +29,7 @@ def premises_html(snapshot: Snapshot) -> str:
 def _constants(snapshot: Snapshot) -> str:
     """Note on the constants of (19) and (20) and how they were found, as HTML."""
     constants = snapshot.system.constants
-    unit = "kg·m²" if snapshot.system.units == JOINT else "kg"
+    unit = snapshot.system.units.M_m
     return (
         f'<div class="vs-note">(19): k_r′ = {constants.k_r_low:.3g} {unit}, k_r″ = {constants.k_r_high:.3g} {unit} for '
         f"every declared arm over Ω, found by search, with a margin of {100 * (MARGIN - 1):.0f} %.</div>"

@@ -134,8 +134,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         rows = [row for row in work.rows if number.isdecimal() and row["point"] == int(number)]
         if not rows:
             return
-        if self._desk.lock.fields is not None:
-            self._desk.complain("a tile: its run is locked by the goal of a lesson; allowed: leave the lesson")
+        if self._desk.lock.refuses("the run of a tile"):
             return
         metric, question = self._view.metric, work.question
         worst = max(rows, key=lambda row: badness(row, metric))
