@@ -50,6 +50,7 @@ log = structlog.get_logger()
 
 TICK = 1.0  # s
 FAREWELL = 0.1  # s, twice: at the end, for pages whose sessions have ended; their last messages are not read
+GATHERED = 0.1  # s that answers of a class wait for others: each time all of them are handed over
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
 _PASS = web.RequestKey("pass", str)
 _GREETING = web.RequestKey("greeting", str)
@@ -370,8 +371,9 @@ class Gateway:
         except AnswerRefusal as error:
             self._refusals["answers of a class"] += 1
             return web.json_response({"refused": str(error)}, status=409)
-        if session.process is not None and room.question is not None:
-            session.process.answer(Answers(room.number, room.given))
+        if not session.gathers:
+            session.gathers = True
+            asyncio.get_running_loop().call_later(GATHERED, _hand_over, session)
         return web.json_response({"own": room.own(visitor.browser)})
 
     def _of_class(self, request: web.Request) -> Session:
@@ -444,6 +446,13 @@ class Gateway:
         if session is None:
             raise web.HTTPNotFound
         return session
+
+
+def _hand_over(session: Session) -> None:
+    """Hand the answers of a session's class to its process."""
+    session.gathers = False
+    if session.process is not None and session.room.question is not None:
+        session.process.answer(Answers(session.room.number, session.room.given))
 
 
 def _watches(request: web.Request) -> bool:

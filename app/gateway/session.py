@@ -50,6 +50,7 @@ class Session:
     looked_at: whether a page has been open once.
     kept: whether it has a folder.
     room: the class that its lecturer asks.
+    gathers: whether answers of the class are about to be handed to its process.
     asked: when a visitor last requested it; seen: when it was last requested, started, or left by a page; s of the
     pool's clock.
     """
@@ -71,6 +72,7 @@ class Session:
     looked_at: bool = False
     kept: bool = False
     room: Classroom = field(default_factory=Classroom)
+    gathers: bool = False
     asked: float = 0.0
     seen: float = 0.0
     _falls: list[float] = field(default_factory=list)
