@@ -234,7 +234,7 @@ class TaskSpaceSection(Section, frozen=True, forbid_unknown_fields=True):
         "cartesian"
     )
     characteristic_length: Annotated[
-        float, field("characteristic length: makes radians metres, since r holds ℓ·angle", "m", gt=0, le=10)
+        float, field("characteristic length: makes radians metres, since r holds ℓ·angle", "m", ge=0.001, le=10)
     ] = 0.15
     axes: Annotated[
         Vector3, field("rotation vector of Cartesian coordinates against the world", "rad", Widget("axes turned by"))

@@ -33,12 +33,14 @@ from app.scenario.schema import (
     TargetModelSection,
     TooStiff,
     UnboundedGain,
+    Vector3,
     WrongFace,
     field_info,
 )
 from app.simulation.controller_builder import laws, mode_of, target_model
 from app.simulation.environment_builder import (
     positions_of,
+    require_stiff,
     robot_of,
     surface,
     surfaces_of,
@@ -63,7 +65,7 @@ NEAR = 0.03  # m
 BESIDE = 0.01  # m, of a further surface from the tool
 # directions into further surfaces, the usual one first
 _ACROSS = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
-PUSH, PUSH_LASTS = (0.0, 30.0, 0.0), 0.5  # N, s: sideways, which every mode shows
+PUSH, PUSH_LASTS = 30.0, 0.5  # N, s
 HALVINGS = 3  # times that a path is halved that is too long for an arm, before it becomes `Hold`
 _WORDS = {
     "motion": "path",
@@ -187,7 +189,9 @@ def nearest(scenario: Scenario, path: str, value: object) -> WayOut | None:
     for bound, word in ((least, "smallest"), (largest, "largest")):
         if bound is not None and (value < bound if word == "smallest" else value > bound):
             with suppress(ScenarioError):  # a bound that is itself not allowed is no way out
-                return WayOut(f"Take {bound:g}, the {word} allowed", edited(scenario, path, type(value)(bound)))
+                there = edited(scenario, path, type(value)(bound))
+                require_stiff(there, mode_of(there))
+                return WayOut(f"Take {bound:g}, the {word} allowed", there)
     return None
 
 
@@ -230,6 +234,10 @@ def told(asked: Scenario, done: Scenario) -> str:
             words = {_plain(of): text for text, of in info.widget.options} if info.widget else {}
             was, now = (words.get(_plain(table[name]), _shown(table[name])) for table in (before, after))
             adapted.append(f"{_WORDS[section]} {label} {now} instead of {was}{unit}")
+    for each in ("second", "third"):
+        old, new = (getattr(of, each).contact for of in (asked, done))
+        if old.kind != new.kind and getattr(done, each).present:
+            adapted.append(f"{each} surface {_title_of(new)} instead of {_title_of(old)}")
     taken = [each for each in ("second", "third") if getattr(asked, each).present > getattr(done, each).present]
     adapted += [f"{each} surface taken away" for each in taken]
     if asked.face.flat and not done.face.flat:
@@ -358,6 +366,7 @@ def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:
     """
     mode, was = modes.MODES[scenario.mode], getattr(scenario, section)
     asked = kind if kind == "free" or kind in mode.contacts else scenario.contact.kind
+    edited(scenario, f"{section}.contact.kind", kind)
     changed = edited(scenario, f"{section}.contact.kind", asked)
     if asked == "free" or not was.present:
         changed = edited(changed, "target_model", {})
@@ -471,12 +480,17 @@ def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:
     return robot, tool_at_start(robot, NominalModel(robot.model, robot.tool_joint, robot.tool_placement))
 
 
-def pushed(scenario: Scenario, t: float) -> Scenario:
-    """The scenario with its push beginning at t (s); where it has none, neither force nor moment, `PUSH` for
+def sideways(robot: robots.Robot, newtons: float) -> Vector3:
+    """A force, N, that every mode shows: sideways, and within the plane of a planar arm."""
+    return (newtons, 0.0, 0.0) if robot.geometry == "planar" else (0.0, newtons, 0.0)
+
+
+def pushed(scenario: Scenario, robot: robots.Robot, t: float) -> Scenario:
+    """The scenario with its push beginning at t (s); where it has none, neither force nor moment, `PUSH` sideways for
     `PUSH_LASTS`."""
     truth = scenario.truth
     if not (any(truth.push) or any(truth.push_moment)):
-        truth = msgspec.structs.replace(truth, push=PUSH, push_duration=PUSH_LASTS)
+        truth = msgspec.structs.replace(truth, push=sideways(robot, PUSH), push_duration=PUSH_LASTS)
     return msgspec.structs.replace(scenario, truth=msgspec.structs.replace(truth, push_start=t))
 
 

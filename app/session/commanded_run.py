@@ -139,11 +139,7 @@ class CommandedRun:
         while performed.changes and performed.changes[0].due(line.loop.t, self.period):
             change, *rest = performed.changes
             self._performed = performed = replace(performed, changes=tuple(rest))
-            command = Edit(change.path, change.value)
-            try:
-                self._heed(command)
-            except ScenarioError as error:
-                self._refuse(str(error), command)
+            self.execute(Edit(change.path, change.value))
         if line.loop.t > performed.end - 1.5 * self.period:
             self.playing, self._performed = False, None
 
@@ -231,6 +227,7 @@ class CommandedRun:
                 if self._way_out is not None and self._way_out.fork_at is not None:  # an instant of the run before
                     self._way_out = None
             case Seek(t):
+                line.require_known(t)
                 line.hold(None)
                 line.seek(t)
                 self.playing = False
@@ -249,6 +246,7 @@ class CommandedRun:
                 self.speed, self._shown = _admitted(factor), None
             case ShowAgain(start, end, factor):
                 slow, usual = _admitted(factor), self.speed if self._shown is None else self._shown.usual
+                line.require_known(start)
                 line.hold(None)
                 line.seek(start)
                 self.speed, self._shown, self.playing = slow, _Stretch(self.runs, end, usual), True
@@ -270,7 +268,7 @@ class CommandedRun:
                 self._edit(scenario)
                 line.adopt(pinned)
             case PushNow():
-                self._edit(changes.pushed(scenario_now, line.loop.t))
+                self._edit(changes.pushed(scenario_now, line.loop.system.robot, line.loop.t))
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the present mode is not begun anew
             case Edit("mode", value):
@@ -284,7 +282,8 @@ class CommandedRun:
                 changed = changes.on_surface(scenario_now, kind, path)
                 self._adapt(changed, changed)
             case Edit("second.contact.kind" | "third.contact.kind" as path, str() as kind):
-                self._edit(changes.with_further(scenario_now, path.split(".")[0], kind))
+                asked = edited(scenario_now, path, kind)
+                self._adapt(asked, changes.with_further(scenario_now, path.split(".")[0], kind))
             case Edit("face.flat", bool() as flat):
                 self._adapt(edited(scenario_now, "face.flat", flat), changes.with_face(scenario_now, flat=flat))
             case Edit("second.control" | "third.control" as path, value):
@@ -325,6 +324,7 @@ class CommandedRun:
             refusal=self._refusal,
             refusal_number=self._refusals,
             way_out=self._way_out,
+            latest=line.latest,
             recording=line.recording,
             pinned=line.pinned,
             forks=line.forks,

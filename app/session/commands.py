@@ -157,7 +157,7 @@ class DropWayOut:
 
 @dataclass(frozen=True)
 class PushNow:
-    """Begin the scenario's push now; where it has none, a push by `changes.PUSH`."""
+    """Begin the scenario's push now; where it has none, one of `changes.PUSH` N sideways."""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from app.analysis.metrics import (
 from app.analysis.steady_force import steady_force_error
 from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import Band, BandStretch, uncertain
+from app.session.changes import sideways
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
 from app.simulation.engines import Engine
@@ -272,8 +273,8 @@ class Foresight:
 
 def _pushed(system: System, t: float, newtons: float) -> Scenario:
     """The scenario with one push, sideways and within the plane of a planar arm, from t (s) on."""
-    push = (newtons, 0.0, 0.0) if system.robot.geometry == "planar" else (0.0, newtons, 0.0)
-    truth, scenario = TruthSection(push=push, push_start=t, push_duration=LASTS), system.scenario
+    push, scenario = sideways(system.robot, newtons), system.scenario
+    truth = TruthSection(push=push, push_start=t, push_duration=LASTS)
     once = {name: getattr(truth, name) for name in truth.__struct_fields__ if name.startswith("push")}
     return msgspec.structs.replace(scenario, truth=msgspec.structs.replace(scenario.truth, **once))
 

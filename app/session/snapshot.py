@@ -31,7 +31,7 @@ class Snapshot:
     revision: number of accepted changes of the scenario; run: of beginnings at t = 0 and forks; refusal_number: of
     refused commands; heard: of commands that were carried out or refused.
     way_out: of that refusal, None where there is none.
-    t: the instant looked at, between `first` and `end`, s.
+    t: the instant looked at, between `first` and `end`, s; `scenario` is that of this instant, `latest` that of `end`.
     recording: of the whole run, up to its end.
     system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
     blending: share of a blend of the target model that is done, 0 to 1, None while there is none.
@@ -70,6 +70,7 @@ class Snapshot:
     surfaces: tuple[Surface, ...]
     figures: LiveFigures
     sampled: RespondingLoop
+    latest: Scenario
     recording: Recording
     pinned: tuple[Pinned, ...]
     forks: tuple[float, ...]
@@ -142,6 +143,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         surfaces=system.surfaces if scenario.contact.nature.touches or system.m else (),
         figures=view.figures,
         sampled=loop.sampled,
+        latest=scenario,
         recording=loop.recording,
         pinned=(),
         forks=(),

@@ -53,6 +53,13 @@ class Pinned:
         """Name of the pinned run, by default made from its number."""
         return self.name or f"run {self.number}"
 
+    def is_like(self, other: Pinned) -> bool:
+        """Whether the other one is the same stretch of the same run."""
+        if (self.t, len(self.recording), self.scenario) != (other.t, len(other.recording), other.scenario):
+            return False
+        last, theirs = (run.recording.rows(run.t - SPACING) for run in (self, other))
+        return np.array_equal(last, theirs, equal_nan=True)
+
     @property
     def scenario(self) -> Scenario:
         """Scenario of its last control period: one that has been changed since has not been run yet."""
@@ -98,6 +105,11 @@ class Timeline:
         return self._end.t
 
     @property
+    def latest(self) -> Scenario:
+        """Scenario at the run's end."""
+        return self._end.system.scenario
+
+    @property
     def first(self) -> float:
         """The earliest instant that can be looked at, s."""
         return self._keys[0].state.t
@@ -125,17 +137,22 @@ class Timeline:
 
     def seek(self, t: float) -> None:
         """Look at the run as it was at t (s). Raises ScenarioError outside of the known stretch."""
+        self.require_known(t)
         half = 0.5 * self.loop.period
-        if not self.first - half <= t <= self.end + half:  # also when t is not a number
-            raise ScenarioError(
-                f"time: {t:g} s; allowed: {self.first:g} to {self.end:g} s, as far as this run is known"
-            )
         if t > self.end - half:
             self._back = None
             return
         self._back = _resumed(self._key_at(t + half))
         while self._back.t < t - half and self._back.stopped is None:
             self._back.advance()
+
+    def require_known(self, t: float) -> None:
+        """Raises ScenarioError unless this run is known at t (s)."""
+        half = 0.5 * self.loop.period
+        if not self.first - half <= t <= self.end + half:  # also when t is not a number
+            raise ScenarioError(
+                f"time: {t:g} s; allowed: {self.first:g} to {self.end:g} s, as far as this run is known"
+            )
 
     def to_end(self) -> None:
         """Look at the run at its end."""
@@ -162,7 +179,7 @@ class Timeline:
         loop.edit(scenario)
         if loop.recording is not before:
             if left is not None:  # the rest after the instant looked at, or a run that has stopped
-                self._add(left)
+                self._add_once(left)
             self._end = loop
             self._begin()
             return True
@@ -202,6 +219,11 @@ class Timeline:
         free = min(set(range(PINS)) - {other.place for other in others})
         self.pinned = (*others, replace(pinned, place=free))
 
+    def _add_once(self, pinned: Pinned) -> None:
+        """Pin a run unless it is the last one that was pinned: the user has just done so."""
+        if not self.pinned or not pinned.is_like(self.pinned[-1]):
+            self._add(pinned)
+
     def unpin(self, number: int) -> None:
         """Forget the pinned run of this number. Raises ScenarioError when there is none."""
         if all(pinned.number != number for pinned in self.pinned):
@@ -219,8 +241,13 @@ class Timeline:
         self.pinned = tuple(replace(p, name=name) if p.number == number else p for p in self.pinned)
 
     def adopt(self, pinned: tuple[Pinned, ...]) -> None:
-        """Replace the pinned runs by runs pinned elsewhere."""
-        self.pinned = tuple(replace(run, place=place) for place, run in enumerate(pinned[-PINS:]))
+        """Pin runs that were pinned elsewhere; of those pinned here the newest come after them, as far as there are
+        places."""
+        others = max((run.number for run in pinned), default=0)
+        here = self.pinned[max(len(self.pinned) + len(pinned) - PINS, 0) :]
+        renumbered = (replace(run, number=number) for number, run in enumerate(here, start=others + 1))
+        runs = (*pinned, *renumbered)[-PINS:]
+        self.pinned = tuple(replace(run, place=place) for place, run in enumerate(runs))
         self._pins = max((run.number for run in self.pinned), default=self._pins)
 
     def _so_far(self, loop: ClosedLoop) -> Recording:
@@ -233,7 +260,8 @@ class Timeline:
 
     def _go_on(self, loop: ClosedLoop) -> None:
         """Make this loop, which looks back, the end; no hand holds its tool."""
-        self.pin()
+        if len(self.recording):
+            self._add_once(self._pinned())
         loop.hold(None)
         while self._keys and self._keys[-1].state.t > loop.t - 0.5 * loop.period:
             self._keys.pop()

@@ -321,15 +321,20 @@ def rotation_of(scenario: Scenario, layout: TaskLayout) -> Course:
     return course._replace(u=layout.l * course.u, v=layout.l * course.v)
 
 
-def require_surfaces(scenario: Scenario, mode: Mode, positions: int, n: int) -> None:
-    """Raise ScenarioError unless an arm with n joints can meet the scenario's surfaces in this mode. positions: number
-    of coordinates that are positions."""
-    first, *further = scenario.surfaces
+def require_stiff(scenario: Scenario, mode: Mode) -> None:
+    """Raise ScenarioError where a force is to be controlled on springs without stiffness."""
     for each in scenario.surfaces:
         if mode.on_surface and each.pressed and each.contact.nature.springs and each.contact.K_e == 0.0:
             raise ScenarioError(
                 f"{each.path}contact.K_e: 0 N/m, which takes no force in {mode.name} mode; allowed: > 0"
             )
+
+
+def require_surfaces(scenario: Scenario, mode: Mode, positions: int, n: int) -> None:
+    """Raise ScenarioError unless an arm with n joints can meet the scenario's surfaces in this mode. positions: number
+    of coordinates that are positions."""
+    first, *further = scenario.surfaces
+    require_stiff(scenario, mode)
     pressed = first.pressed
     for each in further:
         kind = each.contact.kind

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import re
+from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import pytest
 
 from app.analysis.glossary import GLOSSARY
+from app.dashboard.widgets.symbols import values_html
 from app.scenario.data import edited, load
 from app.session.headless_run import simulate
+from app.session.snapshot import snapshot_of
 
 SYMBOLS = Path(__file__).parents[2] / "docs" / "symbols.md"
 BY_NAME = {symbol.written: symbol for symbol in GLOSSARY}
@@ -30,6 +35,15 @@ def test_every_symbol_has_a_sentence_in_words_and_no_name_stands_twice() -> None
     for symbol in GLOSSARY:
         assert 10 < len(symbol.meaning) < 110, symbol.written
         assert not re.search(r"\w\w_|_\w{4}|\|\||`", symbol.meaning), symbol.meaning
+
+
+def test_every_signal_of_the_glossary_has_a_present_value_at_the_end_and_when_looking_back() -> None:
+    loop, _ = simulate(edited(load("ur5-hybrid"), "simulation.duration", 0.2))
+    snapshot = snapshot_of(loop)
+    signals = {symbol.written for symbol in GLOSSARY if symbol.signal}
+    for t in (snapshot.t, 0.1):
+        told = json.loads(unescape(values_html(replace(snapshot, t=t)).split('"')[3]))
+        assert signals <= told.keys(), signals - told.keys()
 
 
 @pytest.mark.parametrize(("space", "unit"), [("cartesian", "mm"), ("joint", "mrad")])

@@ -37,12 +37,12 @@ def test_other_changes_are_refused_with_the_way_out(
 ) -> None:
     gate, posted, complaints = lock
     gate.fields = frozenset({"target_model.B_m"})
-    gate.post(command)
+    assert not gate.post(command)
     assert posted == []
     assert type(command).__name__ not in complaints[0]
     assert complaints[0].endswith("locked by the goal of a lesson; allowed: target_model.B_m, or leave the lesson")
     gate.fields = None
-    gate.post(command)
+    assert gate.post(command)
     assert posted == [command]
 
 

@@ -10,6 +10,7 @@ from app.scenario.data import edited
 from app.scenario.schema import Scenario
 from app.session.changes import pushed
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.environment_builder import robot_of
 from controllers.modes import MODES
 
 
@@ -37,7 +38,8 @@ def test_every_mode_has_a_step_and_its_arm_is_heavier_than_believed() -> None:
 
 
 def test_motion_is_not_moved_by_a_push() -> None:
-    rows = ran(pushed(step("motion").scenario, 4.0), 5.0)
+    scenario = step("motion").scenario
+    rows = ran(pushed(scenario, robot_of(scenario), 4.0), 5.0)
     assert np.linalg.norm(rows["F_push"], axis=1).max() > 20.0
     assert np.abs(settled(rows, "e_r")).max() < 0.02e-3
 

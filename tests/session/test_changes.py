@@ -9,12 +9,13 @@ import pytest
 from app.scenario.data import differences, edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_coordinates, in_mode, on_robot, on_surface, possible, told
-from app.session.commands import DropWayOut, Edit, Fork, Pause, Reset, TakeWayOut
+from app.session.commands import DropWayOut, Edit, Fork, Pause, Push, PushNow, Reset, Seek, ShowAgain, TakeWayOut
 from app.session.runner import Runner
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from controllers.modes import MODES
+from environments.push import Grip
 from environments.robots import CATALOGUE
 from environments.surfaces.table import SURFACES
 
@@ -166,6 +167,50 @@ def test_a_refusal_has_a_way_out_that_works(
     for _ in range(50):
         runner._commanded.step()
     assert runner._loop.stopped is None
+
+
+def test_a_bound_that_the_mode_refuses_is_no_way_out() -> None:
+    runner = Runner(shipped()["ur5-hybrid"])
+    runner._obey([Edit("contact.K_e", -3.0)])
+    assert runner._publish().way_out is None
+    runner = Runner(shipped()["ur5-impedance"])
+    runner._obey([Edit("contact.K_e", -3.0), TakeWayOut()])
+    assert runner._publish().scenario.contact.K_e == 0.0
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid", "planar3r-hybrid"])
+def test_a_push_by_the_button_is_felt_by_every_arm(name: str) -> None:
+    runner = Runner(shipped()[name])
+    alone = ClosedLoop(shipped()[name])
+    runner._obey([PushNow()])
+    for _ in range(100):
+        runner._commanded.step()
+        alone.step()
+    asked, without = (loop.recording.at(loop.t)["tau"] for loop in (runner._loop, alone))
+    assert np.abs(asked - without).max() > 1.0
+
+
+def test_a_contact_of_a_further_surface_that_the_mode_cannot_have_is_another_one_and_that_is_said() -> None:
+    runner = Runner(shipped()["ur5-hybrid"])
+    runner._obey([Edit("second.contact.kind", "rigid")])
+    asked = runner._publish()
+    assert asked.scenario.second.contact.kind == "elastic"
+    assert "second surface elastic instead of rigid" in asked.notice
+    runner._obey([Edit("second.contact.kind", "nope")])
+    refused = runner._publish()
+    assert (refused.refusal or "").startswith("second.contact.kind: 'nope'; allowed: ")
+    assert refused.scenario == asked.scenario
+
+
+def test_a_time_that_is_refused_leaves_the_tool_in_the_hand() -> None:
+    runner, hand = Runner(shipped()["ur5-hybrid"]), Grip((0.5, 0.0, 0.3))
+    for _ in range(20):
+        runner._commanded.step()
+    runner._obey([Push(hand), Seek(float("nan")), ShowAgain(99.0, 100.0, 0.1)])
+    assert runner._publish().refusal_number == 2
+    assert runner._loop.grip == hand
+    runner._obey([Seek(0.01)])
+    assert runner._loop.grip is None
 
 
 def test_a_refusal_of_the_page_has_not_the_way_out_of_the_one_before() -> None:

@@ -16,7 +16,7 @@ from app.scenario.data import edited, load
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.autosave import Autosave, StateFolder, default_folder
 from app.session.changes import with_robot
-from app.session.commands import Edit, Pin, Unpin
+from app.session.commands import Edit, Pin, Seek, ToEnd, Unpin
 from app.session.runner import Runner
 from app.session.timeline import Pinned, Timeline
 from app.simulation.closed_loop import ClosedLoop
@@ -199,6 +199,10 @@ def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
     assert left(tmp_path) == {SESSION}
     assert "0.03" in (tmp_path / SESSION).read_text()  # what fits is saved
     runner.post(Unpin(1))
+    runner.post(Seek(0.0))  # what is looked at is not the session
+    until(lambda: runner.snapshot.looking_back and runner.snapshot.scenario == SCENARIO)
+    assert runner.snapshot.latest == changed(0.03)
+    runner.post(ToEnd())
     runner.post(Edit("controller.layer", 0.04))
     until(lambda: not runner.snapshot.pinned and runner.snapshot.scenario == changed(0.04))
     runner.close()

@@ -327,6 +327,26 @@ def test_the_sliding_variable_is_measured_only_under_a_law_that_has_it(noisy: Ti
     assert both.s_max == first.s_max
 
 
+def test_a_run_is_pinned_once_and_the_pins_of_another_session_come_before_those_of_this_one(noisy: Timeline) -> None:
+    other = run(line_of(shipped()["ur5-motion"]), 20)
+    other.pin()
+    other.rename(1, "yesterday")
+    noisy.seek(0.3)
+    noisy.pin()  # as the click on a tile does
+    noisy.edit(edited(noisy.loop.system.scenario, "force.value", 10.0))
+    assert [pinned.number for pinned in noisy.pinned] == [1]
+    run(noisy, 50)
+    noisy.seek(0.32)
+    noisy.edit(edited(noisy.loop.system.scenario, "force.value", 15.0))
+    assert [pinned.number for pinned in noisy.pinned] == [1, 2]
+    noisy.rename(2, "mine")
+    noisy.adopt(other.pinned)
+    assert [pinned.title for pinned in noisy.pinned] == ["yesterday", "run 2", "mine"]
+    assert len({pinned.number for pinned in noisy.pinned}) == len({pinned.place for pinned in noisy.pinned}) == 3
+    noisy.adopt(other.pinned)  # has all places but one
+    assert [pinned.title for pinned in noisy.pinned] == ["yesterday", "run 2", "mine"]
+
+
 def test_a_pinned_run_has_a_name_and_a_colour_of_its_own(noisy: Timeline) -> None:
     for _ in range(PINS + 1):
         run(noisy, 10)

@@ -28,7 +28,7 @@ from app.export.figures import DOUBLE, MM, SINGLE, FigureOptions
 from app.export.formats import ALL_PLOTS, Format
 from app.export.playback_frames import playback_frames
 from app.scenario.data import from_file, to_toml
-from app.scenario.schema import ScenarioError
+from app.scenario.schema import Scenario, ScenarioError
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
 from app.storage.recording_files import Tell, table
@@ -82,9 +82,11 @@ class ExportPanel:
     def show(self, snapshot: Snapshot) -> None:
         """Do nothing: no widget of this panel depends on the scenario."""
 
-    def _back(self, part: str) -> float:
-        """Length of a part of the run, back from the instant looked at, s."""
-        return self._desk.viewing.window if part == SHOWN else math.inf
+    def _stretch(self, snapshot: Snapshot) -> tuple[Scenario, float, float]:
+        """The chosen part of the run: its last scenario, and its begin and end, s."""
+        if self._part.value == WHOLE:
+            return snapshot.latest, -math.inf, snapshot.end
+        return snapshot.scenario, snapshot.t - self._desk.viewing.window, snapshot.t
 
     def _buttons(self, label: str, options: tuple[str, ...], on_click: OnClick, hint: str) -> None:
         group = self._desk.gui.add_button_group(label, options, hint=hint)
@@ -118,21 +120,22 @@ class ExportPanel:
 
     def _on_data(self, event: viser.GuiEvent) -> None:
         form: DataFormat = event.target.value.lower()
-        back = self._back(self._part.value)
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            rows = table(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
+            scenario, begin, end = self._stretch(snapshot)
+            rows = table(scenario, snapshot.recording, begin, end)
             return self._desk.export_jobs.made(DataJob(rows, form, DATA_LIMIT), tell)
 
         self._give(event, "Data", form, make)
 
     def _on_playback(self, event: viser.GuiEvent) -> None:
-        back, viewing = self._back(self._part.value), self._desk.viewing
+        viewing = self._desk.viewing
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            frames = playback_frames(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
+            scenario, begin, end = self._stretch(snapshot)
+            frames = playback_frames(scenario, snapshot.recording, begin, end)
             setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
-            figure = figure_of(plots_of(BESIDE_FILM), snapshot, setup, snapshot.t - back, snapshot.t)
+            figure = figure_of(plots_of(BESIDE_FILM), snapshot, setup, begin, end)
             return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT, figure), tell)
 
         self._give(event, "3-D playback", "html", make)

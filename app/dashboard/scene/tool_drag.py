@@ -138,6 +138,8 @@ class Hand:
         grab, client = np.array(event.start_position), event.client_id
         away = grab - snapshot.tool
         turning = (np.zeros(3), orientation(snapshot), away / max(float(np.linalg.norm(away)), 1e-9))
+        if drag != "target" and self._desk.lock.refuses("a push by hand"):
+            return None
         if drag == "push":
             return HeldHandle(client, drag, -away, *turning)
         if drag == "turn":

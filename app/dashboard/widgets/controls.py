@@ -40,7 +40,7 @@ STEP = 0.002  # step without Shift; `rows.js` makes it of ten FINE
 class Desk:
     """Desk: all that panels share.
     gui: for their widgets.
-    post: puts a command into the runner's queue.
+    post: puts a command into the runner's queue; returns False for one that the lock refuses.
     snapshot: returns the newest one.
     whatif: previews of held sliders.
     viewing: options of the scene and the plots.
@@ -56,7 +56,7 @@ class Desk:
     share: of the machine, for maps and searches."""
 
     gui: viser.GuiApi
-    post: Callable[[Command], None]
+    post: Callable[[Command], bool]
     snapshot: Callable[[], Snapshot]
     whatif: WhatIf
     viewing: Viewing
@@ -295,8 +295,8 @@ class NumberField:
         changed = apply and written(value) != written(running)
         if changed:  # before the slider counts as let go, since the page may be drawn in between
             edit = self._place.edit(snapshot, value)
-            self._desk.whatif.remember(snapshot, edit, self._moved(snapshot, value))
-            self._ask(snapshot, edit, seconds=1.0)
+            if self._ask(snapshot, edit, seconds=1.0):
+                self._desk.whatif.remember(snapshot, edit, self._moved(snapshot, value))
         self._desk.whatif.let_go(self)
         if not changed:
             self._show_again(snapshot)
@@ -310,9 +310,11 @@ class NumberField:
         self._answer.expect(snapshot, seconds=0.0)
         self.show(snapshot)
 
-    def _ask(self, snapshot: Snapshot, edit: Edit, seconds: float) -> None:
-        self._answer.expect(snapshot, seconds)
-        self._desk.post(edit)
+    def _ask(self, snapshot: Snapshot, edit: Edit, seconds: float) -> bool:
+        """Post an edit; returns whether an answer is to be awaited."""
+        posted = self._desk.post(edit)
+        self._answer.expect(snapshot, seconds if posted else 0.0)
+        return posted
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
@@ -366,8 +368,8 @@ class Dropdown:
         if event.client is None:
             return
         snapshot = self._desk.snapshot()
-        self._answer.expect(snapshot, seconds=1.0)
-        self._desk.post(Edit(self._place.path, self._options[self._dropdown.value]))
+        posted = self._desk.post(Edit(self._place.path, self._options[self._dropdown.value]))
+        self._answer.expect(snapshot, seconds=1.0 if posted else 0.0)
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
@@ -390,8 +392,9 @@ class Switch:
     async def _on_update(self, event: viser.GuiEvent) -> None:
         if event.client is None:
             return
-        self._answer.expect(self._desk.snapshot(), seconds=1.0)
-        self._desk.post(Edit(self._place.path, self._checkbox.value))
+        snapshot = self._desk.snapshot()
+        posted = self._desk.post(Edit(self._place.path, self._checkbox.value))
+        self._answer.expect(snapshot, seconds=1.0 if posted else 0.0)
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)

@@ -26,19 +26,29 @@ class EditLock:
         self._post, self._complain = post, complain
         self.fields: frozenset[str] | None = None
 
-    def post(self, command: Command) -> None:
-        """Pass a command on to the runner, or complain where it is locked."""
+    def post(self, command: Command) -> bool:
+        """Pass a command on to the runner, or complain where it is locked. Returns whether it was passed on."""
+        locked = self._locked(command)
+        if not locked:
+            self._post(command)
+            return True
+        allowed = ", ".join(sorted(self.fields or ()))
+        self._complain(f"{locked}: locked by the goal of a lesson; allowed: {allowed}, or leave the lesson")
+        return False
+
+    def _locked(self, command: Command) -> str:
+        """Words for what is locked of a command, "" for nothing."""
+        if self.fields is None:
+            return ""
         match command:
-            case Edit(path) if self.fields is not None and path not in self.fields:
-                self._refuse(path)
-            case EditAll(values) if self.fields is not None and not self.fields >= values.keys():
-                self._refuse(", ".join(values))
-            case Push(grip) if self.fields is not None and grip is not None:
-                self._refuse("a push by hand")
-            case _ if self.fields is not None and type(command) in _OTHERS:
-                self._refuse(_OTHERS[type(command)])
+            case Edit(path):
+                return "" if path in self.fields else path
+            case EditAll(values):
+                return ", ".join(path for path in values if path not in self.fields)
+            case Push(grip):
+                return "" if grip is None else "a push by hand"
             case _:
-                self._post(command)
+                return _OTHERS.get(type(command), "")
 
     def refuses(self, what: str) -> bool:
         """Whether the lock is closed; then it complains that `what`, which begins another run, is locked."""
@@ -46,7 +56,3 @@ class EditLock:
             return False
         self._complain(f"{what}: locked by the goal of a lesson; allowed: leave the lesson")
         return True
-
-    def _refuse(self, what: str) -> None:
-        allowed = ", ".join(sorted(self.fields or ()))
-        self._complain(f"{what}: locked by the goal of a lesson; allowed: {allowed}, or leave the lesson")

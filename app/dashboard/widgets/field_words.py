@@ -15,7 +15,7 @@ def field_in_words(path: str, value: object) -> str:
 
 def _value(path: str, value: object) -> str:
     if value is None:
-        return "the mode's own"
+        return "the mode's own" if path.startswith("target_model.") else "not given"
     if isinstance(value, bool | str):
         return said(path, value)
     text = written(value) if isinstance(value, float | int) else str(value)

@@ -44,6 +44,7 @@ AIMS = {
     "residual of (8)": "residual",
 }
 BUDGETS = {"32": 32, "64": 64, "128": 128}
+LEAVE = "not offered · Esc: leave it"
 AGAIN = "click again: apply · Esc: leave it"
 
 
@@ -141,14 +142,17 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             self._desk.complain(str(error))
             return
         if self._chosen == candidate.number and self._desk.whatif.holds(self):
-            self._desk.whatif.remember(snapshot, edit)
-            self._desk.post(edit)
+            if candidate.badge and candidate.number:
+                self._desk.complain(f"candidate {candidate.number}: not offered, {candidate.badge}")
+            elif self._desk.post(edit):
+                self._desk.whatif.remember(snapshot, edit)
             self._leave()
             return
         self._chosen, self._due = candidate.number, 0.0
         name = "own gains" if candidate.number == 0 else f"candidate {candidate.number}"
         told = said_of(work, candidate, self._names).partition(": ")[0]
-        self._desk.whatif.hold(HeldControl(edit, name, told, self, client, AGAIN))
+        then = LEAVE if candidate.badge and candidate.number else AGAIN
+        self._desk.whatif.hold(HeldControl(edit, name, told, self, client, then))
 
     def _edit(self, snapshot: Snapshot, candidate: Candidate) -> EditAll:
         """Command that gives the running scenario the gains of a candidate. Raises ScenarioError."""

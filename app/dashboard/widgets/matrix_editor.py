@@ -134,8 +134,8 @@ class MatrixEditor:
             self._desk.complain(str(error))
             return
         if edit is not None:
-            self._asked_at = (snapshot.revision, snapshot.refusal_number)
-            self._desk.post(applying(edit, self._seconds))
+            posted = self._desk.post(applying(edit, self._seconds))
+            self._asked_at = (snapshot.revision, snapshot.refusal_number) if posted else None
 
     def show(self, snapshot: Snapshot) -> None:
         n = len(snapshot.coordinates)

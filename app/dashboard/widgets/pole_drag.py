@@ -83,8 +83,8 @@ class PoleDrag:
             value = f"ω = {written(omega)} rad/s, ζ = {written(zeta)}"
             self._desk.whatif.hold(HeldControl(edit, "pole", value, self, event.client.client_id))
         elif phase == "dropped":
-            self._desk.whatif.remember(snapshot, edit)
-            self._desk.post(edit)
+            if self._desk.post(edit):
+                self._desk.whatif.remember(snapshot, edit)
             self._let_go()
 
     def _dragged(self, snapshot: Snapshot, number: int) -> _Drag | None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
 
 from app.dashboard.widgets.controls import Desk
-from app.session.changes import PUSH
+from app.session.changes import pushed
 from app.session.commanded_run import SLOWEST
 from app.session.commands import Edit, PushNow, ShowAgain, TakeWayOut
 from app.session.snapshot import Snapshot
@@ -55,12 +56,11 @@ class SceneButtons:
 
     def show(self, snapshot: Snapshot) -> None:
         self._restore_window(snapshot)
-        law, push = snapshot.system.controller.law, snapshot.scenario.truth.push
-        force = sum(value**2 for value in (push if any(push) else PUSH)) ** 0.5
+        law = snapshot.system.controller.law
         content = (
             '<div class="vs-acts">'
             f"{_button('l', f'Try {_other(law).title}', f'now: {law.title}')}"
-            f"{_button('b', f'Push with {force:.3g} N', 'or drag the ball at the tool')}"
+            f"{_button('b', push_title(snapshot), 'or drag the ball at the tool')}"
         )
         if reaching(snapshot) is not None:
             content += _button("n", "See s reach zero", "in slow motion")
@@ -95,6 +95,14 @@ class _Shown:
     end: float
     usual: float
     begun: bool = False
+
+
+def push_title(snapshot: Snapshot) -> str:
+    """Title of the button that pushes, with the push that it would begin."""
+    truth = pushed(snapshot.scenario, snapshot.system.robot, snapshot.t).truth
+    sizes = [(math.hypot(*truth.push), "N"), (math.hypot(*truth.push_moment), "N·m")]
+    told = " and ".join(f"{size:.3g} {unit}" for size, unit in sizes if size)
+    return f"{'Push' if sizes[0][0] else 'Turn'} with {told}"
 
 
 def reaching(snapshot: Snapshot) -> ShowAgain | None:

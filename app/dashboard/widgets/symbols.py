@@ -49,8 +49,8 @@ def _entry(symbol: Symbol) -> str:
 
 def values_html(snapshot: Snapshot) -> str:
     """Present values of the symbols, as invisible HTML."""
-    rows = snapshot.recording.stretch(snapshot.t, snapshot.t) if len(snapshot.recording) else {}
-    row = {name: values[-1] for name, values in rows.items() if len(values)}
+    recording, t = snapshot.recording, snapshot.t
+    row = recording.at(t) if len(recording) and t >= recording.first else {}
     told = {
         symbol.written: value
         for symbol in GLOSSARY

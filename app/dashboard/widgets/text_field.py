@@ -15,10 +15,22 @@ from app.session.snapshot import Snapshot
 class _Draft:
     """Draft: a text that the user has typed and that is not in force, or was refused. It stays until it is accepted,
     until Esc, or until a new run.
-    run: number of the run in which it was typed."""
+    run: number of the run in which it was typed.
+    asked_at: revision and number of refusals when it was posted, None before that."""
 
     text: str
     run: int
+    asked_at: tuple[int, int] | None = None
+
+    def over(self, snapshot: Snapshot, value: str | None) -> bool:
+        """Whether the draft has been accepted, or belongs to another run. value: the running one, which may be written
+        otherwise."""
+        if self.text == value or self.run != snapshot.run:
+            return True
+        if self.asked_at is None:
+            return False
+        revision, refusals = self.asked_at
+        return snapshot.revision != revision and snapshot.refusal_number == refusals
 
 
 class TextField:
@@ -44,15 +56,14 @@ class TextField:
         if not text.strip():  # Esc, or nothing to read
             self._draft = None
             self.show(snapshot)
-        elif text != self._place.read(snapshot):
-            self._desk.post(self._place.edit(snapshot, text))
+        elif text != self._place.read(snapshot) and self._desk.post(self._place.edit(snapshot, text)):
+            self._draft = _Draft(text, snapshot.run, (snapshot.revision, snapshot.refusal_number))
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
         if self._form.visible != (value is not None):
             self._form.visible = value is not None
-        draft = self._draft
-        if draft is not None and (draft.text == value or draft.run != snapshot.run):
+        if self._draft is not None and self._draft.over(snapshot, value):
             self._draft = None
         if value is not None and self._draft is None:
             self._text.value = value

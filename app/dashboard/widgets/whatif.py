@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from app.scenario.data import edited, with_values
+from app.scenario.data import differences, edited, with_values
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.commands import Edit, EditAll, Load
+from app.session.commands import Edit, EditAll
 from app.session.preview import Outlook, PreviewRefusal
 from app.session.preview_client import Previewer
 from app.session.snapshot import Snapshot
@@ -130,13 +130,13 @@ class WhatIf:
         else:
             self._applied = _Applied(snapshot.scenario, after, moved, _answers(snapshot))
 
-    def undo(self, snapshot: Snapshot) -> Load | None:
+    def undo(self, snapshot: Snapshot) -> EditAll | None:
         """Command that takes back the last edit by a slider, None where it was refused or the scenario has been changed
         since."""
         applied = self._applied
         if applied is None or (applied.after != snapshot.scenario and applied.asked_at != _answers(snapshot)):
             return None
-        return Load(applied.before)
+        return EditAll({path: old for path, (old, _) in differences(applied.before, applied.after).items()})
 
     def look(self, snapshot: Snapshot, clients: Collection[int]) -> bool:
         """Ask the question of the held slider, and take answers. Returns whether the preview to draw has changed."""
