@@ -10,7 +10,6 @@ from msgspec import Struct
 
 from app.scenario.data import shipped
 from app.scenario.schema import CouplingSection, FurtherSurface, Scenario, field_info
-from app.scenario.units import CARTESIAN, JOINT
 from controllers.controller import Controller
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
@@ -91,7 +90,7 @@ def _model(scenario: Scenario, model: Mapping[str, np.ndarray], angles: Sequence
     """The target model with the units of its task coordinates, which hold angles times a length, and its torsional
     stiffness."""
     joint, n = scenario.task_space.kind == "joint", len(model["M_m"])  # two coordinates are places
-    units = (JOINT if joint else CARTESIAN).of_model
+    units = scenario.units.of_model
     matrices = ", ".join(f"{name} = {_matrix(model[name])} {unit}".rstrip() for name, unit in units.items())
     l = scenario.task_space.characteristic_length
     scaled = f", angles in r times ℓ = {l:g} m" if not joint and n > 2 else ""

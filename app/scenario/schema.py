@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, cast
 import msgspec
 from msgspec import Meta, Struct
 
+from app.scenario.units import CARTESIAN, JOINT, Units
 from environments.contact_kinds import CONTACTS, ContactKind, ContactName
 from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import AnyForceProfile
@@ -436,6 +437,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     coupling: CouplingSection = msgspec.field(default_factory=CouplingSection)
     face: FaceSection = msgspec.field(default_factory=FaceSection)
     simulation: Simulation = msgspec.field(default_factory=Simulation)
+
+    @property
+    def units(self) -> Units:
+        """Units in which r, s and the generalised forces are shown."""
+        return JOINT if self.task_space.kind == "joint" else CARTESIAN
 
     @property
     def surfaces(self) -> tuple[SurfaceInWorld, ...]:

@@ -32,6 +32,11 @@ OF_R = ("motion.", "shift.by", "controller.layer", "controller.K_s", "controller
 WITH_JOINTS = {"m": "rad", "m/s": "rad/s", "N": "N·m", "N·s/m": "N·m·s/rad"}
 
 
+def unit_in(units: Units, path: str, unit: str) -> str:
+    """Unit of a field in a task space with these units. unit: where r is in metres."""
+    return WITH_JOINTS.get(unit, unit) if units == JOINT and path.startswith(OF_R) else unit
+
+
 def label_with_joints(path: str, label: str) -> str:
     """Label of a field's control where r = q. label: where r is in metres, with its unit in brackets."""
     words, _, unit = label.removesuffix("]").rpartition(" [")

@@ -10,7 +10,7 @@ import numpy as np
 
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
-from app.scenario.units import CARTESIAN, JOINT, Units
+from app.scenario.units import Units
 from app.simulation.domain import Constants, posture_at
 from app.simulation.error_model import ErrorModel
 from app.simulation.observation import Observer
@@ -124,7 +124,7 @@ class System:
     @property
     def units(self) -> Units:
         """Units in which r, s and the generalised forces are shown."""
-        return JOINT if self.layout.joint else CARTESIAN
+        return self.scenario.units
 
     def observe(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
         """Observation of a state by the controller: estimates and task coordinates."""

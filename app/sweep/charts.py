@@ -75,7 +75,7 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
         edges_x, edges_y, grid.of(points.number, shape, np.nan), cmap=COLORS, norm=_norm(points, view)
     )
     _log_scales(plot, xs, ys)
-    _bar(canvas, plot, tiles, points, view)
+    _bar(canvas, plot, tiles, sweep, points, view)
     centres = [(float(xs[i]), float(ys[j])) for i, j in zip(grid.i, grid.j, strict=True)]
     few = len(centres) <= MOST_TEXTS and points.arms.max() > 1
     for k, at in enumerate(centres):
@@ -93,8 +93,8 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
             plot.plot(across, up, label=name if number == 0 else None, **style)
     if plot.get_legend_handles_labels()[0]:
         plot.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, fontsize=6.0)
-    plot.set_xlabel(_of_axis(x))
-    plot.set_ylabel(_of_axis(y))
+    plot.set_xlabel(_of_axis(x, sweep))
+    plot.set_ylabel(_of_axis(y, sweep))
     plot.grid(visible=False)
     return canvas
 
@@ -116,7 +116,7 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
         mine = mine[np.argsort(np.asarray(points.values[x.path][mine], dtype=float))]
         at = np.asarray(points.values[x.path][mine], dtype=float)
         name = ", ".join(
-            f"{title_of(path)} {said(path, value)} {unit_of(path)}".rstrip()
+            f"{title_of(path)} {said(path, value)} {unit_of(path, sweep.scenario.units)}".rstrip()
             for path, value in zip(rest, key, strict=True)
             if path in shown
         )
@@ -138,8 +138,8 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
     if statistic_of(view) != "share" and wide(points.number):
         plot.set_yscale("log")
         plain_decades(plot.yaxis)
-    plot.set_xlabel(_of_axis(x))
-    plot.set_ylabel(_label(points, view))
+    plot.set_xlabel(_of_axis(x, sweep))
+    plot.set_ylabel(_label(sweep, points, view))
     return canvas
 
 
@@ -150,14 +150,14 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) ->
     canvas, plot = sheet(SINGLE, _caption(sweep, points, view))
     at = [np.asarray(points.values[axis.path], dtype=float) for axis in (x, y)]
     dots = plot.scatter(*at, c=points.number, cmap=COLORS, norm=_norm(points, view), s=9, linewidths=0)
-    _bar(canvas, plot, dots, points, view)
+    _bar(canvas, plot, dots, sweep, points, view)
     plot.plot(at[0][points.stopped], at[1][points.stopped], "x", color="0.2", markersize=3)
     for axis, scale, of in ((x, plot.set_xscale, plot.xaxis), (y, plot.set_yscale, plot.yaxis)):
         if axis.logarithmic:
             scale("log")
             plain_decades(of)
-    plot.set_xlabel(_of_axis(x))
-    plot.set_ylabel(_of_axis(y))
+    plot.set_xlabel(_of_axis(x, sweep))
+    plot.set_ylabel(_of_axis(y, sweep))
     return canvas
 
 
@@ -179,8 +179,8 @@ def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -
         plot.axvline(k, color="0.35", linewidth=0.5)
     from matplotlib.cm import ScalarMappable
 
-    _bar(canvas, plot, ScalarMappable(norm, map_), points, view)
-    plot.set_xticks(range(len(axes)), [_of_axis(axis) for axis in axes])
+    _bar(canvas, plot, ScalarMappable(norm, map_), sweep, points, view)
+    plot.set_xticks(range(len(axes)), [_of_axis(axis, sweep) for axis in axes])
     plot.tick_params(axis="x", pad=9)
     plot.set_yticks([])
     plot.set_ylim(-0.01, 1.01)
@@ -244,24 +244,24 @@ def _caption(sweep: Sweep, points: Points, view: SweepView) -> str:
     return told + "."
 
 
-def _bar(canvas: Canvas, plot: Axes, colored: Any, points: Points, view: SweepView) -> None:
-    bar = canvas.colorbar(colored, ax=plot, label=_label(points, view), pad=0.02)
+def _bar(canvas: Canvas, plot: Axes, colored: Any, sweep: Sweep, points: Points, view: SweepView) -> None:
+    bar = canvas.colorbar(colored, ax=plot, label=_label(sweep, points, view), pad=0.02)
     if statistic_of(view) != "share" and wide(points.number):
         plain_decades(bar.ax.yaxis)
 
 
-def _label(points: Points, view: SweepView) -> str:
+def _label(sweep: Sweep, points: Points, view: SweepView) -> str:
     column, name = COLUMNS[view.metric], view.metric.replace("_", " ")
-    unit = f" [{column.unit}]" if column.unit not in ("", "1") else ""
+    unit = f" [{known}]" if (known := column.unit_in(sweep.scenario.units)) else ""
     if view.within is not None:
-        unit = "" if column.unit in ("", "1") else f" {column.unit}"
+        unit = f" {known}".rstrip()
         return f"share of arms with {name} {'≥' if column.more_is_better else '≤'} {view.within:g}{unit}"
     return f"{name}, {statistic_of(view)} arm{unit}" if points.arms.max() > 1 else f"{name}{unit}"
 
 
-def _of_axis(axis: Axis) -> str:
+def _of_axis(axis: Axis, sweep: Sweep) -> str:
     """Title of an axis, in lines."""
-    return "\n".join(wrapped(named(axis.path), LABEL, 7.0))
+    return "\n".join(wrapped(named(axis.path, sweep.scenario.units), LABEL, 7.0))
 
 
 def _norm(points: Points, view: SweepView) -> Any:

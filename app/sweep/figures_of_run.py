@@ -10,6 +10,7 @@ import numpy as np
 
 from app.analysis.metrics import Metrics
 from app.scenario.schema import ScenarioError
+from app.scenario.units import JOINT, WITH_JOINTS, Units
 from app.session.headless_run import simulate
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
@@ -23,7 +24,8 @@ class Column(NamedTuple):
     """Column of the table: unit in SI, "" for a word or a plain number, and meaning.
     more_is_better: whether the worst of several arms is the one with the least number.
     at_the_end: whether it is of the last fifth of the run only.
-    may_never: whether a run without a number never came to it, which is worse than any number."""
+    may_never: whether a run without a number never came to it, which is worse than any number.
+    of_r: whether its unit depends on that of r; `unit` is where r is in metres."""
 
     unit: str
     meaning: str
@@ -31,6 +33,12 @@ class Column(NamedTuple):
     more_is_better: bool = False
     at_the_end: bool = False
     may_never: bool = False
+    of_r: bool = False
+
+    def unit_in(self, units: Units) -> str:
+        """Unit in a task space with these units, "" for a word or a plain number."""
+        unit = WITH_JOINTS.get(self.unit, self.unit) if self.of_r and units == JOINT else self.unit
+        return "" if unit == "1" else unit
 
     def badness(self, values: object) -> np.ndarray:
         """Numbers of the size of `values`, the larger the worse. A value that is None or NaN is the worst where a run
@@ -49,7 +57,7 @@ COLUMNS: dict[str, Column] = {
     "row": Column("", "number of the run, for `--row` of `vsmrc run`"),
     "point": Column("", "number of the point, of the varied fields"),
     "arm": Column("", "number of the true arm at this point"),
-    "motion_error": Column("m", "largest position error where no force is controlled", at_the_end=True),
+    "motion_error": Column("m", "largest position error where no force is controlled", at_the_end=True, of_r=True),
     "angle_error": Column("rad", "largest error of angles and supplemental joints", at_the_end=True),
     "force_error": Column("N", "largest force error", at_the_end=True),
     "constraint_violation": Column("m", "largest distance from a rigid surface"),
@@ -59,9 +67,9 @@ COLUMNS: dict[str, Column] = {
     "reaching_time": Column("s", "until ‖s‖ is within the boundary layer", may_never=True),
     "layer_time_bound": Column("s", "until then by (18), as promised"),
     "band_time": Column("s", "until ‖s‖ is within its band", may_never=True),
-    "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised"),
-    "gain_margin": Column("N", "least d minus what (17) needs", more_is_better=True),
-    "residual": Column("N", "RMS of (8)", at_the_end=True),
+    "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised", of_r=True),
+    "gain_margin": Column("N", "least d minus what (17) needs", more_is_better=True, of_r=True),
+    "residual": Column("N", "RMS of (8)", at_the_end=True, of_r=True),
     "torque_variation": Column("N·m/s", "summed changes of all commanded torques per second"),
     "saturated_share": Column("1", "share of the control periods in which a drive is at its limit"),
     "simulated_time": Column("s", "until the end of the run", more_is_better=True),

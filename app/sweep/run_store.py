@@ -146,7 +146,7 @@ def schema_of(sweep: Sweep) -> pa.Schema:
         column(
             name,
             pa.string() if each.word else pa.int64() if name in ("row", "point", "arm") else pa.float64(),
-            each.unit,
+            "1" if each.unit == "1" else each.unit_in(sweep.scenario.units),
             each.whole_meaning,
         )
         for name, each in COLUMNS.items()

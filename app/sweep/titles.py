@@ -7,6 +7,7 @@ import re
 
 from app.export.figures import plain_number
 from app.scenario.schema import FieldInfo, field_info
+from app.scenario.units import Units, unit_in
 from app.simulation.controller_builder import laws
 from controllers.modes import MODES
 
@@ -81,15 +82,20 @@ def title_of(path: str) -> str:
     return f"{title}, entry {', '.join(entry)}" if entry else title
 
 
-def unit_of(path: str) -> str:
-    """Unit of the field at a dotted path, "" for a plain number and for one that the schema does not describe."""
-    info = _info(_parted(path)[0])
-    return "" if info is None or info.unit == "1" else info.unit
+def unit_of(path: str, units: Units) -> str:
+    """Unit of the field at a dotted path in a task space with these units, "" for a plain number and for one that the
+    schema does not describe."""
+    field, _ = _parted(path)
+    info = _info(field)
+    section, _, name = field.rpartition(".")
+    if section in ("target_model", "blend.to") and name in units.of_model:
+        return units.of_model[name]
+    return "" if info is None or info.unit == "1" else unit_in(units, field, info.unit)
 
 
-def named(path: str) -> str:
+def named(path: str, units: Units) -> str:
     """Title with the unit, as on an axis."""
-    unit = unit_of(path)
+    unit = unit_of(path, units)
     return f"{title_of(path)} [{unit}]" if unit else title_of(path)
 
 

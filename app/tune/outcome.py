@@ -108,9 +108,10 @@ def zipped(tuning: Tuning, rows: Sequence[Figures], found: Found) -> bytes:
 
 def _table(tuning: Tuning, found: Found) -> pa.Table:
     """Table of all candidates, with units and meanings."""
-    worst = [column(aim, pa.float64(), COLUMNS[aim].unit, "worst of the arms seen; inf: none") for aim in tuning.aims]
+    unit_of_aim = {aim: COLUMNS[aim].unit_in(tuning.scenario.units) for aim in tuning.aims}
+    worst = [column(aim, pa.float64(), unit, "worst of the arms seen; inf: none") for aim, unit in unit_of_aim.items()]
     tried = [
-        column(f"{aim}_unseen", pa.float64(), COLUMNS[aim].unit, "worst of the arms not seen") for aim in tuning.aims
+        column(f"{aim}_unseen", pa.float64(), unit, "worst of the arms not seen") for aim, unit in unit_of_aim.items()
     ]
     schema = pa.schema(
         [
@@ -162,8 +163,8 @@ def _draw_front(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> None
         if shown and _far_apart([each.aims[k] for each in shown]):
             set_scale("log")
             plain_decades(axis)
-    plot.set_xlabel(in_words(tuning.aims[0]))
-    plot.set_ylabel(in_words(tuning.aims[1]))
+    plot.set_xlabel(in_words(tuning.aims[0], tuning.scenario.units))
+    plot.set_ylabel(in_words(tuning.aims[1], tuning.scenario.units))
 
 
 def _draw_course(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> None:
@@ -182,7 +183,7 @@ def _draw_course(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> Non
         plot.set_yscale("log")
         plain_decades(plot.yaxis)
     plot.set_xlabel("candidate")
-    plot.set_ylabel(in_words(tuning.aims[0]))
+    plot.set_ylabel(in_words(tuning.aims[0], tuning.scenario.units))
 
 
 def _far_apart(values: list[float]) -> bool:
@@ -193,7 +194,8 @@ def told(tuning: Tuning, found: Found) -> list[list[str]]:
     """Rows of the table that is printed, its head first: gains, and the worst on the arms that were not seen with its
     change and the number of arms that are better."""
     paths = (axis.path.replace(".", ".\n", 1) for axis in tuning.vary)
-    rows = [["", *paths, *map(in_words, tuning.aims), "promise\nholds"]]
+    aims = (in_words(aim, tuning.scenario.units) for aim in tuning.aims)
+    rows = [["", *paths, *aims, "promise\nholds"]]
     files = files_of(tuning, found)
     for number, each in found.tried.items():
         if number and number not in files:

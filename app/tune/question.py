@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar
 from msgspec import Meta
 
 from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.units import Units
 from app.simulation.controller_builder import mode_of
 from app.simulation.environment_builder import positions_of, robot_of
 from app.sweep.figures_of_run import COLUMNS
@@ -113,7 +114,7 @@ def program() -> str:
     return fingerprint(("app/tune",), ("optuna",))
 
 
-def in_words(aim: str) -> str:
-    """Aim with its unit, as on an axis or at the head of a column."""
-    unit = COLUMNS[aim].unit
-    return aim.replace("_", " ") + (f" [{unit}]" if unit not in ("", "1") else "")
+def in_words(aim: str, units: Units) -> str:
+    """Aim with its unit in a task space with these units, as on an axis or at the head of a column."""
+    unit = COLUMNS[aim].unit_in(units)
+    return aim.replace("_", " ") + (f" [{unit}]" if unit else "")

@@ -5,19 +5,21 @@ from __future__ import annotations
 from itertools import pairwise
 
 from app.analysis.run_events import Event
+from app.dashboard.widgets.field_words import field_in_words
 from app.dashboard.widgets.playback import APART, apart
+from app.scenario.units import CARTESIAN, JOINT
 
 
 def test_many_events_of_a_kind_leave_ticks_that_stand_apart_and_the_last_one_and_all_rare_ones() -> None:
     pushes = [(Event(float(k), "push", "pushed"), k / 200) for k in range(201)]
     fork = (Event(100.2, "fork", "forked"), 0.501)
-    kept = apart(sorted([*pushes, fork], key=lambda place: place[1]))
+    kept = apart(sorted([*pushes, fork], key=lambda place: place[1]), CARTESIAN)
     assert fork in [tick[:2] for tick in kept]
     assert kept[-1][:2] == pushes[-1]
     shares = [share for event, share, _ in kept if event.kind == "push"]
     assert 30 < len(shares) <= 41
     assert all(b - a > APART - 1e-9 for a, b in pairwise(shares))
-    assert [tick[:2] for tick in apart(pushes[:1])] == pushes[:1]
+    assert [tick[:2] for tick in apart(pushes[:1], CARTESIAN)] == pushes[:1]
 
 
 def test_a_tick_tells_of_the_nearer_ones_before_it_in_the_pages_words() -> None:
@@ -25,10 +27,22 @@ def test_a_tick_tells_of_the_nearer_ones_before_it_in_the_pages_words() -> None:
         (Event(80.0, "edit", "controller.law = computed-torque", (("controller.law", "computed-torque"),)), 0.600),
         (Event(83.4, "edit", "controller.law = vsmrc", (("controller.law", "vsmrc"), ("contact.K_e", 2e4))), 0.601),
     ]
-    (tick,) = apart(laws)
+    (tick,) = apart(laws, CARTESIAN)
     assert tick.event.t == 83.4
     first, second = tick.told.splitlines()
     assert first.startswith("80.00 s: ")
     assert "computed torque" in first
     assert second.endswith("20000 N/m")
     assert "contact.K_e" not in tick.told
+
+
+def test_a_field_has_the_unit_of_the_coordinates_and_what_is_left_out_is_said_as_what_it_is() -> None:
+    for units, layer, damping in (
+        (CARTESIAN, "0.02 m/s", "[400, 400] N·s/m"),
+        (JOINT, "0.02 rad/s", "[400, 400] N·m·s/rad"),
+    ):
+        assert field_in_words("controller.layer", 0.02, units).endswith(layer)
+        assert field_in_words("target_model.B_m", [400, 400], units).endswith(damping)
+        assert field_in_words("contact.K_e", 2e4, units).endswith(" N/m")
+    assert field_in_words("target_model.B_m", None, JOINT).endswith("the mode's own")
+    assert field_in_words("declared.delta_G", None, JOINT).endswith("not given")

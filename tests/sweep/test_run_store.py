@@ -14,10 +14,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from app.scenario.data import shipped
 from app.scenario.schema import ScenarioError
 from app.sweep import run_store
-from app.sweep.question import SweepQuestion
-from app.sweep.run_store import JOURNAL, RunStore, parts, table_of
+from app.sweep.question import Sweep, SweepQuestion, axis_of
+from app.sweep.run_store import JOURNAL, RunStore, parts, schema_of, table_of
 from tests.sweep.test_question import sweep_of
 
 SWEEP = sweep_of("contact.K_e=1e3:1e5:50:log", "controller.K_s=20:80:80")  # 4,000 runs
@@ -105,6 +106,12 @@ def test_a_line_that_was_cut_off_is_forgotten_and_a_part_says_units(tmp_path: Pa
     assert schema.field("motion_error").metadata[b"unit"] == b"m"
     assert schema.field("contact.K_e").metadata[b"meaning"] == b"varied field"
     assert (tmp_path / JOURNAL).read_bytes() == b""
+
+
+def test_a_part_of_a_sweep_in_joint_space_says_its_units() -> None:
+    schema = schema_of(Sweep(shipped()["ur5-joint"], (axis_of("controller.layer=0.01:0.02:2"),)))
+    units = {name: schema.field(name).metadata[b"unit"].decode() for name in ("motion_error", "residual", "wall_time")}
+    assert units == {"motion_error": "rad", "residual": "N·m", "wall_time": "s"}
 
 
 def test_a_damaged_part_is_said(tmp_path: Path) -> None:

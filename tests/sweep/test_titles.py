@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from app.scenario.data import shipped, to_plain
+from app.scenario.units import CARTESIAN, JOINT
 from app.sweep.titles import named, said, title_of
 
 
@@ -27,7 +28,20 @@ from app.sweep.titles import named, said, title_of
     ],
 )
 def test_a_field_has_the_words_of_the_page_and_its_unit(path: str, title: str) -> None:
-    assert named(path) == title
+    assert named(path, CARTESIAN) == title
+
+
+@pytest.mark.parametrize(
+    ("path", "title"),
+    [
+        ("controller.layer", "boundary layer [rad/s]"),
+        ("target_model.K_m.2", "stiffness of the target model (8), entry 2 [N·m/rad]"),
+        ("blend.to.K_m.2.3", "stiffness of the target model (8) (blend), entry 2, 3 [N·m/rad]"),
+        ("truth.viscous", "viscous friction per joint (true arm) [N·m·s/rad]"),
+    ],
+)
+def test_where_r_is_the_joints_a_field_has_another_unit(path: str, title: str) -> None:
+    assert named(path, JOINT) == title
 
 
 def test_a_value_is_in_words_too() -> None:

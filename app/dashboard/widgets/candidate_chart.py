@@ -10,6 +10,7 @@ from html import escape
 import numpy as np
 
 from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, plain, said_html
+from app.sweep.figures_of_run import COLUMNS
 from app.sweep.titles import unit_of
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate, front
@@ -38,7 +39,7 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
         _mark(each, x[each.number], y[each.number], _said(tuning, each, names), chosen, in_front=each in best)
         for each in sorted(shown, key=lambda each: (each in best, each.number == 0, not each.badge))
     ]
-    first, *others = map(in_words, aims)
+    first, *others = (in_words(aim, tuning.tuning.scenario.units) for aim in aims)
     names_of_axes = (first, others[0]) if others else ("candidate", first)
     names_of_axes = tuple(
         f"{name}, logarithmic" if scale.logarithmic else name
@@ -71,11 +72,13 @@ def _told(tuning: BackgroundTuning) -> str:
 
 def said_of(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
     """Description of a candidate: its gains and aims, in words."""
+    units = tuning.tuning.scenario.units
     gains = ", ".join(
-        f"{names[path]} {plain(float(value))} {unit_of(path)}".rstrip() for path, value in candidate.values.items()
+        f"{names[path]} {plain(float(value))} {unit_of(path, units)}".rstrip()
+        for path, value in candidate.values.items()
     )
     figures = ", ".join(
-        f"{in_words(aim).partition(' [')[0]} {plain(value)} {_unit(aim)}".rstrip()
+        f"{aim.replace('_', ' ')} {plain(value)} {COLUMNS[aim].unit_in(units)}".rstrip()
         for aim, value in zip(tuning.tuning.aims, candidate.aims, strict=True)
     )
     return f"{gains or 'own gains'}: {figures}"
@@ -85,10 +88,6 @@ def _said(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, st
     arms = f", worst of {tuning.tuning.seen} arms" if tuning.tuning.draw else ""
     badge = f". Not offered: {candidate.badge}" if candidate.badge else ""
     return f"{said_of(tuning, candidate, names)}{arms}{badge}"
-
-
-def _unit(aim: str) -> str:
-    return in_words(aim).partition(" [")[2].rstrip("]")
 
 
 def _place(candidate: Candidate) -> tuple[float, float]:

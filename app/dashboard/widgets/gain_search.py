@@ -191,6 +191,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         """Show the candidates so far."""
         count = sum(each.field is not None for each in self._moves)
         for k, each in enumerate(self._moves):
+            each.show(snapshot.system.units)
             each.show_whole(visible=each.field is not None or k <= count)
         if self._chosen is not None and not self._desk.whatif.holds(self):
             self._chosen, self._due = None, 0.0  # the preview was reverted, or replaced by that of a slider

@@ -13,6 +13,7 @@ from app.analysis.run_events import Event, RunEvents
 from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk
 from app.dashboard.widgets.field_words import field_in_words
+from app.scenario.units import Units
 from app.session.commands import Command, Fork, Pause, Pin, Play, Reset, Seek, SetSpeed, StepOnce, ToEnd
 from app.session.snapshot import Snapshot
 
@@ -163,7 +164,7 @@ def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
     ticks = "".join(
         f'<i class="vs-tick vs-{event.kind}" data-seek="{event.t:.4f}" style="left:{share:.1%}" '
         f'title="{escape(told)}"></i>'
-        for event, share, told in apart([place for place in places if 0.0 <= place[1] <= 1.0])
+        for event, share, told in apart([place for place in places if 0.0 <= place[1] <= 1.0], snapshot.latest.units)
     )
     return f'<div class="vs-ticks">{ticks}</div>'
 
@@ -176,24 +177,25 @@ class Tick(NamedTuple):
     told: str
 
 
-def apart(places: list[tuple[Event, float]]) -> list[Tick]:
+def apart(places: list[tuple[Event, float]], units: Units) -> list[Tick]:
     """Ticks that are at least `APART` from the next one of their kind, so that each can be pressed; that one tells of
     the nearer ones, too, as far as it has room.
-    places: events and their positions as shares of the timeline, in order of time."""
+    places: events and their positions as shares of the timeline, in order of time.
+    units: of the task space."""
     following: dict[str, int] = {}  # number of the last tick of each kind
     ticks: list[Tick] = []
     for event, share in reversed(places):
         number = following.get(event.kind)
         if number is None or ticks[number].share - share >= APART:
             following[event.kind] = len(ticks)
-            ticks.append(Tick(event, share, _told(event)))
+            ticks.append(Tick(event, share, _told(event, units)))
         elif len(ticks[number].told) < ROOM:
-            ticks[number] = ticks[number]._replace(told=f"{_told(event)}\n{ticks[number].told}")
+            ticks[number] = ticks[number]._replace(told=f"{_told(event, units)}\n{ticks[number].told}")
     return ticks[::-1]
 
 
-def _told(event: Event) -> str:
-    words = [field_in_words(path, value) for path, value in event.changed[:NAMED]]
+def _told(event: Event, units: Units) -> str:
+    words = [field_in_words(path, value, units) for path, value in event.changed[:NAMED]]
     more = ["…"] if len(event.changed) > NAMED else []
     return f"{event.t:.2f} s: {'; '.join(words + more) or event.what}"
 

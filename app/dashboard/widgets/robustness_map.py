@@ -23,6 +23,7 @@ from app.export.export_jobs import MadeJob, file_name
 from app.export.formats import Format
 from app.scenario.departures import DRAWN
 from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.units import Units
 from app.session.commands import Perform, Pin
 from app.session.snapshot import Snapshot
 from app.storage.recording_files import Tell
@@ -31,17 +32,18 @@ from app.sweep.background import BackgroundSweep
 from app.sweep.figures_of_run import COLUMNS, Figures, columns_of
 from app.sweep.points import Points, SweepView, points_of
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.titles import unit_of
 
 SIZES = {"5": 5, "9": 9, "13": 13}
 ARMS = {"the scenario's own": 0, "4 of the declared set": 4, "8 of the declared set": 8, "16 of the declared set": 16}
-METRICS = {
-    "largest force error at the end": ("force_error", 1.0, "N"),
-    "largest path error at the end": ("motion_error", 1e3, "mm"),
-    "largest angle error at the end": ("angle_error", 1e3, "mrad"),
-    "torque variation": ("torque_variation", 1.0, "N·m/s"),
-    "residual of (8)": ("residual", 1.0, "N"),
-    "settling time": ("settling_time", 1.0, "s"),
-    "share of the run that is promised": ("promised_share", 100.0, "%"),
+METRICS = {  # columns by title, and by which factor they are shown
+    "largest force error at the end": ("force_error", 1.0),
+    "largest path error at the end": ("motion_error", 1e3),
+    "largest angle error at the end": ("angle_error", 1e3),
+    "torque variation": ("torque_variation", 1.0),
+    "residual of (8)": ("residual", 1.0),
+    "settling time": ("settling_time", 1.0),
+    "share of the run that is promised": ("promised_share", 100.0),
 }
 FOLDER = "sweep folder"
 FORMATS: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
@@ -152,17 +154,23 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
 
     @property
     def _view(self) -> SweepView:
-        name, factor, _ = METRICS[self._metric.value]
+        name, factor = METRICS[self._metric.value]
         limit = typed(self._within)
         try:
             return SweepView(name, within=number_of("Limit", limit) / factor if limit else None)
         except ScenarioError:
             return SweepView(name)
 
-    @property
-    def _naming(self) -> Naming:
-        _, factor, unit = METRICS[self._metric.value]
-        axes = {path: (field.name, field.unit) for path, field in self._fields.items()}
+    def _unit(self, units: Units) -> str:
+        """Unit in which the figure is shown."""
+        name, factor = METRICS[self._metric.value]
+        unit = COLUMNS[name].unit_in(units)
+        return {1.0: unit, 1e3: f"m{unit}", 100.0: "%"}[factor]
+
+    def _naming(self, units: Units) -> Naming:
+        _, factor = METRICS[self._metric.value]
+        unit = self._unit(units)
+        axes = {path: (field.name, unit_of(path, units)) for path, field in self._fields.items()}
         within = self._view.within
         limit = "" if within is None else f"{factor * within:.3g} {unit}"
         return Naming(self._metric.value, unit, factor, limit, axes)
@@ -172,9 +180,10 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         return points_of(sweep.question.sweep, columns_of(rows), self._view) if rows else None
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the map so far, and the unit of the limit."""
-        _, _, unit = METRICS[self._metric.value]
-        if self._within.label != (label := f"Limit [{unit}]"):
+        """Show the map so far, and the units of the ranges and the limit."""
+        for side in (self._across, self._up):
+            side.show(snapshot.system.units)
+        if self._within.label != (label := f"Limit [{self._unit(snapshot.system.units)}]"):
             self._within.label = label
         super().show(snapshot)
 
@@ -182,7 +191,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         if self._files.visible != bool(work.rows):
             self._files.visible = bool(work.rows)
         present = {axis.path: self._fields[axis.path].value(snapshot) for axis in work.question.sweep.vary}
-        return map_html(work, self._points(work), self._naming, present)
+        return map_html(work, self._points(work), self._naming(work.question.sweep.scenario.units), present)
 
 
 def badness(row: Figures, metric: str) -> tuple[bool, float]:

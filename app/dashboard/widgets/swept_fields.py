@@ -14,6 +14,7 @@ from app.dashboard.theme.style import MARKS
 from app.dashboard.widgets.controls import Desk, FieldPlace, NumberRow
 from app.scenario.data import with_values
 from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.units import CARTESIAN, Units
 from app.session.snapshot import Snapshot
 from app.sweep.question import Axis
 from app.sweep.titles import title_of, unit_of
@@ -37,11 +38,6 @@ class Field:
     high: float
     logarithmic: bool = False
     place: FieldPlace | None = None
-
-    @property
-    def unit(self) -> str:
-        """Unit, "" for a plain number."""
-        return unit_of(self.path)
 
     def needs(self, snapshot: Snapshot) -> Mapping[str, Any]:
         """Values, by path, that the scenario must get before this field can be set: a matrix that it leaves to the
@@ -125,7 +121,8 @@ class FieldChoice:
         )
         self._field.on_update(self._on_field)
         self._range.on_update(unmarked)
-        self.show()
+        self._units = CARTESIAN
+        self._show()
 
     @property
     def _names(self) -> tuple[str, ...]:
@@ -146,22 +143,27 @@ class FieldChoice:
             self._field.options = self._names
         self._of = self._field.value = field.name
         self._range.value = self._range_of(field.name)
-        self.show()
+        self._show()
 
     def leave(self) -> None:
         """Choose no field."""
         self._of = self._field.value = NONE
-        self.show()
+        self._show()
 
     async def _on_field(self, _: object) -> None:
         if self._field.value != self._of:
             self._of = self._field.value
             self._range.value = self._range_of(self._of)
-            self.show()
+            self._show()
 
-    def show(self) -> None:
-        """Show the unit, and the range where a field is chosen."""
-        unit = self.field.unit if self.field else ""
+    def show(self, units: Units) -> None:
+        """Show the range where a field is chosen, with its unit in a task space with these units."""
+        if units != self._units:
+            self._units = units
+            self._show()
+
+    def _show(self) -> None:
+        unit = unit_of(self.field.path, self._units) if self.field else ""
         label = f"{self._label} from, to [{unit}]" if unit else f"{self._label} from, to"
         if self._range.label != label:
             self._range.label = label
