@@ -445,7 +445,10 @@ class _View:
 
     def _plot(self, snapshot: Snapshot, now: float) -> None:
         whatif, looked_at = self._whatif, self._visible_tabs.tabs(self._server.get_clients())
-        pinned = tuple(PinnedChart(p.title, p.recording, color=RUNS[p.place]) for p in snapshot.pinned)
+        pinned = tuple(
+            PinnedChart(p.title, p.recording, p.system.units, p.system.coordinates, color=RUNS[p.place])
+            for p in snapshot.pinned
+        )
         shown = Shown(snapshot.t, self._viewing.window, pinned, whatif.outlook, whatif.horizon)
         began = time.thread_time()
         self._plots.show(snapshot, shown, looked_at)

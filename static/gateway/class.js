@@ -7,13 +7,15 @@ const COUNT = 25, WIDE = 320, HIGH = 200, LEFT = 8, RIGHT = 312, TOP = 10, BOTTO
 let shown = "", question = null, own = null;
 
 const send = async (given) => {
+  const { number } = question;
   said.textContent = "";
   try {
     const answer = await fetch("answer", {
       method: "POST", headers: { "Content-Type": "application/json" },
-      body: JSON.stringify({ number: question.number, given }),
+      body: JSON.stringify({ number, given }),
     });
     const told = await answer.json();
+    if (number !== question?.number) return; // another question has come meanwhile
     if (answer.ok) { own = told.own; draw(); } else said.textContent = told.refused;
   } catch { said.textContent = "The server does not answer; try again."; }
 };
@@ -125,7 +127,10 @@ const ask = async () => {
         if (fresh) said.textContent = "";
         draw();
       }
-    } else if (answer.status === 404 || answer.status === 403) place.replaceChildren(make("p", "", "This link leads nowhere any more: ask for a new one."));
+    } else if (answer.status === 404 || answer.status === 403) {
+      shown = ""; // it may lead somewhere again
+      place.replaceChildren(make("p", "", "This link leads nowhere any more: ask for a new one."));
+    }
   } catch { /* asked again */ }
   setTimeout(ask, 900 + 200 * Math.random());
 };

@@ -18,26 +18,32 @@ const at = (e) => {
   return [size * Math.cos(angle), size * Math.sin(angle)];
 };
 document.addEventListener("pointerdown", (e) => {
+  if (e.button !== 0) return;
   const mark = e.target instanceof Element && e.target.closest(".vs-poles [data-pole]");
   if (!mark) return;
   const svg = mark.closest("svg"), { x, y, hole, outer, low, high } = svg.dataset;
-  taken = { number: mark.dataset.pole, box: svg.getBoundingClientRect(), pole: null,
+  taken = { number: mark.dataset.pole, pointer: e.pointerId, box: svg.getBoundingClientRect(), pole: null,
     frame: { x: +x, y: +y, hole: +hole, outer: +outer, low: +low, high: +high } };
   e.preventDefault();
 }, true);
 document.addEventListener("pointermove", (e) => {
-  if (!taken) return;
+  if (e.pointerId !== taken?.pointer) return;
   taken.pole = at(e);
   tellPole(taken, "held");
 }, true);
-document.addEventListener("pointerup", () => {
-  if (!taken) return;
+document.addEventListener("pointerup", (e) => {
+  if (e.pointerId !== taken?.pointer) return;
   const last = taken;
   taken = null;
   setTimeout(() => tellPole(last, "dropped"), 80); // behind the last position, for which viser's slot has to be free
 }, true);
-document.addEventListener("keydown", (e) => {
-  if (e.key !== "Escape" || !taken) return;
+const leavePole = () => {
   tellPole(taken, "left");
   taken = null;
+};
+document.addEventListener("pointercancel", (e) => { // the browser scrolls instead
+  if (e.pointerId === taken?.pointer) leavePole();
+}, true);
+document.addEventListener("keydown", (e) => {
+  if (e.key === "Escape" && taken) leavePole();
 }, true);

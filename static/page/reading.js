@@ -106,7 +106,7 @@ const put = (plot) => {
   });
   plot.over.append(...cursors);
   plot.root.append(table);
-  measured.set(plot, { parts: [...cursors, table], again: () => told(plot, shares, table) });
+  measured.set(plot, { parts: [...cursors, table], box: plot.root.closest(".uplot-container"), again: () => told(plot, shares, table) });
 };
 const takeOff = (plot) => {
   for (const part of measured.get(plot)?.parts ?? []) part.remove();
@@ -158,6 +158,7 @@ window.vsmrcType = (plot, factor) => {
   plot.vsmrcFactor = factor;
 };
 
+const LARGE = 1.8; // of an enlarged plot
 const large = () => document.querySelector(".uplot-container[data-large]");
 const fit = (plot) => {
   const box = plot.root.closest("[data-large]");
@@ -181,7 +182,7 @@ const grow = (box) => {
   const plot = chartIn(box);
   if (!plot) return;
   box.dataset.large = plot.height;
-  window.vsmrcType(plot, 1.8);
+  window.vsmrcType(plot, LARGE);
   fit(plot);
 };
 document.addEventListener("click", (e) => {
@@ -226,9 +227,19 @@ setInterval(() => {
     Object.assign(whole, { className: "vs-unzoom", textContent: "whole window", title: "the whole window again, in all plots" });
     box.append(button, whole);
   }
-  for (const { again } of measured.values()) again();
+  for (const [plot, { box, again }] of [...measured]) {
+    if (plot.root.isConnected) again();
+    else { // viser has built it anew
+      measured.delete(plot);
+      const anew = box.isConnected && chartIn(box);
+      if (anew) put(anew);
+    }
+  }
   const enlarged = large() && chartIn(large());
-  if (enlarged) fit(enlarged); // a message above it takes room
+  if (enlarged) {
+    if (enlarged.vsmrcFactor !== LARGE) window.vsmrcType(enlarged, LARGE);
+    fit(enlarged); // a message above it takes room
+  }
   if (values.vsmrcPlot && !values.vsmrcPlot.root.isConnected) values.hidden = true;
 }, 300);
 

@@ -29,6 +29,7 @@ const fill = () => {
   // the equation lies under plot and scene, from the window's left to the controls: what it leaves them
   const below = document.querySelector("[data-floating-window]:has(.vs-equation)")?.offsetHeight ?? 0;
   page.style.setProperty("--vs-equation-height", `${below}px`);
+  for (const chart of staged.keys()) if (!chart.root.isConnected) staged.delete(chart); // viser has built it anew
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
     const box = chart.root.closest(".uplot-container"), here = onStage() && box?.matches("[data-staged]");
     if (!here && staged.has(chart)) {
@@ -41,7 +42,8 @@ const fill = () => {
         staged.set(chart, chart.height);
         window.vsmrcType(chart, 1.6);
       }
-      const group = box.closest("[data-dock-group]").getBoundingClientRect(), own = chart.root.getBoundingClientRect();
+      const dock = box.closest("[data-dock-group]") ?? document.documentElement; // a phone has no docks
+      const group = dock.getBoundingClientRect(), own = chart.root.getBoundingClientRect();
       const height = Math.round(group.bottom - own.top - (own.height - chart.height) - 24);
       if (height > 60 && Math.abs(height - chart.height) > 2) chart.setSize({ width: chart.width, height });
     }

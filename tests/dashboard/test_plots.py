@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,8 @@ from app.analysis.perturbation import DerivedSignals, PerturbationAnalysis
 from app.analysis.spectrum import amplitude_spectrum, variation_rate
 from app.analysis.steady_force import steady_force_error
 from app.analysis.thinning import BucketGrid
-from app.dashboard.plots.charts import BUCKETS, ChartLine, Frame, Setup
+from app.dashboard.plots.charts import BUCKETS, ChartLine, Frame, PinnedChart, Setup
+from app.dashboard.plots.dock import _laid
 from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.plots.plot_table import TABS, column, needed_stack, torque_stack
 from app.scenario.data import edited, load, shipped
@@ -336,6 +338,64 @@ def test_a_pinned_run_is_laid_on_the_shown_ones_time_and_has_gaps_where_it_has_n
     outside = (x < -0.71) | (x > -0.29)
     assert np.isnan(pinned[outside]).all()
     assert np.isfinite(shown).all()
+
+
+def test_bounds_are_drawn_only_where_something_is_promised() -> None:
+    """Under a constant gain that is too small nothing is, until the gain is by (17) again."""
+    loop = ran(shipped()["ur5-hybrid"], 0.2)
+    weak = edited(edited(loop.system.scenario, "controller.gain", "constant"), "controller.d", 1.0)
+    loop.edit(weak)
+    while loop.t < 0.4 - 1e-9:
+        loop.step()
+    promising = loop.recording.stretch(0.0, 0.199), loop.recording.stretch(0.21, 0.4)
+    assert [bool(np.isfinite(rows["s_bound"]).any()) for rows in promising] == [True, False]
+    loop.edit(shipped()["ur5-hybrid"])
+    while loop.t < 0.6 - 1e-9:
+        loop.step()
+    rows, setup = known(loop), setup_of(loop)
+    ahead = {name: loop.recording.stretch(0.21, 0.395)[name][::10] for name in loop.recording.columns}
+    x_ahead = 0.01 * np.arange(1, len(ahead["t"]) + 1)
+    grid, seen = BucketGrid.over(0.0, loop.t, BUCKETS), 0
+    for plot in (plot for tab in TABS.values() for plot in tab.plots if not plot.spectral):
+        drawing = plot.draw(setup)
+        lines = (
+            [line for line in drawing.lines if line.name.startswith(("bound (20)", "(20)", "(24)"))] if drawing else []
+        )
+        for line in lines:
+            x, drawn = Frame(loop.t, 0.6, grid, rows).courses([line])
+            inside, before, after = (x > -0.38) & (x < -0.22), x < -0.42, (x > -0.15) & (x <= 0.0)
+            assert np.isnan(drawn[inside]).all(), line.name
+            assert np.isfinite(drawn[before]).any()
+            assert np.isfinite(drawn[after]).any()
+            seen += 1
+    assert seen >= 5
+    overview = plots_of(["bound of s"])[0].draw(setup)
+    assert overview is not None
+    x, bound, norm = Frame(loop.t, 0.6, grid, rows, (), x_ahead, ahead).courses(overview.lines[:2])
+    assert np.isnan(bound[x > 0.0]).all()
+    np.testing.assert_allclose(norm[x > 0.0], 1e3 * ahead["s_norm"])
+    figure = figure_of(plots_of(["reaching"]), snapshot_of(loop), setup, 0.0, loop.t)
+    drawn_bound = next(curve for curve in figure.charts[0].curves if curve.name == "(20)")
+    gap = (drawn_bound.x > 0.22) & (drawn_bound.x < 0.38)
+    assert gap.any()
+    assert np.isnan(drawn_bound.y[gap]).all()
+
+
+def test_of_a_pinned_run_in_other_coordinates_only_what_is_alike_is_drawn(hybrid: ClosedLoop) -> None:
+    def laid(name: str) -> Mapping[str, np.ndarray]:
+        loop = ran(shipped()[name], 0.05)
+        pinned = PinnedChart("", loop.recording, loop.system.units, loop.system.coordinates)
+        signals = _laid(pinned, 0.0, 0.05, snapshot_of(hybrid))
+        assert signals is not None
+        return signals
+
+    alike, elsewhere, joints = (laid(name) for name in ("ur5-hybrid", "ur5-impedance", "ur5-joint"))
+    for name in ("F_c", "e_r", "s_norm", "multiplier"):
+        assert np.isfinite(alike[name]).all()
+    for name, known in (("F_c", False), ("e_r", False), ("s_norm", True), ("multiplier", True), ("tau", True)):
+        assert np.isfinite(elsewhere[name]).all() == known, name
+    for name, known in (("e_r", False), ("s_norm", False), ("d", False), ("tau", True), ("t", True)):
+        assert np.isfinite(joints[name]).all() == known, name
 
 
 def test_a_preview_goes_on_where_every_line_knows_what_lies_ahead(hybrid: ClosedLoop):

@@ -184,10 +184,13 @@ class Plot:
 @dataclass(frozen=True)
 class PinnedChart:
     """Pinned run, drawn in one colour behind the shown run.
+    units, coordinates: of its task space.
     start: instant (s) of the shown run at which the pinned run's zero is drawn."""
 
     name: str
     recording: Recording
+    units: Units
+    coordinates: tuple[Coordinate, ...]
     start: float = 0.0
     color: Rgb = GREY
 
@@ -283,7 +286,7 @@ class Frame:
         columns = [past]
         if self.foreseen is not None and all(line.foreseen for line in lines):
             future = _values(self.foreseen, lines)
-            if np.isfinite(future).any(axis=0).all():
+            if (~np.isnan(future)).any(axis=0).all():  # also where a line has a gap: it says that nothing is there
                 x.append(self.ahead)
                 columns.append(_bridged(future))
         shown = np.concatenate(columns)

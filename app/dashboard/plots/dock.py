@@ -21,6 +21,7 @@ from app.dashboard.widgets.equation import symbol
 from app.session.preview import Outlook
 from app.session.snapshot import Snapshot
 from app.simulation.recording import Recording
+from app.simulation.signals import SIGNALS
 
 WINDOWS = {"0.5 s": 0.5, "2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
 WINDOW = "8 s"
@@ -102,7 +103,7 @@ class Plots:
         analysis = self._analysis
         known = _Later(lambda: _known(analysis, recording, grid, begin - LEAD, shown.now))
         recent = self._recent(snapshot, shown, grid, analysis)
-        pinned = [_laid(p, begin - LEAD, shown.now, recording.n) for p in shown.pinned]
+        pinned = [_laid(p, begin - LEAD, shown.now, snapshot) for p in shown.pinned]
         if outlook is None:
             return Frame(shown.now, shown.window, grid, known, pinned, number=self._number, recent=recent)
         # a preview that begins the run anew is another run, to which the analysis does not apply
@@ -252,13 +253,17 @@ def _known(
 
 
 class _Laid(Mapping[str, np.ndarray]):
-    """Signals of a pinned run, with the times of the shown run. start: see `charts.Pinned`."""
+    """Signals of a pinned run, with the times of the shown run. start: see `PinnedChart`.
+    others: signals that are not those of the shown run by the same names, and are not known therefore."""
 
-    def __init__(self, signals: Signals, start: float) -> None:
-        self._signals, self._start = signals, start
+    def __init__(self, signals: Signals, start: float, others: Collection[str]) -> None:
+        self._signals, self._start, self._others = signals, start, others
 
     def __getitem__(self, name: str) -> np.ndarray:
-        return self._signals[name] + self._start if name == "t" else self._signals[name]
+        values = self._signals[name]
+        if name in self._others:
+            return np.full_like(values, np.nan)
+        return values + self._start if name == "t" else values
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._signals)
@@ -267,8 +272,17 @@ class _Laid(Mapping[str, np.ndarray]):
         return len(self._signals)
 
 
-def _laid(pinned: PinnedChart, t_from: float, t_to: float, n: int) -> Signals | None:
-    """Signals of a pinned run in a stretch of the shown one; None for an arm with another number of joints."""
-    if pinned.recording.n != n:
+def _laid(pinned: PinnedChart, t_from: float, t_to: float, snapshot: Snapshot) -> Signals | None:
+    """Signals of a pinned run in a stretch of the shown one; None for an arm with another number of joints. In a task
+    space with other units nothing that is measured in them can be compared, in other coordinates none of their
+    values."""
+    if pinned.recording.n != snapshot.recording.n:
         return None
-    return _Laid(pinned.recording.stretch(t_from - pinned.start, t_to - pinned.start), pinned.start)
+    of_r = [signal for signal in SIGNALS if signal.joint_unit]
+    if pinned.units != snapshot.system.units:
+        others = {signal.name for signal in of_r}
+    elif pinned.coordinates != snapshot.coordinates:
+        others = {signal.name for signal in of_r if signal.width is None}
+    else:
+        others = set[str]()
+    return _Laid(pinned.recording.stretch(t_from - pinned.start, t_to - pinned.start), pinned.start, others)

@@ -234,6 +234,12 @@ def _under_gain(values: Values) -> Values:
     return lambda signals: np.where(gain(signals) > 0.0, values(signals), np.inf)
 
 
+def _where_promised(values: Values) -> Values:
+    """Values of the periods for which the theorem promises something; those of other periods do not exist."""
+    bound = column("s_bound")
+    return _under_gain(lambda signals: np.where(np.isnan(bound(signals)), np.inf, values(signals)))
+
+
 def _bound_and_band() -> tuple[Values, Values]:
     return column("s_bound", 0, 1e3), column("s_band", 0, 1e3)
 
@@ -247,7 +253,7 @@ def _sliding(setup: Setup) -> Drawing:
     if not setup.robust:
         return _residual(setup)
     lines = [
-        ChartLine("bound (20) + band", BOUND, _under_gain(total(*_bound_and_band())), True, 2.0),
+        ChartLine("bound (20) + band", BOUND, _where_promised(total(*_bound_and_band())), True, 2.0),
         _s_norm(),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=1e-2)
@@ -276,8 +282,8 @@ def _reaching(setup: Setup) -> Drawing | None:
     bound, band = _bound_and_band()
     lines = [
         *_phases(),
-        ChartLine("(20)", DESIRED, _under_gain(bound), width=2.0),
-        ChartLine("(20) + band", BOUND, _under_gain(total(bound, band)), dashed=True),
+        ChartLine("(20)", DESIRED, _where_promised(bound), width=2.0),
+        ChartLine("(20) + band", BOUND, _where_promised(total(bound, band)), dashed=True),
         _s_norm(),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=0.1)
@@ -287,8 +293,8 @@ def _lyapunov(setup: Setup) -> Drawing | None:
     if not setup.bounded:
         return None
     lines = [
-        ChartLine("(24)", BOUND, _under_gain(column("V_bound", 0, 1e3)), width=2.0),
-        ChartLine("(24) + sampling", BOUND, _under_gain(column("V_limit", 0, 1e3)), dashed=True, width=1.4),
+        ChartLine("(24)", BOUND, _where_promised(column("V_bound", 0, 1e3)), width=2.0),
+        ChartLine("(24) + sampling", BOUND, _where_promised(column("V_limit", 0, 1e3)), dashed=True, width=1.4),
         ChartLine("V", color(0), _under_gain(column("V", 0, 1e3))),
     ]
     return Drawing("Lyapunov function  V = ½ sᵀH s  [mJ]", lines, floor=1e-3)

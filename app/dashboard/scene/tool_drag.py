@@ -147,6 +147,10 @@ class Hand:
         if snapshot.tool_desired is None:
             self._desk.complain("target: cannot be dragged in joint space; allowed: Cartesian task spaces")
             return None
+        free = shift_coordinates(snapshot)
+        if free.start == free.stop:
+            self._desk.complain("target: every place is pressed; allowed: where the path has a coordinate of its own")
+            return None
         return HeldHandle(client, drag, snapshot.system.charted.chart(grab, snapshot.t).g, *turning)
 
     def _let_go(self, snapshot: Snapshot, held: HeldHandle) -> None:

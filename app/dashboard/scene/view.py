@@ -21,7 +21,7 @@ from app.session.ghost import Ghost, Shade
 from app.session.snapshot import Snapshot
 from environments.robots import Robot
 
-_ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the measured one
+_ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the true one
 _GHOST_CELL = 0.01  # m: enough detail for the translucent arm
 _GHOST_PAINT = Paint(GHOST, opacity=0.3, coat=0.003)
 
@@ -51,7 +51,7 @@ class SceneView:
         )
         self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=2.0)
         self._tool_path = Trail(scene, "/path/tool", TOOL_PATH, thickness=5.0)
-        self._measured = ForceArrow(scene, "/force/measured", "measured", MEASURED, side="bottom-left")
+        self._measured = ForceArrow(scene, "/force/measured", "force", MEASURED, side="bottom-left")
         self._desired = ForceArrow(scene, "/force/desired", "desired", DESIRED, side="top-right")
         self._scale = ForceScale()
         self._frame = TaskFrame(scene, "/frame")
