@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.scenario.schema import Scenario, field_info
+from app.scenario.units import JOINT, unit_in
 from app.simulation.signals import SIGNALS
 
 _SIGNALS = {signal.name: signal for signal in SIGNALS}
@@ -42,7 +43,7 @@ class Symbol:
         row: recorded signals of one instant.
         model: the matrices of (8) in force, each (n, n)."""
         joint = scenario.task_space.kind == "joint"
-        unit = self.joint_unit or self.unit if joint else self.unit
+        unit = (self.joint_unit or self.unit if joint else self.unit).removesuffix("1")
         if self.signal:
             value = np.atleast_1d(row[self.signal]).astype(float)
         elif self.written in model:
@@ -83,7 +84,7 @@ def _signal(written: str, signal: str, equation: str, *also: str) -> Symbol:
 def _field(written: str, path: str, equation: str, *also: str) -> Symbol:
     of = field_info(path)
     unit = "" if of.unit == "1" else of.unit
-    return Symbol(written, of.doc, unit, "", equation, also, field=path)
+    return Symbol(written, of.doc, unit, unit_in(JOINT, path, unit), equation, also, field=path)
 
 
 def _own(written: str, meaning: str, equation: str = "", unit: str = "", also: tuple[str, ...] = ()) -> Symbol:

@@ -34,6 +34,9 @@ WITH_JOINTS = {"m": "rad", "m/s": "rad/s", "N": "N·m", "N·s/m": "N·m·s/rad"}
 
 def unit_in(units: Units, path: str, unit: str) -> str:
     """Unit of a field in a task space with these units. unit: where r is in metres."""
+    section, _, name = path.rpartition(".")
+    if section in ("target_model", "blend.to") and name in units.of_model:
+        return units.of_model[name]
     return WITH_JOINTS.get(unit, unit) if units == JOINT and path.startswith(OF_R) else unit
 
 

@@ -87,9 +87,6 @@ def unit_of(path: str, units: Units) -> str:
     schema does not describe."""
     field, _ = _parted(path)
     info = _info(field)
-    section, _, name = field.rpartition(".")
-    if section in ("target_model", "blend.to") and name in units.of_model:
-        return units.of_model[name]
     return "" if info is None or info.unit == "1" else unit_in(units, field, info.unit)
 
 

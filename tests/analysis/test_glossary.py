@@ -63,6 +63,7 @@ def test_values_are_those_of_the_run_in_the_units_of_the_page(space: str, unit: 
     assert of == unit
     assert [float(error) for error in errors] == pytest.approx(list(1e3 * row["e_r"]), rel=6e-3, abs=1e-6)
     assert told("‖s‖").endswith(f" {unit}/s")
-    assert float(told("layer s_b").split()[0]) == scenario.controller.layer
-    assert told("K_m").endswith("N/m") or told("K_m").endswith("each")
+    layer, of = told("layer s_b").split()
+    assert (float(layer), of) == (scenario.controller.layer, f"{unit[1:]}/s")
+    assert told("K_m").removesuffix(", each").endswith("N·m/rad" if space == "joint" else "N/m")
     assert told("(8)") == ""

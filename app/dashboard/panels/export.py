@@ -70,7 +70,12 @@ class ExportPanel:
         self._type = gui.add_dropdown("Type", tuple(TYPES), hint="Size of the figure's text.")
         self._letters = gui.add_checkbox("Letters (a), (b)", False, hint="Before the titles of the plots.")
         self._caption = gui.add_checkbox("Caption", True, hint="The scenario's numbers, below.")
-        self._buttons("Figure", ("SVG", "PDF", "PNG"), self._on_figure, "Plots and scenario on white, as shown now, without pinned runs.")
+        self._buttons(
+            "Figure",
+            ("SVG", "PDF", "PNG"),
+            self._on_figure,
+            "Plots and scenario on white, as shown now, without pinned runs.",
+        )
         self._part = gui.add_dropdown("Part of the run", (SHOWN, WHOLE), hint="For the data and the 3-D playback.")
         self._buttons("Data", ("CSV", "NPZ"), self._on_data, "Every signal, every control period, in SI units.")
         self._buttons("3-D playback", ("HTML",), self._on_playback, "A page that plays without this program.")

@@ -38,7 +38,8 @@ def glossary_html() -> str:
 
 def _entry(symbol: Symbol) -> str:
     names = "|".join((symbol.written, *symbol.also))
-    unit = f' <span class="vs-unit">[{escape(symbol.unit)}]</span>' if symbol.unit else ""
+    units = " or ".join(dict.fromkeys(unit for unit in (symbol.unit, symbol.joint_unit) if unit not in ("", "1")))
+    unit = f' <span class="vs-unit">[{escape(units)}]</span>' if units else ""
     cited = f" <cite>equation {escape(symbol.equation)} of the paper</cite>" if symbol.equation else ""
     sentence = symbol.meaning[:1].upper() + symbol.meaning[1:] if symbol.meaning[:2].islower() else symbol.meaning
     return (
