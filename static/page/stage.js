@@ -31,7 +31,8 @@ const fill = () => {
   page.style.setProperty("--vs-equation-height", `${below}px`);
   for (const chart of staged.keys()) if (!chart.root.isConnected) staged.delete(chart); // viser has built it anew
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
-    const box = chart.root.closest(".uplot-container"), here = onStage() && box?.matches("[data-staged]");
+    const box = chart.root.closest(".uplot-container"), dock = box?.closest("[data-dock-group]"); // a phone has none
+    const here = onStage() && dock && box.matches("[data-staged]");
     if (!here && staged.has(chart)) {
       const height = staged.get(chart);
       staged.delete(chart);
@@ -42,7 +43,6 @@ const fill = () => {
         staged.set(chart, chart.height);
         window.vsmrcType(chart, 1.6);
       }
-      const dock = box.closest("[data-dock-group]") ?? document.documentElement; // a phone has no docks
       const group = dock.getBoundingClientRect(), own = chart.root.getBoundingClientRect();
       const height = Math.round(group.bottom - own.top - (own.height - chart.height) - 24);
       if (height > 60 && Math.abs(height - chart.height) > 2) chart.setSize({ width: chart.width, height });
