@@ -25,6 +25,7 @@ from controllers.segment import Rightmost, rightmost
 from controllers.surface_stability import SurfaceRange, Unstable, unstable_surface
 from controllers.target_model import TargetModel
 
+CERTIFIED = ("theorem 4", "eigenvalues", "nothing")  # `BlendCertificate.by`, the strongest first
 PIECES = 500  # pieces of a blend, each with a constant model: alpha rises by at most 0.0038 from one to the next
 
 

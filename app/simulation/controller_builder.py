@@ -10,7 +10,7 @@ from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModelSect
 from app.simulation.domain import Constants
 from app.simulation.environment_builder import believed_matrix, environment_of
 from controllers import modes
-from controllers.blend import ModelBlend, certify
+from controllers.blend import CERTIFIED, BlendCertificate, ModelBlend, certify
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
 from controllers.control_law import ControlLaw
@@ -203,10 +203,9 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
     try:
         end = target_model(after_blend(scenario), n)
         require_admitted(end, scenario, mode, surfaces)
-        _require_passive(start, end, scenario, mode)
+        certificate = certificate_between(start, end, scenario, mode, layout)
     except (InvalidGain, ScenarioError) as error:
         raise ScenarioError(f"blend.to: {error}") from error
-    certificate = certify(start, end, mode.environment(n, stiffness_met(scenario)), surfaces)
     if not certificate.stable:
         raise ScenarioError(
             f"blend.to: {certificate.sentence}; allowed: a model to which the way has its poles left of 0"
@@ -217,9 +216,25 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
 def require_admitted(model: TargetModel, scenario: Scenario, mode: Mode, surfaces: SurfaceRange | None) -> None:
     """Raise InvalidGain unless the mode admits the model, whether the tool presses the followed faces or not."""
     _require_passive(model, model, scenario, mode)
-    mode.check(model, stiffness_met(scenario), surfaces)
-    if followed_faces(scenario).sets:
-        mode.check(model, np.linalg.inv(believed_compliance(scenario)), surfaces)
+    for stiffness in _stiffnesses_met(scenario):
+        mode.check(model, stiffness, surfaces)
+
+
+def certificate_between(
+    start: TargetModel, end: TargetModel, scenario: Scenario, mode: Mode, layout: TaskLayout
+) -> BlendCertificate:
+    """The weakest certificate of a blend between two admitted models, whether the tool presses the followed faces or
+    not. Raises InvalidGain where only passive models are known to be stable, and one on the way is not."""
+    _require_passive(start, end, scenario, mode)
+    surfaces = surfaces_met(scenario, mode, layout)
+    found = [certify(start, end, mode.environment(layout.n, K), surfaces) for K in _stiffnesses_met(scenario)]
+    return max(found, key=lambda certificate: (CERTIFIED.index(certificate.by), certificate.rightmost.at_most))
+
+
+def _stiffnesses_met(scenario: Scenario) -> list[np.ndarray]:
+    """Estimated stiffness matrices that the target model meets: where it has followed faces, with and without them."""
+    alone = [np.linalg.inv(believed_compliance(scenario))] if followed_faces(scenario).sets else []
+    return [stiffness_met(scenario), *alone]
 
 
 def _require_passive(start: TargetModel, end: TargetModel, scenario: Scenario, mode: Mode) -> None:

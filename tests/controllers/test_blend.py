@@ -270,6 +270,8 @@ def test_a_blend_to_a_model_that_would_be_refused_is_refused() -> None:
     assemble(edited(begun, "target_model", alike))
     with pytest.raises(ScenarioError, match=r"blend.to: a model on the way: not passive with its K_f, which among sev"):
         assemble(edited(begun, "blend", {"to": alike, "at": 0.1, "over": 0.1}))
+    told = blend_html(Runner(begun).snapshot, Edit("target_model", alike))
+    assert "blend: refused: a model on the way: not passive with its K_f" in told
 
 
 def test_a_blend_is_shown_again_to_the_last_bit() -> None:

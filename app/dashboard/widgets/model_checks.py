@@ -11,7 +11,6 @@ import numpy as np
 
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.matrix_text import short
-from app.dashboard.widgets.model_fields import environment_of
 from app.dashboard.widgets.pole_drag import draggable
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem_table import judged
@@ -21,6 +20,7 @@ from app.scenario.units import Units
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import (
+    certificate_between,
     mode_of,
     require_admitted,
     stiffness_met,
@@ -29,7 +29,7 @@ from app.simulation.controller_builder import (
 )
 from app.simulation.force_margin import ForceLoop, in_words
 from app.simulation.sampled_stability import oscillations
-from controllers.blend import BlendCertificate, certify
+from controllers.blend import BlendCertificate
 from controllers.target_model import InvalidGain, TargetModel
 from controllers.task_space import TaskLayout
 
@@ -75,16 +75,15 @@ def _judge(model: TargetModel, scenario: Scenario, layout: TaskLayout) -> Judgem
 
 def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
     """Certificate of the blend from the running model to the model that an edit would bring; None where the latter is
-    refused."""
+    refused. Raises InvalidGain where the scenario admits no blend between the two."""
     try:
         asked = judge_asked(snapshot, edit)
     except (ScenarioError, InvalidGain):
         return None
     if asked.refusal:
         return None
-    scenario = snapshot.scenario
-    surfaces = surfaces_met(scenario, snapshot.system.mode, snapshot.system.layout)
-    return certify(TargetModel(**snapshot.matrices), asked.model, environment_of(snapshot), surfaces)
+    running, system = TargetModel(**snapshot.matrices), snapshot.system
+    return certificate_between(running, asked.model, snapshot.scenario, system.mode, system.layout)
 
 
 def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
@@ -92,11 +91,15 @@ def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
     if snapshot.blending is not None:
         share = f"{100 * snapshot.blending:.0f}"
         return f'<div class="vs-checks"><div class="vs-message vs-good">blending: {share} % of the way.</div></div>'
-    certificate = None if edit is None else judge_blend(snapshot, edit)
-    if certificate is None:
-        return ""
-    look = "vs-good" if certificate.stable else "vs-bad"
-    return f'<div class="vs-checks"><div class="vs-message {look}">blend: {escape(certificate.sentence)}</div></div>'
+    try:
+        certificate = None if edit is None else judge_blend(snapshot, edit)
+    except InvalidGain as error:
+        look, told = "vs-bad", f"refused: {error}"
+    else:
+        if certificate is None:
+            return ""
+        look, told = "vs-good" if certificate.stable else "vs-bad", certificate.sentence
+    return f'<div class="vs-checks"><div class="vs-message {look}">blend: {escape(told)}</div></div>'
 
 
 def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
