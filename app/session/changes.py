@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,33 +12,28 @@ import msgspec
 import numpy as np
 from msgspec import to_builtins
 
-from app.process.own_code import own_code
 from app.scenario.data import edited, from_plain, of_kind, to_plain
 from app.scenario.schema import (
     BlendSection,
     ContactSection,
     ControllerSection,
-    ForceInJoints,
     IrregularCorner,
     IrregularSurface,
     PathOutOfReach,
-    PullingForce,
     RobotSection,
     Scenario,
     ScenarioError,
     ShiftSection,
     SurfaceOutOfReach,
     TargetModelSection,
-    TooStiff,
     UnboundedGain,
     Vector3,
     WrongFace,
     field_info,
 )
-from app.simulation.controller_builder import laws, mode_of, target_model
+from app.simulation.controller_builder import mode_of, target_model
 from app.simulation.environment_builder import (
     positions_of,
-    require_stiff,
     robot_of,
     surface,
     surfaces_of,
@@ -49,14 +42,11 @@ from app.simulation.environment_builder import (
     tool_at_start,
 )
 from controllers import modes
-from controllers.control_law import ControlLaw
 from controllers.nominal_model import NominalModel
 from controllers.target_model import InvalidGain
 from environments import robots
 from environments.surfaces.form import Form
 from environments.surfaces.formula import FormulaSurface
-from environments.surfaces.own import OwnSurface
-from environments.trajectories.own import OwnTrajectory
 from environments.trajectories.point_to_point import Hold
 from environments.urdf import RobotError
 from parameters import allowed
@@ -95,7 +85,7 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
             data[further]["contact"]["kind"] = data["contact"]["kind"]
     if not mode.in_joints:
         data["task_space"]["kind"] = "cartesian"
-    return _adapted(scenario, from_plain(data))
+    return adapted(scenario, from_plain(data))
 
 
 def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
@@ -111,7 +101,7 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
         except (IrregularCorner, SurfaceOutOfReach):
             if len(scenario.surfaces) == 1:
                 raise
-            scenario = without_last(scenario)
+            scenario = withoutlast_surface(scenario)
         except WrongFace:
             scenario = with_face(scenario, flat=False)
         except PathOutOfReach:
@@ -119,98 +109,19 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
             if all(isinstance(path, Hold) for path in paths.values()):
                 if len(scenario.surfaces) == 1:
                     raise
-                scenario = without_last(scenario)
+                scenario = withoutlast_surface(scenario)
                 continue
             paths = {name: path.halved() if halvings < HALVINGS else None for name, path in paths.items()}
             paths = {name: path or Hold() for name, path in paths.items()}
             scenario, halvings = msgspec.structs.replace(scenario, **paths), halvings + 1
         except UnboundedGain:
             alone = len(scenario.surfaces) == 1
-            scenario = edited(scenario, "controller.gain", "constant") if alone else without_last(scenario)
+            scenario = edited(scenario, "controller.gain", "constant") if alone else withoutlast_surface(scenario)
         except IrregularSurface:
             usual = on_surface(scenario, str(scenario.surface.__struct_config__.tag))
             if usual.surface == scenario.surface:
                 raise
             scenario = usual
-
-
-@dataclass(frozen=True)
-class WayOut:
-    """Way out of a refusal.
-    title: of its button.
-    scenario: to be asked for instead, see `possible`.
-    fork_at: instant (s) of the run at which it can be forked.
-
-    At most one of scenario and fork_at is given; see `asks_for_file`."""
-
-    title: str
-    scenario: Scenario | None = None
-    fork_at: float | None = None
-
-    @property
-    def asks_for_file(self) -> bool:
-        """Whether the page has to ask for a URDF."""
-        return self.scenario is None and self.fork_at is None
-
-
-def way_out(asked: Scenario, error: ScenarioError) -> WayOut | None:
-    """Way out where this scenario is refused for this error; None where only the user knows one."""
-    match error:
-        case PathOutOfReach():
-            return WayOut("Take a path that the arm can follow", asked)
-        case UnboundedGain():
-            return WayOut("Take a constant gain d", asked)
-        case ForceInJoints():
-            return WayOut("Go to motion mode", in_mode(asked, "motion"))
-        case IrregularSurface():
-            return WayOut("Take this surface's default form", asked)
-        case IrregularCorner():
-            return WayOut(f"Take the {_last(asked)} surface away", without_last(asked))
-        case WrongFace():
-            return WayOut("Touch with a point", with_face(asked, flat=False))
-        case SurfaceOutOfReach():
-            return WayOut("Move the surface under the tool", _adapted(asked, asked))
-        case PullingForce():
-            return WayOut("Let the surface pull, too", edited(asked, "contact.unilateral", False))
-        case TooStiff(substeps=int(substeps)):
-            return WayOut(f"Take {substeps} steps per period", edited(asked, "simulation.substeps", substeps))
-        case _:
-            return None
-
-
-def nearest(scenario: Scenario, path: str, value: object) -> WayOut | None:
-    """Way out where a number is out of its field's bounds: the bound; where a URDF cannot be used: another one; None
-    for anything else."""
-    if path == "robot.urdf":
-        return WayOut("Upload a URDF")
-    if not isinstance(value, float | int):
-        return None
-    least, largest = _bounds(scenario, path)
-    for bound, word in ((least, "smallest"), (largest, "largest")):
-        if bound is not None and (value < bound if word == "smallest" else value > bound):
-            with suppress(ScenarioError):  # a bound that is itself not allowed is no way out
-                there = edited(scenario, path, type(value)(bound))
-                require_stiff(there, mode_of(there))
-                return WayOut(f"Take {bound:g}, the {word} allowed", there)
-    return None
-
-
-def _bounds(scenario: Scenario, path: str) -> tuple[float | None, float | None]:
-    """Least and largest number allowed at a dotted path, None where there is no bound or no such field."""
-    own: Mapping[str, ControlLaw | OwnSurface | OwnTrajectory]
-    with suppress(KeyError):
-        match path.split("."):
-            case "controller", "own", kind, name:
-                own = laws()
-            case "surface" | "motion" as section, "parameters", name:
-                own = own_code().surfaces if section == "surface" else own_code().trajectories
-                kind = getattr(getattr(scenario, section), "name", "")
-            case _:
-                info = field_info(path)
-                return info.least, info.largest
-        parameter = {each.name: each for each in own[kind].parameters}[name]
-        return parameter.low, parameter.high
-    return None, None
 
 
 def told(asked: Scenario, done: Scenario) -> str:
@@ -303,7 +214,7 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     changed = from_plain(data)
     if another - {"tool_frame"}:
         changed = msgspec.structs.replace(changed, name=Scenario().name, title=_title(changed.robot))
-    return _adapted(scenario, changed) if changes.keys() - {"rotor_inertia"} else changed
+    return adapted(scenario, changed) if changes.keys() - {"rotor_inertia"} else changed
 
 
 def _title(robot: RobotSection) -> str:
@@ -316,7 +227,7 @@ def in_coordinates(scenario: Scenario, field: str, value: object) -> Scenario:
     coordinates are others, and paths keep the part that lies in those. Raises ScenarioError."""
     data = to_plain(edited(scenario, f"task_space.{field}", value))
     data["target_model"] = data["blend"] = data["shift"] = {}
-    return _adapted(scenario, from_plain(data))
+    return adapted(scenario, from_plain(data))
 
 
 def on_surface(scenario: Scenario, kind: str, path: str = "surface") -> Scenario:
@@ -372,28 +283,29 @@ def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:
         changed = edited(changed, "target_model", {})
         changed = msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection())
     if asked == "free" or was.present:
-        return _adapted(scenario, changed)
+        return adapted(scenario, changed)
     robot, p = _start(scenario)
     normals = [each.chart(p, 0.0).G[0] for each in surfaces_of(scenario, p)]
     usual = _ACROSS[1:] if robot.geometry == "planar" else _ACROSS
     normal = max(usual, key=lambda n: np.linalg.svd([*normals, n], compute_uv=False)[-1])
     beside = {"kind": "plane", "normal": list(normal), "origin": (p + BESIDE * np.array(normal)).round(4).tolist()}
-    return _adapted(scenario, edited(changed, f"{section}.surface", beside))
+    return adapted(scenario, edited(changed, f"{section}.surface", beside))
 
 
 def with_face(scenario: Scenario, *, flat: bool) -> Scenario:
     """The scenario with a tool that touches with a flat face, or with a point. The target model is at the mode's
     defaults then, since its coordinates are others, and paths keep the part that lies in those."""
     changed = edited(edited(scenario, "face.flat", flat), "target_model", {})
-    return _adapted(scenario, msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection()))
+    return adapted(scenario, msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection()))
 
 
-def without_last(scenario: Scenario) -> Scenario:
+def withoutlast_surface(scenario: Scenario) -> Scenario:
     """The scenario without the last of its further surfaces."""
-    return with_further(scenario, _last(scenario), "free")
+    return with_further(scenario, last_surface(scenario), "free")
 
 
-def _last(scenario: Scenario) -> str:
+def last_surface(scenario: Scenario) -> str:
+    """Name of the last of its further surfaces."""
     return "third" if scenario.third.present else "second"
 
 
@@ -401,10 +313,10 @@ def with_control(scenario: Scenario, path: str, value: object) -> Scenario:
     """The scenario with another `control` of a further surface; the target model is at the mode's defaults then, since
     other coordinates have their force controlled. Raises ScenarioError."""
     changed = edited(edited(scenario, path, value), "target_model", {})
-    return _adapted(scenario, msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection()))
+    return adapted(scenario, msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection()))
 
 
-def _adapted(before: Scenario, scenario: Scenario) -> Scenario:
+def adapted(before: Scenario, scenario: Scenario) -> Scenario:
     """The scenario with the part of the path that lies in its free coordinates and, in a mode on a surface, with the
     surface brought to the tool when it is farther away than `NEAR`.
     before: the scenario that the path was made for."""

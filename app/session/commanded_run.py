@@ -38,6 +38,7 @@ from app.session.commands import (
 from app.session.nearest_model import way_to_model
 from app.session.snapshot import Snapshot
 from app.session.timeline import Timeline
+from app.session.ways_out import WayOut, nearest, way_out
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.uploaded_urdfs import Reach, hold
 
@@ -90,7 +91,7 @@ class CommandedRun:
         self.revision = self.runs = 0
         self._refusals, self._told = 0, ""
         self._refusal: str | None = None
-        self._way_out: changes.WayOut | None = None
+        self._way_out: WayOut | None = None
 
     @property
     def loop(self) -> ClosedLoop:
@@ -197,17 +198,17 @@ class CommandedRun:
                 try:
                     self._carry_out(command)
                 except ScenarioError:
-                    self._way_out = self._way_out or changes.nearest(self.loop.system.scenario, path, value)
+                    self._way_out = self._way_out or nearest(self.loop.system.scenario, path, value)
                     raise
             case _:
                 self._carry_out(command)
 
-    def _earlier_fork(self) -> changes.WayOut | None:
+    def _earlier_fork(self) -> WayOut | None:
         """Way out of a refused fork at the run's end: a fork at the last change, or at the earliest known instant."""
         t, first = self.line.last_change, self.line.first
         if t is None:
             return None
-        return changes.WayOut(f"Fork at the {'last change' if t > first else 'earliest instant'}, {t:.2f} s", fork_at=t)
+        return WayOut(f"Fork at the {'last change' if t > first else 'earliest instant'}, {t:.2f} s", fork_at=t)
 
     def _carry_out(self, command: Command) -> None:
         line, scenario_now = self.line, self.loop.system.scenario
@@ -301,7 +302,7 @@ class CommandedRun:
         try:
             self.runs += self.line.edit(scenario)
         except ScenarioError as error:
-            self._way_out = changes.way_out(scenario, error) or way_to_model(self.loop.system, scenario)
+            self._way_out = way_out(scenario, error) or way_to_model(self.loop.system, scenario)
             raise
         self._way_out = None
         if self.loop.system.robot is not before:

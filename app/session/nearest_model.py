@@ -7,7 +7,7 @@ import numpy as np
 
 from app.scenario.data import edited
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.changes import WayOut
+from app.session.ways_out import WayOut
 from app.simulation.controller_builder import matrices_of, require_admitted, surfaces_met
 from app.simulation.system import System
 from controllers.target_model import InvalidGain, TargetModel

@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 
 from app.scenario.schema import Scenario
-from app.session.changes import WayOut
 from app.session.pacing import Pace
 from app.session.timeline import Pinned
+from app.session.ways_out import WayOut
 from app.simulation.closed_loop import ClosedLoop, LiveFigures, standing_of
 from app.simulation.recording import Recording
 from app.simulation.sampled_stability import RespondingLoop

@@ -10,8 +10,9 @@ from app.analysis.metrics import measure
 from app.analysis.steady_force import steady_force_error
 from app.scenario.data import edited, from_plain, load, shipped, to_plain
 from app.scenario.schema import IrregularCorner, Scenario, ScenarioError
-from app.session.changes import in_mode, possible, told, way_out, with_control, with_further
+from app.session.changes import in_mode, possible, told, with_control, with_further
 from app.session.headless_run import simulate
+from app.session.ways_out import way_out
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from environments.surfaces.corner import Corner

@@ -1,0 +1,109 @@
+"""Ways out of refusals: what a user can ask for instead of a scenario or a value that was refused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+
+from app.process.own_code import own_code
+from app.scenario.data import edited
+from app.scenario.schema import (
+    ForceInJoints,
+    IrregularCorner,
+    IrregularSurface,
+    PathOutOfReach,
+    PullingForce,
+    Scenario,
+    ScenarioError,
+    SurfaceOutOfReach,
+    TooStiff,
+    UnboundedGain,
+    WrongFace,
+    field_info,
+)
+from app.session.changes import adapted, in_mode, last_surface, with_face
+from app.simulation.controller_builder import laws, mode_of
+from app.simulation.environment_builder import require_stiff
+from controllers.control_law import ControlLaw
+from environments.surfaces.own import OwnSurface
+from environments.trajectories.own import OwnTrajectory
+
+
+@dataclass(frozen=True)
+class WayOut:
+    """Way out of a refusal.
+    title: of its button.
+    scenario: to be asked for instead, see `possible`.
+    fork_at: instant (s) of the run at which it can be forked.
+
+    At most one of scenario and fork_at is given; see `asks_for_file`."""
+
+    title: str
+    scenario: Scenario | None = None
+    fork_at: float | None = None
+
+    @property
+    def asks_for_file(self) -> bool:
+        """Whether the page has to ask for a URDF."""
+        return self.scenario is None and self.fork_at is None
+
+
+def way_out(asked: Scenario, error: ScenarioError) -> WayOut | None:
+    """Way out where this scenario is refused for this error; None where only the user knows one."""
+    match error:
+        case PathOutOfReach():
+            return WayOut("Take a path that the arm can follow", asked)
+        case UnboundedGain():
+            return WayOut("Take a constant gain d", asked)
+        case ForceInJoints():
+            return WayOut("Go to motion mode", in_mode(asked, "motion"))
+        case IrregularSurface():
+            return WayOut("Take this surface's default form", asked)
+        case IrregularCorner():
+            return WayOut(f"Take the {last_surface(asked)} surface away", without_last(asked))
+        case WrongFace():
+            return WayOut("Touch with a point", with_face(asked, flat=False))
+        case SurfaceOutOfReach():
+            return WayOut("Move the surface under the tool", adapted(asked, asked))
+        case PullingForce():
+            return WayOut("Let the surface pull, too", edited(asked, "contact.unilateral", False))
+        case TooStiff(substeps=int(substeps)):
+            return WayOut(f"Take {substeps} steps per period", edited(asked, "simulation.substeps", substeps))
+        case _:
+            return None
+
+
+def nearest(scenario: Scenario, path: str, value: object) -> WayOut | None:
+    """Way out where a number is out of its field's bounds: the bound; where a URDF cannot be used: another one; None
+    for anything else."""
+    if path == "robot.urdf":
+        return WayOut("Upload a URDF")
+    if not isinstance(value, float | int):
+        return None
+    least, largest = _bounds(scenario, path)
+    for bound, word in ((least, "smallest"), (largest, "largest")):
+        if bound is not None and (value < bound if word == "smallest" else value > bound):
+            with suppress(ScenarioError):  # a bound that is itself not allowed is no way out
+                there = edited(scenario, path, type(value)(bound))
+                require_stiff(there, mode_of(there))
+                return WayOut(f"Take {bound:g}, the {word} allowed", there)
+    return None
+
+
+def _bounds(scenario: Scenario, path: str) -> tuple[float | None, float | None]:
+    """Least and largest number allowed at a dotted path, None where there is no bound or no such field."""
+    own: Mapping[str, ControlLaw | OwnSurface | OwnTrajectory]
+    with suppress(KeyError):
+        match path.split("."):
+            case "controller", "own", kind, name:
+                own = laws()
+            case "surface" | "motion" as section, "parameters", name:
+                own = own_code().surfaces if section == "surface" else own_code().trajectories
+                kind = getattr(getattr(scenario, section), "name", "")
+            case _:
+                info = field_info(path)
+                return info.least, info.largest
+        parameter = {each.name: each for each in own[kind].parameters}[name]
+        return parameter.low, parameter.high
+    return None, None
