@@ -108,11 +108,12 @@ class RunEvents:
 
 
 def _edit(before: Epoch, after: Epoch) -> Event | None:
-    """Change from one epoch to the next; None where only a push differs, which is an event itself."""
+    """Change from one epoch to the next; None where only a push differs, which is an event itself, or a blend that is
+    planned, whose end is one."""
     changed = {
         path: new
         for path, (_, new) in differences(before.scenario, after.scenario).items()
-        if not path.startswith("truth.push")
+        if not path.startswith(("truth.push", "blend."))
     }
     if not changed:
         return None

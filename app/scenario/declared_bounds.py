@@ -17,7 +17,7 @@ def outside(scenario: Scenario) -> tuple[str, ...]:
     """Violated inequalities between truth and declaration, each with both numbers; none when all hold.
 
     Of the force sensor only bias and noise are judged, the noise by `SPREAD`: the effect of delay and low-pass depends
-    on how fast the force changes.
+    on how fast the force changes. An ideal reading of a rigid or heavy surface has neither.
     """
     return tuple(
         f"{what} {true:.4g}{unit} > declared {declared:.4g}{unit}"

@@ -246,7 +246,7 @@ def default_folder() -> Path:
 
 
 def _subject(snapshot: Snapshot) -> _Subject:
-    return snapshot.latest, snapshot.pinned
+    return snapshot.latest.scenario, snapshot.pinned
 
 
 def _same(subject: _Subject, other: _Subject | None) -> bool:

@@ -101,7 +101,7 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
         except (IrregularCorner, SurfaceOutOfReach):
             if len(scenario.surfaces) == 1:
                 raise
-            scenario = withoutlast_surface(scenario)
+            scenario = without_last(scenario)
         except WrongFace:
             scenario = with_face(scenario, flat=False)
         except PathOutOfReach:
@@ -109,14 +109,14 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
             if all(isinstance(path, Hold) for path in paths.values()):
                 if len(scenario.surfaces) == 1:
                     raise
-                scenario = withoutlast_surface(scenario)
+                scenario = without_last(scenario)
                 continue
             paths = {name: path.halved() if halvings < HALVINGS else None for name, path in paths.items()}
             paths = {name: path or Hold() for name, path in paths.items()}
             scenario, halvings = msgspec.structs.replace(scenario, **paths), halvings + 1
         except UnboundedGain:
             alone = len(scenario.surfaces) == 1
-            scenario = edited(scenario, "controller.gain", "constant") if alone else withoutlast_surface(scenario)
+            scenario = edited(scenario, "controller.gain", "constant") if alone else without_last(scenario)
         except IrregularSurface:
             usual = on_surface(scenario, str(scenario.surface.__struct_config__.tag))
             if usual.surface == scenario.surface:
@@ -299,7 +299,7 @@ def with_face(scenario: Scenario, *, flat: bool) -> Scenario:
     return adapted(scenario, msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection()))
 
 
-def withoutlast_surface(scenario: Scenario) -> Scenario:
+def without_last(scenario: Scenario) -> Scenario:
     """The scenario without the last of its further surfaces."""
     return with_further(scenario, last_surface(scenario), "free")
 

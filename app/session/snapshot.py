@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -31,9 +31,10 @@ class Snapshot:
     revision: number of accepted changes of the scenario; run: of beginnings at t = 0 and forks; refusal_number: of
     refused commands; heard: of commands that were carried out or refused.
     way_out: of that refusal, None where there is none.
-    t: the instant looked at, between `first` and `end`, s; `scenario` is that of this instant, `latest` that of `end`.
+    t: the instant looked at, between `first` and `end`, s.
+    scenario, system: at that instant; latest: the system at `end`.
     recording: of the whole run, up to its end.
-    system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
+    The plant, law and nominal model of a system belong to the loop's thread; the screen reads only what never changes.
     blending: share of a blend of the target model that is done, 0 to 1, None while there is none.
     push, push_moment: (3,) N and (3,) N m, of a hand, or of truth.push, on the tool.
     sampled: the target model's poles in the sampled loop.
@@ -70,7 +71,7 @@ class Snapshot:
     surfaces: tuple[Surface, ...]
     figures: LiveFigures
     sampled: RespondingLoop
-    latest: Scenario
+    latest: System
     recording: Recording
     pinned: tuple[Pinned, ...]
     forks: tuple[float, ...]
@@ -103,6 +104,12 @@ class Snapshot:
     def looking_back(self) -> bool:
         """Whether t is before the run's end."""
         return self.end - self.t > 0.5 * self.scenario.controller.period
+
+    @property
+    def at_end(self) -> Snapshot:
+        """The snapshot with scenario, system and coordinates of the run's end, for what is told of the whole run."""
+        system = self.latest
+        return replace(self, t=self.end, scenario=system.scenario, system=system, coordinates=system.coordinates)
 
     @property
     def realtime_factor(self) -> float:
@@ -143,7 +150,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         surfaces=system.surfaces if scenario.contact.nature.touches or system.m else (),
         figures=view.figures,
         sampled=loop.sampled,
-        latest=scenario,
+        latest=system,
         recording=loop.recording,
         pinned=(),
         forks=(),

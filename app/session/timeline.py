@@ -105,9 +105,9 @@ class Timeline:
         return self._end.t
 
     @property
-    def latest(self) -> Scenario:
-        """Scenario at the run's end."""
-        return self._end.system.scenario
+    def latest(self) -> System:
+        """System at the run's end."""
+        return self._end.system
 
     @property
     def first(self) -> float:
@@ -242,7 +242,9 @@ class Timeline:
 
     def adopt(self, pinned: tuple[Pinned, ...]) -> None:
         """Pin runs that were pinned elsewhere; of those pinned here the newest come after them, as far as there are
-        places."""
+        places, and get the numbers after theirs."""
+        if not pinned:
+            return
         others = max((run.number for run in pinned), default=0)
         here = self.pinned[max(len(self.pinned) + len(pinned) - PINS, 0) :]
         renumbered = (replace(run, number=number) for number, run in enumerate(here, start=others + 1))

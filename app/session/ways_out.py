@@ -22,7 +22,7 @@ from app.scenario.schema import (
     WrongFace,
     field_info,
 )
-from app.session.changes import adapted, in_mode, last_surface, with_face
+from app.session.changes import adapted, in_mode, last_surface, with_face, without_last
 from app.simulation.controller_builder import laws, mode_of
 from app.simulation.environment_builder import require_stiff
 from controllers.control_law import ControlLaw

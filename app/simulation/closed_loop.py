@@ -231,7 +231,7 @@ class ClosedLoop:
                 raise ScenarioError(f"target_model: a blend is under way; allowed: from its end on, t = {end:.4g} s")
         elif msgspec.structs.replace(old, blend=scenario.blend) == scenario:
             self._bind(replace(self.system, scenario=scenario, blend=new.blend), self.state)
-            self.state.epoch = replace(self.state.epoch, blend=new.blend)
+            self.state.epoch = replace(self.state.epoch, scenario=scenario, blend=new.blend)
             self.recording.epochs[-1] = self.state.epoch
             return
         self._become(self._changed(new.after(self.system, self.t)))

@@ -215,9 +215,9 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
 
 def require_admitted(model: TargetModel, scenario: Scenario, mode: Mode, surfaces: SurfaceRange | None) -> None:
     """Raise InvalidGain unless the mode admits the model, whether the tool presses the followed faces or not."""
-    _require_passive(model, model, scenario, mode)
     for stiffness in _stiffnesses_met(scenario):
         mode.check(model, stiffness, surfaces)
+    _require_passive(model, model, scenario, mode)
 
 
 def certificate_between(

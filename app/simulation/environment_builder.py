@@ -114,17 +114,18 @@ def push_of(scenario: Scenario) -> TimedPush:
             f"truth.push_sweep_to: {t.push_sweep_to:g} Hz without a frequency to begin with; allowed: 0, or with a "
             "truth.push_frequency above 0"
         )
-    if 0.0 < t.push_every < t.push_duration and t.push_frequency > 0.0:  # a constant push just goes on
+    acts = any(t.push) or any(t.push_moment)
+    if acts and 0.0 < t.push_every < t.push_duration and t.push_frequency > 0.0:  # a constant push just goes on
         raise ScenarioError(
             f"truth.push_every: {t.push_every:g} s, which cuts a sine of {t.push_duration:g} s short; allowed: 0 for "
             "once, or at least truth.push_duration"
         )
     fastest, half = max(t.push_frequency, t.push_sweep_to), 0.5 / scenario.controller.period
-    if fastest >= half and (any(t.push) or any(t.push_moment)):
+    if acts and fastest >= half:
         field = "push_frequency" if t.push_frequency >= half else "push_sweep_to"
         raise ScenarioError(
             f"truth.{field}: {fastest:g} Hz, at least half the control rate, so that the loop sees a slower one; "
-            f"allowed: below {half:g} Hz"
+            f"allowed: below {half:g} Hz, or a shorter controller.period"
         )
     times = t.push_start, t.push_duration, t.push_every, t.push_frequency
     return TimedPush(np.array(t.push), *times, np.array(t.push_moment), t.push_sweep_to)

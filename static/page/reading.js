@@ -229,9 +229,9 @@ setInterval(() => {
   }
   for (const [plot, { box, again }] of [...measured]) {
     if (plot.root.isConnected) again();
-    else { // viser has built it anew
-      measured.delete(plot);
-      const anew = box.isConnected && chartIn(box);
+    else { // viser has built it anew, or will
+      const anew = box?.isConnected && chartIn(box);
+      if (anew || !box?.isConnected) measured.delete(plot);
       if (anew) put(anew);
     }
   }

@@ -25,7 +25,7 @@ from app.simulation.closed_loop import ClosedLoop
 from controllers.blend import axis_matrix, blended, certify, shared_sliding
 from controllers.dominance import By, dominates, hurwitz_on_hull, schur_on_hull
 from controllers.segment import _bialternate, rightmost
-from controllers.target_model import TargetModel
+from controllers.target_model import InvalidGain, TargetModel
 
 SHARES = np.linspace(0.0, 1.0, 401)
 TO = {"B_m": [300.0, 600.0, 500.0], "K_m": [0.0, 6000.0, 5000.0]}
@@ -270,6 +270,8 @@ def test_a_blend_to_a_model_that_would_be_refused_is_refused() -> None:
     assemble(edited(begun, "target_model", alike))
     with pytest.raises(ScenarioError, match=r"blend.to: a model on the way: not passive with its K_f, which among sev"):
         assemble(edited(begun, "blend", {"to": alike, "at": 0.1, "over": 0.1}))
+    with pytest.raises((ScenarioError, InvalidGain), match="M_m: smallest eigenvalue -1"):
+        assemble(edited(scenario, "target_model.M_m", [-1.0] * 6))
     told = blend_html(Runner(begun).snapshot, Edit("target_model", alike))
     assert "blend: refused: a model on the way: not passive with its K_f" in told
 

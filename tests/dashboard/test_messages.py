@@ -50,7 +50,8 @@ def test_a_run_at_rest_sends_nothing_and_a_moving_one_does(dashboard: Dashboard)
 
     def frame() -> int:
         """Number of messages of a frame that shows everything anew."""
-        view._controls_due, before = -math.inf, sent(dashboard._server)
+        view._controls_due = view._symbols._due = -math.inf
+        before = sent(dashboard._server)
         view.draw(1e9 + next(frames))
         return sent(dashboard._server) - before
 

@@ -271,7 +271,7 @@ def test_playback_moves_arm_surface_and_force(loop: ClosedLoop) -> None:
     moved = {(m["name"], m["type"]) for t, m in played["messages"] if t > 0 and "name" in m}
     assert ("/surface", "SetPositionMessage") in moved
     assert any(name.startswith("/robot_1/") and kind == "SetOrientationMessage" for name, kind in moved)
-    assert any(name == "/force/measured" for name, _ in moved)
+    assert any(name == "/force/true" for name, _ in moved)
     heights = [(t, m["position"][2]) for t, m in played["messages"] if m.get("name") == "/surface" and "position" in m]
     surface = loop.system.surface.motion
     for t, height in heights[1:]:

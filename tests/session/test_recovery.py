@@ -201,7 +201,7 @@ def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
     runner.post(Unpin(1))
     runner.post(Seek(0.0))  # what is looked at is not the session
     until(lambda: runner.snapshot.looking_back and runner.snapshot.scenario == SCENARIO)
-    assert runner.snapshot.latest == changed(0.03)
+    assert runner.snapshot.latest.scenario == changed(0.03)
     runner.post(ToEnd())
     runner.post(Edit("controller.layer", 0.04))
     until(lambda: not runner.snapshot.pinned and runner.snapshot.scenario == changed(0.04))

@@ -134,7 +134,7 @@ def test_a_fork_at_a_change_is_in_the_epoch_that_begins_there(noisy: Timeline, t
     run(line, 100)
     last = line.recording.epochs[-1]
     assert last.t == then.t
-    assert last.scenario == (line.loop.system.scenario if how == "edit" else then.scenario)
+    assert last.scenario == (then.scenario if how == "fork" else line.loop.system.scenario)
     assert last.certificate == line.loop.certificate
     line.seek(line.first)
     line.to_end()

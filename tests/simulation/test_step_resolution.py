@@ -227,10 +227,22 @@ def test_a_third_surface_beside_the_first_is_refused_by_its_own_name() -> None:
 
 def test_what_is_too_stiff_does_not_depend_on_what_was_before() -> None:
     light = edited(edited(shipped()["ur5-hybrid"], "controller.period", 0.002), "truth.link_scaling", [0.5] + [1.0] * 5)
-    system = assemble(light)
-    for K_e in (2e6, 3e6, 4e6):
-        stiff = edited(light, "contact.K_e", K_e)
-        assert assemble(stiff).scenario == assemble(stiff, system).scenario
+
+    def outcome(K_e: float, previous: System | None = None) -> tuple[str, System | None]:
+        try:
+            return "accepted", assemble(edited(light, "contact.K_e", K_e), previous)
+        except ScenarioError as error:
+            return str(error), previous
+
+    values = np.geomspace(1e6, 1e7, 12).tolist()
+    afresh = [outcome(K_e)[0] for K_e in values]
+    assert "accepted" in afresh[3:]  # where the estimate from the believed arm alone would refuse
+    assert afresh[-1].startswith("contact.K_e")
+    for order in (values, values[::-1]):
+        system, found = assemble(light), dict[float, str]()
+        for K_e in order:
+            found[K_e], system = outcome(K_e, system)
+        assert [found[K_e] for K_e in values] == afresh
 
 
 def test_a_loop_that_runs_goes_on_when_a_stiffness_is_refused() -> None:

@@ -28,7 +28,7 @@ from app.export.figures import DOUBLE, MM, SINGLE, FigureOptions
 from app.export.formats import ALL_PLOTS, Format
 from app.export.playback_frames import playback_frames
 from app.scenario.data import from_file, to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.schema import ScenarioError
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
 from app.storage.recording_files import Tell, table
@@ -87,11 +87,11 @@ class ExportPanel:
     def show(self, snapshot: Snapshot) -> None:
         """Do nothing: no widget of this panel depends on the scenario."""
 
-    def _stretch(self, snapshot: Snapshot) -> tuple[Scenario, float, float]:
-        """The chosen part of the run: its last scenario, and its begin and end, s."""
+    def _stretch(self, snapshot: Snapshot) -> tuple[Snapshot, float, float]:
+        """The chosen part of the run: a snapshot of its end, and its begin and end, s."""
         if self._part.value == WHOLE:
-            return snapshot.latest, -math.inf, snapshot.end
-        return snapshot.scenario, snapshot.t - self._desk.viewing.window, snapshot.t
+            return snapshot.at_end, -math.inf, snapshot.end
+        return snapshot, snapshot.t - self._desk.viewing.window, snapshot.t
 
     def _buttons(self, label: str, options: tuple[str, ...], on_click: OnClick, hint: str) -> None:
         group = self._desk.gui.add_button_group(label, options, hint=hint)
@@ -127,8 +127,8 @@ class ExportPanel:
         form: DataFormat = event.target.value.lower()
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            scenario, begin, end = self._stretch(snapshot)
-            rows = table(scenario, snapshot.recording, begin, end)
+            last, begin, end = self._stretch(snapshot)
+            rows = table(last.scenario, last.recording, begin, end)
             return self._desk.export_jobs.made(DataJob(rows, form, DATA_LIMIT), tell)
 
         self._give(event, "Data", form, make)
@@ -137,10 +137,10 @@ class ExportPanel:
         viewing = self._desk.viewing
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            scenario, begin, end = self._stretch(snapshot)
-            frames = playback_frames(scenario, snapshot.recording, begin, end)
-            setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
-            figure = figure_of(plots_of(BESIDE_FILM), snapshot, setup, begin, end)
+            last, begin, end = self._stretch(snapshot)
+            frames = playback_frames(last.scenario, last.recording, begin, end)
+            setup = Setup.of(last, viewing.coordinate, viewing.joint)
+            figure = figure_of(plots_of(BESIDE_FILM), last, setup, begin, end)
             return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT, figure), tell)
 
         self._give(event, "3-D playback", "html", make)

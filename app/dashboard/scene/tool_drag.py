@@ -125,14 +125,19 @@ class Hand:
         elif held.drag == "push":
             look = self._desk.viewing.look
             x, y, z = (float(c) for c in pointer + held.offset)
-            self._desk.post(Push(Grip((x, y, z), look.stiffness, look.limit)))
+            self._pull(Grip((x, y, z), look.stiffness, look.limit))
         elif held.drag == "turn":
             look = self._desk.viewing.look
             grip = Grip(None, turned=held.turned(pointer), torsion=look.torsion, moment_limit=look.moment_limit)
-            self._desk.post(Push(grip))
+            self._pull(grip)
         else:
             moved = snapshot.system.charted.chart(pointer, snapshot.t).g - held.offset
             self._held = replace(held, moved=moved)
+
+    def _pull(self, grip: Grip) -> None:
+        if not self._desk.post(Push(grip)):  # a lesson's goal has begun meanwhile
+            self._held = None
+            self._desk.post(Push(None))
 
     def _taken(self, snapshot: Snapshot, event: viser.SceneNodeDragEvent, drag: str) -> HeldHandle | None:
         grab, client = np.array(event.start_position), event.client_id

@@ -51,7 +51,7 @@ class SceneView:
         )
         self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=2.0)
         self._tool_path = Trail(scene, "/path/tool", TOOL_PATH, thickness=5.0)
-        self._measured = ForceArrow(scene, "/force/measured", "force", MEASURED, side="bottom-left")
+        self._force = ForceArrow(scene, "/force/true", "force", MEASURED, side="bottom-left")
         self._desired = ForceArrow(scene, "/force/desired", "desired", DESIRED, side="top-right")
         self._scale = ForceScale()
         self._frame = TaskFrame(scene, "/frame")
@@ -88,7 +88,7 @@ class SceneView:
         for surface in self._surfaces:
             surface.place(snapshot, visible=look.surface)
         for arrow, start, force in (
-            (self._measured, snapshot.tool, snapshot.force),
+            (self._force, snapshot.tool, snapshot.force),
             (self._desired, snapshot.tool + _ASIDE, snapshot.force_desired),
         ):
             arrow.show(start, force if look.forces else np.zeros(3), newtons)

@@ -51,7 +51,7 @@ class EditLock:
                 return _OTHERS.get(type(command), "")
 
     def refuses(self, what: str) -> bool:
-        """Whether the lock is closed; then it complains that `what`, which begins another run, is locked."""
+        """Whether the lock is closed; then it complains that `what`, which no goal allows, is locked."""
         if self.fields is None:
             return False
         self._complain(f"{what}: locked by the goal of a lesson; allowed: leave the lesson")

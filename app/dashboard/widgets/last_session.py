@@ -70,20 +70,26 @@ def add_last_session(gui: viser.GuiApi, session: LastSession, order: float, lock
         for button in buttons:
             button.visible = False
         text.content = _note("reading …")
-        try:
-            runs, problem = session.take_up(offer)
-        except Exception as error:
+
+        def offer_again() -> None:
             text.content = _note(_told(offer))
             for button in buttons:
                 button.visible = True
             answering.release()
+
+        try:
+            runs, problem = session.take_up(offer)
+        except Exception as error:
+            offer_again()
             if not isinstance(error, ScenarioError):
                 raise
             complain(f"the last session cannot be continued now: {error}")
             return
+        if not lock.post(Continue(offer.scenario, runs)):  # a lesson's goal has begun meanwhile
+            offer_again()
+            return
         if problem:
             complain(problem)
-        lock.post(Continue(offer.scenario, runs))
         folder.visible = False
 
     def on_dismiss(event: viser.GuiEvent) -> None:
