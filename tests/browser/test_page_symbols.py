@@ -22,7 +22,7 @@ def test_a_symbol_explains_itself_under_the_mouse_and_its_line_stands_out(sessio
     page, tip = session.page, session.page.locator("#vs-symbol")
     session.wait(lambda now: now.t > 1.0)
     page.locator('.vs-equation [data-symbol="K_m"]').hover()
-    expect(tip).to_contain_text("Stiffness of the target model (8). [N/m] equation (8) of the paper")
+    expect(tip).to_contain_text("Stiffness of the target model (8). [N/m or N·m/rad] equation (8) of the paper")
     expect(tip).to_contain_text("now 0, 4000, 4000")
     page.keyboard.press("Escape")
     expect(tip).to_be_hidden()
@@ -87,7 +87,7 @@ def test_the_help_leads_to_every_symbol(session: PageSession) -> None:
     glossary = page.get_by_role("dialog", name="Symbols")
     expect(glossary.locator("dt", has_text="ε")).to_be_visible()
     expect(glossary).to_contain_text(
-        "Sliding variable (10): 0 means that the arm obeys the target model. [m/s] equation (10)"
+        "Sliding variable (10): 0 means that the arm obeys the target model. [m/s or rad/s] equation (10)"
     )
     assert glossary.evaluate("(dialog) => dialog.scrollTop") == 0
     page.keyboard.press("Escape")
