@@ -225,7 +225,10 @@ def test_list_shows_robots_and_scenarios() -> None:
             "truth.push_frequency: 500 Hz, at least half the control rate, so that the loop sees a slower one",
         ),
         (
-            ("run", "ur5-motion", "--set", "truth.push_duration=2", "truth.push_every=1", "truth.push_frequency=2"),
+            (
+                *("run", "ur5-motion", "--set", "truth.push=[0,5,0]"),
+                *("truth.push_duration=2", "truth.push_every=1", "truth.push_frequency=2"),
+            ),
             "truth.push_every: 1 s, which cuts a sine of 2 s short; allowed: 0 for once, or at least",
         ),
         (("run", "ur5-hybrid", "--row", "3"), "--row 3 without --from; allowed: --from FOLDER --row N"),

@@ -283,7 +283,7 @@ def test_what_the_step_cannot_follow_is_named() -> None:
              "second.contact.M_e": 1.0, "coupling.M_e": [2.0, 0.0, 0.0]},
             "with the eigenvalue -1; allowed: entries with which it is symmetric positive semidefinite",
         ),
-        ({"contact.K_e": 0.0}, "coupling.K_e: [2000.0, 0.0, 0.0] N/m makes K_e = [[0.0, 2000.0]"),
+        ({"contact.K_e": 1.0}, "coupling.K_e: [2000.0, 0.0, 0.0] N/m makes K_e = [[1.0, 2000.0]"),
         ({"coupling.K_e": [1.0, 2.0]}, "coupling.K_e"),
     ],
 )  # fmt: skip
