@@ -11,7 +11,6 @@ from msgspec import Struct
 
 from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.controller_builder import mode_of
 from app.simulation.engines import Engine
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
@@ -147,7 +146,7 @@ def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
     if system.layout.joint:
         return record["e_r"]
     error = record["e_r"][:, system.m : system.layout.end_of_places]
-    if system.m or not system.plant.kind.touches or mode_of(system.scenario).feedback == "none":
+    if system.m or not system.plant.kind.touches or system.mode.feedback == "none":
         return error  # also against a surface that the mode does not know of
     # Cartesian coordinates against surfaces: the part along the normals is the force's business
     axes = system.charted.frame[: system.layout.positions]

@@ -9,6 +9,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from aiohttp import ClientWebSocketResponse
 
 from app.access.admission import Names, Tokens
 from app.access.classroom import ClassQuestion
@@ -33,6 +34,13 @@ async def class_of(lab: Town, path: str, **headers: str) -> str:
     """Path of the class of a session, as its page shows it."""
     links = (await lab.about(path, **headers))["links"]
     return links["class"].removeprefix("../..")
+
+
+async def opened(lab: Town) -> tuple[ClientWebSocketResponse, str]:
+    """Web socket of a lecturer's page, and the path of the class."""
+    lecture = await lab.arrive()
+    page = await lab.looked_at(lecture)
+    return page, await class_of(lab, lecture)
 
 
 async def give(lab: Town, path: str, said: Any, **headers: str) -> tuple[int, dict[str, Any]]:
@@ -63,9 +71,7 @@ async def question(lab: Town, path: str, **headers: str) -> dict[str, Any]:
 @in_a_loop
 async def test_a_class_answers_and_the_lecturer_gets_every_answer_once() -> None:
     async with town(classes=True) as lab:
-        lecture = await lab.arrive()
-        page = await lab.looked_at(lecture)
-        path = await class_of(lab, lecture)
+        page, path = await opened(lab)
         one, other = await student(lab, path), await student(lab, path)
         assert (await question(lab, path, **one))["question"] is None
         assert await give(lab, path, {"number": 1, "given": 1}, **one) == (
@@ -87,9 +93,7 @@ async def test_a_class_answers_and_the_lecturer_gets_every_answer_once() -> None
 @in_a_loop
 async def test_hostile_answers_harm_nobody() -> None:
     async with town(classes=True) as lab:
-        lecture = await lab.arrive()
-        page = await lab.looked_at(lecture)
-        path = await class_of(lab, lecture)
+        page, path = await opened(lab)
         one = await student(lab, path)
         await asked(lab, QUESTION)
         for said in (
@@ -160,9 +164,7 @@ async def test_a_class_goes_on_when_the_lecturers_process_has_fallen() -> None:
     """It is asked still, its answers count, and the next process gets all of them with the question; without one, that
     is over."""
     async with town(classes=True) as lab:
-        lecture = await lab.arrive()
-        page = await lab.looked_at(lecture)
-        path = await class_of(lab, lecture)
+        page, path = await opened(lab)
         one, other = await student(lab, path), await student(lab, path)
         await asked(lab, QUESTION)
         assert await give(lab, path, {"number": 1, "given": 1}, **one) == (200, {"own": 1})
@@ -185,9 +187,7 @@ async def test_a_class_goes_on_when_the_lecturers_process_has_fallen() -> None:
 @in_a_loop
 async def test_a_browser_that_never_stops_answering_does_not_flood_the_lecturer() -> None:
     async with town(classes=True) as lab:
-        lecture = await lab.arrive()
-        page = await lab.looked_at(lecture)
-        path = await class_of(lab, lecture)
+        page, path = await opened(lab)
         one = await student(lab, path)
         await asked(lab, QUESTION)
         begun = asyncio.get_running_loop().time()
@@ -202,9 +202,7 @@ async def test_a_browser_that_never_stops_answering_does_not_flood_the_lecturer(
 @in_a_loop
 async def test_thirty_of_a_class_answer_at_once() -> None:
     async with town(names=Names(), classes=True) as lab:
-        lecture = await lab.arrive()
-        page = await lab.looked_at(lecture)
-        path = await class_of(lab, lecture)
+        page, path = await opened(lab)
         students = await asyncio.gather(*(student(lab, path) for _ in range(30)))
         assert len({each["Cookie"] for each in students}) == 30
         await asked(lab, QUESTION)
