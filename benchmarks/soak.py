@@ -27,7 +27,8 @@ import tyro
 from tqdm import tqdm
 from websockets.exceptions import ConnectionClosed
 
-from app.export.figures import Curve, Figure, FigureChart, render
+from app.export.figures import Curve, Figure, FigureChart
+from app.export.printing import render
 from app.process.markdown import Table
 from benchmarks import machine, processes
 from benchmarks.logged import server_log, told

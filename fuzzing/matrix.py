@@ -7,7 +7,7 @@ import numpy as np
 from app.cli.options import setting
 from app.dashboard.widgets.matrix_text import read_back, read_matrix, written_rows
 from app.process.terminal_text import printable
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 
 SEEDS = (b"1, 2; 3, 4", b"[[1 2]\n[3 4]]", b"1e3 -0.5", b"contact.K_e=2e4", b"truth.push=[0,10,0]")
 DICTIONARY = ("nan", "inf", "1e999", "[[", "]]", ";", "1_000")

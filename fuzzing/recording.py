@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from app.scenario.data import load
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.simulation.recording import Recording
 from app.storage.recording_files import read_npz, table, write_npz
 

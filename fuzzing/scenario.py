@@ -4,7 +4,7 @@ from contextlib import suppress
 
 from app.dashboard.widgets.matrix_text import read_back
 from app.scenario.data import edited, from_file, load, shipped, to_toml
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 
 SEEDS = tuple(to_toml(scenario).encode() for scenario in shipped().values())
 DICTIONARY = ("[motion]", 'kind = "', "nan", "inf", "1e999", "1979-05-27", "[[1, 2]]", "formula", "\\u0000", "{}", ".")

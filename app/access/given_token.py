@@ -7,7 +7,7 @@ from collections.abc import MutableMapping
 from pathlib import Path
 
 from app.process.redaction import SHORTEST
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from environments.regular_file import read_regular
 
 VARIABLE = "VSMRC_TOKEN"

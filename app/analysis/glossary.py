@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.scenario.schema import Scenario, field_info
+from app.scenario.field_info import field_info
+from app.scenario.schema import Scenario
 from app.scenario.units import JOINT, unit_in
 from app.simulation.signals import SIGNALS
 

@@ -26,7 +26,7 @@ from app.cli.sweep import sweep
 from app.cli.tune import tune
 from app.process import log
 from app.process.terminal_text import printable, unread
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from parameters import allowed
 
 events = structlog.get_logger()

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, shown, use_own
 from app.cli.status import DONE, STOPPED
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.simulation.engines import Engine
 
 

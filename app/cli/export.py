@@ -11,7 +11,7 @@ import tyro
 from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, use_own, written_to
 from app.cli.status import DONE, STOPPED
 from app.export.formats import ALL_PLOTS, Kind
-from app.scenario.schema import ScenarioError, scenario_errors
+from app.scenario.errors import ScenarioError, scenario_errors
 from app.simulation.engines import Engine
 
 KINDS_OF_FILES: tuple[Kind, ...] = get_args(Kind)

@@ -9,7 +9,7 @@ import tyro
 
 from app.cli.options import ENGINES, braces, one_of, written_to
 from app.cli.status import DONE
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.simulation.engines import Engine
 from parameters import allowed
 

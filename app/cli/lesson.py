@@ -10,7 +10,7 @@ import tyro
 from app.cli.options import one_of
 from app.cli.status import BAD_INPUT, DONE
 from app.process.terminal_text import printable
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 
 
 def lesson(
@@ -29,7 +29,7 @@ def lesson(
         figures: folder for an SVG of each run, for run
     """
     from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure
-    from app.export.figures import render
+    from app.export.printing import render
     from app.lessons.answers import Notebook
     from app.lessons.checking import check
     from app.lessons.course import LessonCourse

@@ -12,7 +12,8 @@ from typing import Annotated, TypeVar, get_args
 import tyro
 
 from app.scenario.data import edited, load
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.simulation.engines import Engine
 from controllers.laws import KINDS
 from parameters import allowed

@@ -10,7 +10,7 @@ import tyro
 from app.cli.options import Files, Settings, configured, use_own, written_to
 from app.cli.status import DONE
 from app.scenario.data import shipped
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 
 
 def response(
@@ -39,7 +39,7 @@ def response(
         newton_metres: size of that push about each axis, N·m
         use: a file with a law, surface or trajectory of your own (docs/extending.md)
     """
-    from app.export.figures import render
+    from app.export.printing import render
     from app.export.response_files import figure_of, force_table_of, table_of, told
     from app.process.atomic_write import write_whole
     from app.scenario.caption import title_of

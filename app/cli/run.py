@@ -22,7 +22,8 @@ from app.cli.options import (
 from app.cli.status import BROKEN, DONE, STOPPED, UNPROMISED
 from app.process.terminal_text import say
 from app.scenario.data import load
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.simulation.engines import Engine
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from app.process.interruption import Interruption
 from app.process.other_users import other_people
 from app.process.terminal_text import say
 from app.scenario.data import OPENING
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 
 THEMES: tuple[Theme, ...] = get_args(Theme)
 

@@ -10,7 +10,7 @@ import tyro
 
 from app.cli.options import ENGINES, Settings, beyond_defaults, braces, configured, folder_of, one_of, written_to
 from app.cli.status import DONE
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
     from app.sweep.cluster import Cluster

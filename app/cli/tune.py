@@ -12,7 +12,7 @@ from rich.table import Table
 
 from app.cli.options import Settings, configured, folder_of, written_to
 from app.cli.status import DONE
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
     from app.tune.question import Tuning

@@ -12,12 +12,14 @@ from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.paper_figures import BESIDE_FILM, figure_of, plots_of, with_series
 from app.dashboard.scene.standalone import standalone_html
 from app.export.export_jobs import PLAYBACK_LIMIT, file_name
-from app.export.figures import Figure, FigureOptions, render
+from app.export.figures import Figure, FigureOptions
 from app.export.formats import ALL_PLOTS, Kind
 from app.export.playback_frames import playback_frames
+from app.export.printing import render
 from app.process.atomic_write import write_whole
 from app.scenario.data import to_toml
-from app.scenario.schema import Scenario, ScenarioError, scenario_errors
+from app.scenario.errors import ScenarioError, scenario_errors
+from app.scenario.schema import Scenario
 from app.session.snapshot import snapshot_of
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop

@@ -20,7 +20,8 @@ from app.process.deadline import end_within
 from app.process.interruption import Interruption
 from app.process.own_code import own_code
 from app.process.terminal_text import say
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.autosave import Autosave, StateFolder, default_folder
 from app.session.runner import Runner
 from app.simulation.warm_up import warm_up_for_own_laws

@@ -12,7 +12,8 @@ from scipy.optimize import differential_evolution
 from app.evidence.plants import BOUNDS, LAYERS, built, random_of, run, situation
 from app.scenario.data import edited, to_toml
 from app.scenario.departures import Departure
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 from controllers.switching import Switching
 

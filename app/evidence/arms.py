@@ -12,7 +12,8 @@ from app.analysis.perturbation import PerturbationAnalysis
 from app.evidence.plants import built, drawn, random_of, run, situation, with_arm_of, with_gains
 from app.scenario.data import edited
 from app.scenario.departures import Departure
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 
 RIGID = "constrained"

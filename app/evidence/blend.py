@@ -13,7 +13,8 @@ from scipy.linalg import expm
 from app.evidence.drawing import charts_in_columns
 from app.evidence.regions import Region, Spot, render_regions
 from app.evidence.section import EvidenceSection, Findings, Job
-from app.export.figures import Curve, FigureChart, thinned
+from app.export.figures import Curve, FigureChart
+from app.export.sheet import thinned
 from app.process.markdown import Table
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.simulation.closed_loop import ClosedLoop

@@ -9,20 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.export.figures import (
-    DOUBLE,
-    MARGIN,
-    ROW,
-    SMALL,
-    STYLE,
-    TYPE,
-    Figure,
-    FigureChart,
-    plain_number,
-    render,
-    with_fallbacks,
-)
+from app.export.figures import DOUBLE, TYPE, Figure, FigureChart
 from app.export.lettering import wrapped, write
+from app.export.printing import STYLE, render, with_fallbacks
+from app.export.sheet import MARGIN, ROW, SMALL
+from app.export.ticks import plain_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,8 @@ import numpy as np
 
 from app.analysis.metrics import motion_error
 from app.evidence.section import EvidenceSection, Findings, Job, of_kind
-from app.export.figures import Curve, Figure, FigureChart, FilledArea, render
+from app.export.figures import Curve, Figure, FigureChart, FilledArea
+from app.export.printing import render
 from app.scenario.data import edited, shipped
 from app.session.headless_run import simulate
 from app.simulation.system import System

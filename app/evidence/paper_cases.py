@@ -11,7 +11,8 @@ from app.analysis.metrics import Account, account, force_error, motion_error
 from app.analysis.spectrum import amplitude_spectrum
 from app.evidence.drawing import charts_in_columns
 from app.evidence.section import EvidenceSection, Findings, Job
-from app.export.figures import FREQUENCY, TIME, Curve, FigureChart, thinned
+from app.export.figures import FREQUENCY, TIME, Curve, FigureChart
+from app.export.sheet import thinned
 from app.process.markdown import Table
 from app.scenario.data import edited, shipped
 from app.session.headless_run import simulate

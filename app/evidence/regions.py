@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.export.figures import SINGLE, STYLE, Rgb, printed
+from app.export.figures import SINGLE, Rgb
+from app.export.inks import printed
+from app.export.printing import STYLE
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ import pinocchio as pin
 from app.evidence.drawing import charts_in_columns
 from app.evidence.pinocchio_constraint import Kind, RigidGround, by_jacobian, by_slider
 from app.evidence.section import EvidenceSection, Findings, Job
-from app.export.figures import Curve, FigureChart, thinned
+from app.export.figures import Curve, FigureChart
+from app.export.sheet import thinned
 from app.process.markdown import Table
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario

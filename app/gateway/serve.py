@@ -26,7 +26,8 @@ from app.process.deadline import end_within
 from app.process.fork_server import ForkServer
 from app.process.terminal_text import say
 from app.scenario.data import to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.storage.session_index import StateError
 
 log = structlog.get_logger()

@@ -17,7 +17,7 @@ from app.lessons.blocks import ChoiceQuestion, CurveQuestion, NumberQuestion
 from app.lessons.kept_file import KeptFile
 from app.lessons.measures import MeasuredNumber
 from app.lessons.playing import Trace
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 
 Given = int | float | list[tuple[float, float]]
 FILE = "lessons.json"

@@ -15,7 +15,7 @@ from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Explain, Goal, Les
 from app.lessons.lesson import NAMED, Lesson, LessonStep
 from app.lessons.measures import MeasuredNumber, unmet
 from app.lessons.playing import LessonOutcome, Trace, play, reached
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.search_memory import Memory
 

@@ -21,7 +21,7 @@ from app.lessons.checking import trace_for
 from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.measures import MeasuredNumber
 from app.lessons.playing import LessonOutcome, Trace, play
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.simulation.search_memory import Memory
 
 

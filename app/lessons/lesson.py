@@ -23,7 +23,8 @@ from app.lessons.blocks import (
     StartScenario,
 )
 from app.scenario.data import LARGEST, shipped, with_values
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from parameters import allowed
 
 FENCE = re.compile(r"^(`{3,})[ \t]*(\w*)[ \t]*$")

@@ -11,7 +11,7 @@ import numpy as np
 
 from app.analysis.metrics import force_error, measure, motion_error, settling_time
 from app.lessons.blocks import Condition, Measure
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
 from app.simulation.system import System

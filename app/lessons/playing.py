@@ -11,7 +11,8 @@ from app.lessons.blocks import Goal, LessonRun, PictureLine
 from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.measures import MeasuredNumber, factor_of, measured, signal_of, taken
 from app.scenario.data import edited, with_value, with_values
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.commands import Perform, TimedChange
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording

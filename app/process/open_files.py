@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import resource
 
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 
 
 def require(files: int, reason: str) -> None:

@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 
 from msgspec import Struct
 
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from controllers.control_law import ControlLaw
 from controllers.laws.table import LAWS
 from environments.own_function import MOST

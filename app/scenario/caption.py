@@ -9,7 +9,8 @@ import numpy as np
 from msgspec import Struct
 
 from app.scenario.data import shipped
-from app.scenario.schema import CouplingSection, FurtherSurface, Scenario, field_info
+from app.scenario.field_info import field_info
+from app.scenario.schema import CouplingSection, FurtherSurface, Scenario
 from controllers.controller import Controller
 from controllers.modes import MODES
 from environments.robots import CATALOGUE

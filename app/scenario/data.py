@@ -14,7 +14,9 @@ import msgspec
 import tomli_w
 from msgspec import Struct
 
-from app.scenario.schema import Scenario, ScenarioError, UnknownField, WrongKind, field_info, types_of
+from app.scenario.errors import ScenarioError, UnknownField, WrongKind
+from app.scenario.field_info import field_info, types_of
+from app.scenario.schema import Scenario
 from parameters import allowed
 
 LARGEST = 100_000  # bytes of a TOML file; the shipped ones have 2000, and readers of TOML are slow

@@ -1,16 +1,14 @@
 """Scenario: one frozen tree that says everything about a run.
 
-Every field has its bounds, unit and meaning beside it; `field_info` gives them to the page and the documentation.
+Every field has its bounds, unit and meaning beside it; `app.scenario.field_info` gives them to the page and the
+documentation.
 Lengths of vectors depend on the robot and are checked where the objects are built (`app.simulation.system`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import cache
-from typing import Annotated, Any, Literal, cast
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta, Struct
@@ -25,72 +23,6 @@ from environments.surfaces.table import AnyForm
 from environments.trajectories.point_to_point import Hold
 from environments.trajectories.table import AnyRotation, AnyTrajectory
 from parameters import Matrix, Name, Section, Text, Vector, Vector3, Widget, decades, field
-
-_Metadata = msgspec.inspect.Metadata
-
-
-class ScenarioError(ValueError):
-    """A scenario that cannot be used: one sentence with the field's path, its value and what is allowed."""
-
-
-class UnknownField(ScenarioError):
-    """A scenario with a field, or an entry of a list, that it does not have."""
-
-
-class WrongKind(ScenarioError):
-    """A scenario with a field whose value is of another kind, as a text in place of a number."""
-
-
-class PathOutOfReach(ScenarioError):
-    """A scenario whose path leaves the arm's workspace."""
-
-
-class UnboundedGain(ScenarioError):
-    """A scenario whose gain by (17) would grow without bound."""
-
-
-class SurfaceOutOfReach(ScenarioError):
-    """A scenario whose surface is out of the arm's reach."""
-
-
-class TooStiff(ScenarioError):
-    """A scenario with a contact or friction that the plant's steps cannot follow.
-    substeps: number of steps in a control period that would suffice; None where no allowed number does."""
-
-    def __init__(self, sentence: str, substeps: int | None) -> None:
-        super().__init__(sentence)
-        self.substeps = substeps
-
-
-class PullingForce(ScenarioError):
-    """A scenario whose desired force pulls at a surface that only pushes."""
-
-
-class ForceInJoints(ScenarioError):
-    """A scenario with r = q in a mode that measures forces in space."""
-
-
-class IrregularCorner(ScenarioError):
-    """A scenario whose further surfaces make no corner with the others that the arm can press into."""
-
-
-class WrongFace(ScenarioError):
-    """A scenario with a flat tool where the tool cannot be flat."""
-
-
-class IrregularSurface(ScenarioError):
-    """A scenario whose surface has no coordinates where the tool is."""
-
-
-@contextmanager
-def scenario_errors(kind: type[ScenarioError] = ScenarioError) -> Iterator[None]:
-    """Context in which a ValueError, which has one sentence, becomes a ScenarioError of this kind."""
-    try:
-        yield
-    except ScenarioError:
-        raise
-    except ValueError as error:
-        raise kind(str(error)) from error
 
 
 class RobotSection(Section, frozen=True, forbid_unknown_fields=True):
@@ -462,70 +394,3 @@ def after_blend(scenario: Scenario) -> Scenario:
     to = {name: matrix for name, matrix in msgspec.structs.asdict(scenario.blend.to).items() if matrix is not None}
     model = msgspec.structs.replace(scenario.target_model, **to)
     return msgspec.structs.replace(scenario, target_model=model, blend=BlendSection())
-
-
-@dataclass(frozen=True)
-class FieldInfo:
-    """Facts of a field that the page and the documentation show.
-    least, largest: bounds, None where there are none.
-    widget: its display on the page, None where a panel of the page decides that.
-    text: whether the field is a text."""
-
-    doc: str
-    unit: str
-    least: float | None
-    largest: float | None
-    choices: tuple[str, ...]
-    widget: Widget | None = None
-    text: bool = False
-
-
-def field_info(path: str) -> FieldInfo:
-    """Facts of the field at a dotted path; in a section of several kinds, those of the first kind that has it. A
-    section whose metadata has a `metre` gives its lengths in that unit."""
-    candidates: list[type[Struct]] = [Scenario]
-    *sections, last = path.split(".")
-    metre = "m"
-    for section in sections:
-        held = [f.type for c in candidates for f in _schema(c).fields if f.name == section]
-        known = [t.extra or {} for t in held if isinstance(t, _Metadata)]
-        metre = next((extra["metre"] for extra in known if "metre" in extra), metre)
-        candidates = [t for c in candidates for t in types_of(c, section)]
-    for candidate in candidates:
-        for f in _schema(candidate).fields:
-            if f.name == last and isinstance(f.type, _Metadata):
-                info = _info(f.type)
-                return replace(info, unit=metre) if info.unit == "m" else info
-    raise KeyError(path)
-
-
-def _info(metadata: msgspec.inspect.Metadata) -> FieldInfo:
-    inner: Any = metadata.type
-    if isinstance(inner, msgspec.inspect.UnionType):
-        inner = inner.types[0]
-    low = [b for b in (getattr(inner, "ge", None), getattr(inner, "gt", None)) if b is not None]
-    high = [b for b in (getattr(inner, "le", None), getattr(inner, "lt", None)) if b is not None]
-    schema = metadata.extra_json_schema or {}
-    return FieldInfo(
-        doc=str(schema.get("description", "")),
-        unit=str((metadata.extra or {}).get("unit", "")),
-        least=float(low[0]) if low else None,
-        largest=float(high[0]) if high else None,
-        choices=tuple(getattr(inner, "values", ())),
-        widget=(metadata.extra or {}).get("widget"),
-        text=isinstance(inner, msgspec.inspect.StrType),
-    )
-
-
-def types_of(struct: type[Struct], name: str) -> list[type[Struct]]:
-    """Structs that a field may hold: one for a section, several for a section of several kinds, else none."""
-    kind = next((f.type for f in _schema(struct).fields if f.name == name), None)
-    kind = kind.type if isinstance(kind, _Metadata) else kind
-    kinds = kind.types if isinstance(kind, msgspec.inspect.UnionType) else [kind]
-    return [k.cls for k in kinds if isinstance(k, msgspec.inspect.StructType)]
-
-
-@cache
-def _schema(struct: type[Struct]) -> msgspec.inspect.StructType:
-    """msgspec's description of a struct, cached: msgspec translates the whole tree below the struct."""
-    return cast(msgspec.inspect.StructType, msgspec.inspect.type_info(struct))

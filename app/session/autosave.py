@@ -23,7 +23,8 @@ import structlog
 
 from app.process.atomic_write import write_whole
 from app.scenario.data import from_toml, to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
 from app.session.timeline import NAME, Pinned
 from app.simulation.closed_loop import ClosedLoop

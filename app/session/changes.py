@@ -13,23 +13,25 @@ import numpy as np
 from msgspec import to_builtins
 
 from app.scenario.data import edited, from_plain, of_kind, to_plain
+from app.scenario.errors import (
+    IrregularCorner,
+    IrregularSurface,
+    PathOutOfReach,
+    ScenarioError,
+    SurfaceOutOfReach,
+    UnboundedGain,
+    WrongFace,
+)
+from app.scenario.field_info import field_info
 from app.scenario.schema import (
     BlendSection,
     ContactSection,
     ControllerSection,
-    IrregularCorner,
-    IrregularSurface,
-    PathOutOfReach,
     RobotSection,
     Scenario,
-    ScenarioError,
     ShiftSection,
-    SurfaceOutOfReach,
     TargetModelSection,
-    UnboundedGain,
     Vector3,
-    WrongFace,
-    field_info,
 )
 from app.simulation.controller_builder import mode_of, target_model
 from app.simulation.environment_builder import (

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import structlog
 
 from app.scenario.data import edited, with_values
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session import changes
 from app.session.commands import (
     Blend,

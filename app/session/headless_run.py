@@ -12,7 +12,8 @@ from tqdm import tqdm
 from app.analysis.metrics import Metrics, measure
 from app.process.atomic_write import write_whole
 from app.scenario.data import to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
 from app.simulation.engines import Engine, in_force

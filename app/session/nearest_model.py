@@ -6,7 +6,8 @@ import msgspec
 import numpy as np
 
 from app.scenario.data import edited
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.ways_out import WayOut
 from app.simulation.controller_builder import matrices_of, require_admitted, surfaces_met
 from app.simulation.system import System

@@ -17,7 +17,8 @@ import msgspec
 import numpy as np
 import pinocchio as pin
 
-from app.scenario.schema import Declared, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Declared
 from app.session.headless_run import play
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop

@@ -8,20 +8,20 @@ from dataclasses import dataclass
 
 from app.process.own_code import own_code
 from app.scenario.data import edited
-from app.scenario.schema import (
+from app.scenario.errors import (
     ForceInJoints,
     IrregularCorner,
     IrregularSurface,
     PathOutOfReach,
     PullingForce,
-    Scenario,
     ScenarioError,
     SurfaceOutOfReach,
     TooStiff,
     UnboundedGain,
     WrongFace,
-    field_info,
 )
+from app.scenario.field_info import field_info
+from app.scenario.schema import Scenario
 from app.session.changes import adapted, in_mode, last_surface, with_face, without_last
 from app.simulation.controller_builder import laws, mode_of
 from app.simulation.environment_builder import require_stiff

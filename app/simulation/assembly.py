@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from app.scenario.schema import (
+from app.scenario.errors import (
     ForceInJoints,
     IrregularCorner,
     IrregularSurface,
-    Scenario,
     ScenarioError,
     SurfaceOutOfReach,
     TooStiff,
-    TruthSection,
-    field_info,
 )
+from app.scenario.field_info import field_info
+from app.scenario.schema import Scenario, TruthSection
 from app.simulation.controller_builder import (
     believed_compliance,
     blend_of,

@@ -11,7 +11,8 @@ import numpy as np
 import structlog
 
 from app.process.own_code import OwnCodeError
-from app.scenario.schema import Scenario, ScenarioError, TruthSection, after_blend
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario, TruthSection, after_blend
 from app.simulation.assembly import assemble, with_truth
 from app.simulation.control_period import Alarm, Evaluation, Setting
 from app.simulation.controlled_arm import ControlledArm, PeriodAddresses

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from app.process.own_code import own_code
-from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModelSection, after_blend, scenario_errors
+from app.scenario.errors import ScenarioError, scenario_errors
+from app.scenario.schema import Matrix, Scenario, TargetModelSection, after_blend
 from app.simulation.domain import Constants
 from app.simulation.environment_builder import believed_matrix, environment_of
 from controllers import modes

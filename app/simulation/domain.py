@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from app.scenario.schema import PathOutOfReach, ScenarioError
+from app.scenario.errors import PathOutOfReach, ScenarioError
 from app.simulation.extremes import OUTSIDE, Effort, Objectives, ObjectiveValue, Omega, Place, largest
 from app.simulation.observation import Observer
 from app.simulation.planned_reference import Planned

@@ -11,15 +11,9 @@ import pinocchio as pin
 from app.process.own_code import own_course, own_shape
 from app.scenario.data import kind_of
 from app.scenario.declared_bounds import link_rows, symmetric
-from app.scenario.schema import (
-    IrregularCorner,
-    PullingForce,
-    Scenario,
-    ScenarioError,
-    WrongFace,
-    field_info,
-    scenario_errors,
-)
+from app.scenario.errors import IrregularCorner, PullingForce, ScenarioError, WrongFace, scenario_errors
+from app.scenario.field_info import field_info
+from app.scenario.schema import Scenario
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
 from controllers.task_space import TaskLayout

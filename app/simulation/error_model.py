@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.scenario.schema import STATED_IN, Declared, Scenario, ScenarioError, StatedBound
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import STATED_IN, Declared, Scenario, StatedBound
 from controllers.nominal_model import turning
 from environments.bytecode import Function, value_of
 from environments.formula import FormulaError, parse

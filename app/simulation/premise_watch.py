@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from app.scenario.schema import UnboundedGain
+from app.scenario.errors import UnboundedGain
 from app.simulation.control_period import Alarm, Evaluation
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch

@@ -15,7 +15,8 @@ from typing import BinaryIO
 import numpy as np
 
 from app.scenario.data import from_toml, to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.simulation.recording import Recording
 from app.simulation.signals import SIGNALS, columns_of
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from app.process.atomic_write import write_whole
 from app.process.private_folder import PRIVATE, NotOwnError, private
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from environments import urdf
 from environments.robots import Robot
 

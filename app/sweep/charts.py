@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from app.export.figures import DOUBLE, SINGLE, file_of, plain_decades
+from app.export.figures import DOUBLE, SINGLE
 from app.export.formats import Format
 from app.export.lettering import wrapped
-from app.scenario.schema import ScenarioError
+from app.export.printing import file_of
+from app.export.ticks import plain_decades
+from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import COLUMNS
 from app.sweep.points import Kind, Points, SweepView, interval, points_of, statistic_of
 from app.sweep.question import Axis, Sweep

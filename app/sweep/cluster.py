@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from app.process.worker_pool import FALLEN, Fallen
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep import cluster_worker
 from app.sweep.figures_of_run import Figures
 from app.sweep.question import Sweep

@@ -6,7 +6,7 @@ import pickle
 import threading
 from functools import lru_cache
 
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import Figures, SweepRunner
 from app.sweep.question import Sweep, fingerprint
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from app.analysis.metrics import Metrics
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.scenario.units import JOINT, WITH_JOINTS, Units
 from app.session.headless_run import simulate
 from app.simulation.search_memory import Memory

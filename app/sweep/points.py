@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import COLUMNS, METRICS, Column
 from app.sweep.question import Sweep
 from controllers.premises import Premise

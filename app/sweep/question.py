@@ -19,7 +19,8 @@ from msgspec import Meta, Struct
 
 from app.scenario.data import to_plain, with_value, with_values
 from app.scenario.departures import DRAWN, Departure
-from app.scenario.schema import RobotSection, Scenario, ScenarioError, UnknownField, WrongKind
+from app.scenario.errors import ScenarioError, UnknownField, WrongKind
+from app.scenario.schema import RobotSection, Scenario
 from app.simulation.engines import Engine
 from app.simulation.environment_builder import robot_of
 from environments.urdf import RobotError

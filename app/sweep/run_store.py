@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from app.process.atomic_write import write_whole
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import COLUMNS, Figures
 from app.sweep.question import FILE, Sweep, SweepQuestion, differences, read, to_toml
 

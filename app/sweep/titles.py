@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import re
 
-from app.export.figures import plain_number
-from app.scenario.schema import FieldInfo, field_info
+from app.export.ticks import plain_number
+from app.scenario.field_info import FieldInfo, field_info
 from app.scenario.units import Units, unit_in
 from app.simulation.controller_builder import laws
 from controllers.modes import MODES

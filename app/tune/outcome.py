@@ -13,7 +13,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from app.export.figures import SINGLE, file_of, plain_decades
+from app.export.figures import SINGLE
+from app.export.printing import file_of
+from app.export.ticks import plain_decades
 from app.process.atomic_write import write_whole
 from app.scenario import data
 from app.sweep.charts import sheet, wide

@@ -12,7 +12,7 @@ import numpy as np
 from tqdm import tqdm
 
 from app.process import worker_pool
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import Figures, SweepRunner
 from app.sweep.question import SweepQuestion, SweepRow, Value
 from app.sweep.running import CHUNK, SweepEstimate

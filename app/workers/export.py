@@ -13,9 +13,9 @@ import numpy as np
 import structlog
 
 from app.export.export_jobs import DataJob, ExportDone, ExportProgress, Failure, FigureJob, Job, MadeJob, PlaybackJob
-from app.export.figures import render
+from app.export.printing import render
 from app.process.log import configure_as_parent
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.simulation.signals import columns_of
 from app.storage.recording_files import RecordingTable, TooLarge, write_csv, write_npz
 

@@ -21,7 +21,7 @@ from app.process.fork_server import ForkedProcess
 from app.process.free_memory import give_back
 from app.process.log import configure_as_parent
 from app.scenario.data import from_toml, shipped
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.preview_client import Previewer
 from app.simulation.warm_up import warm_up
 from app.workers import preview, session

@@ -16,7 +16,7 @@ import structlog
 
 from app.process import precompile
 from app.process.log import configure_as_parent
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.arm_band import LATER, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.preview import Figures, Foresight, Hurry, Outlook, PreviewDone, PreviewRefusal, Question
 from app.simulation.closed_loop import ClosedLoop

@@ -43,7 +43,8 @@ from app.dashboard.theme.colors import Theme
 from app.dashboard.widgets.last_session import left_by, remark
 from app.process import log
 from app.scenario.data import from_toml, to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.autosave import Autosave, StateFolder
 from app.session.commands import Continue
 from app.session.preview_client import Previewer

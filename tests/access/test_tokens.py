@@ -17,7 +17,7 @@ from app.gateway.serve import serve
 from app.gateway.server_settings import PageStyle, ServerSettings
 from app.process import other_users
 from app.scenario.data import load
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from drivers.visitors import serving, visiting
 from tests.gateway.test_gateway import ask
 

@@ -14,7 +14,8 @@ from app.dashboard.widgets.model_fields import applying, model_edit
 from app.evidence import blend as section
 from app.evidence.blend import NOTE, diagonal_lyapunov
 from app.scenario.data import edited, from_toml, shipped, with_values
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.changes import blending_to
 from app.session.commands import Blend, Edit
 from app.session.headless_run import simulate, write

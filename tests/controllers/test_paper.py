@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from app.scenario.data import edited, from_plain, shipped, to_plain
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.simulation.assembly import assemble
 from app.simulation.system import System
 from controllers.compensator import Compensator

@@ -9,7 +9,8 @@ import pytest
 from scipy.optimize import minimize
 
 from app.scenario.data import edited, shipped
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.changes import blending_to, in_mode
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop

@@ -15,7 +15,7 @@ from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace
 from app.dashboard.widgets.swept_fields import FIELDS, FieldChoice, field_of_row, prepared
 from app.dashboard.widgets.whatif import WhatIf, changed
 from app.scenario.data import shipped, with_values
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.commands import EditAll
 from app.session.preview_client import Previewer
 from app.session.runner import Runner

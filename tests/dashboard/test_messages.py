@@ -22,7 +22,7 @@ from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.scene_buttons import reaching
 from app.scenario.data import load
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.autosave import Offer
 from app.session.commands import Edit, Reset, ToEnd
 from app.session.runner import Runner

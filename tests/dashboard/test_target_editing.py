@@ -18,7 +18,7 @@ from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, m
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem_table import facts_html
 from app.scenario.data import edited, shipped
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.commands import Edit
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot

@@ -11,7 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from app.scenario.data import edited, from_plain, from_toml, shipped, to_plain, to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.changes import on_surface
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop

@@ -15,7 +15,7 @@ import yourdfpy
 from app.dashboard.scene.robot_view import parts
 from app.dashboard.view_options import FINE
 from app.scenario.data import edited, from_toml, shipped, to_toml
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.changes import with_robot
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop

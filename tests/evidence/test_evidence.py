@@ -22,7 +22,7 @@ from app.evidence.sections import SECTIONS
 from app.export.figures import Curve, FigureChart
 from app.process.markdown import Table
 from app.scenario.data import edited, load
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.headless_run import simulate
 from app.simulation.engines import Engine
 

@@ -22,7 +22,8 @@ from app.evidence.closed_forms import (
 )
 from app.evidence.plants import drawn
 from app.evidence.section import EvidenceSection
-from app.export.figures import Curve, Figure, FigureChart, render
+from app.export.figures import Curve, Figure, FigureChart
+from app.export.printing import render
 from app.scenario.data import shipped
 from app.scenario.declared_bounds import outside
 from app.scenario.departures import Departure

@@ -24,12 +24,16 @@ from app.dashboard.plots.plot_table import TABS
 from app.dashboard.scene.standalone import snapshots, standalone_html
 from app.dashboard.theme.colors import SERIES
 from app.export.export_jobs import DataJob, ExportError, ExportJobs, FigureJob, PlaybackJob, file_name
-from app.export.figures import BINS, CONTRAST, Curve, Figure, FigureChart, printed, render, thinned
+from app.export.figures import Curve, Figure, FigureChart
 from app.export.formats import ALL_PLOTS
+from app.export.inks import CONTRAST, printed
 from app.export.playback_frames import FRAMES_PER_SECOND, PlaybackFrames, playback_frames
+from app.export.printing import render
+from app.export.sheet import BINS, thinned
 from app.scenario.caption import caption
 from app.scenario.data import edited, from_file, from_toml, load, to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session import headless_run
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.assembly import assemble

@@ -15,25 +15,14 @@ from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.paper_figures import figure_of, plots_of, with_series
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.theme.colors import SERIES
-from app.export.figures import (
-    DOUBLE,
-    SINGLE,
-    SMALL,
-    TITLE,
-    Curve,
-    Figure,
-    FigureChart,
-    FigureOptions,
-    drawn,
-    inches_of,
-    inks_of,
-    looks_of,
-    render,
-)
+from app.export.figures import DOUBLE, SINGLE, Curve, Figure, FigureChart, FigureOptions, inches_of
 from app.export.formats import ALL_PLOTS
+from app.export.inks import inks_of
 from app.export.lettering import runs, wrapped
+from app.export.printing import drawn, render
+from app.export.sheet import SMALL, TITLE, looks_of
 from app.scenario.data import edited, load
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session import headless_run
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop

@@ -11,7 +11,7 @@ import pytest
 
 from app.cli.commands import execute
 from app.dashboard.widgets.impedance_map import impedance_html
-from app.export.figures import render
+from app.export.printing import render
 from app.export.response_files import figure_of
 from app.scenario.data import from_plain, load, to_plain, to_toml
 from app.session.push_measurement import Measured

@@ -24,7 +24,7 @@ from app.dashboard.page import Dashboard
 from app.gateway.serve import serve
 from app.gateway.server_settings import PageStyle, ServerSettings
 from app.scenario.data import load
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.storage.session_index import SESSION
 from drivers.viser_protocol import CAMERA
 from drivers.visitors import PATIENCE, Server, gone, serving, visiting

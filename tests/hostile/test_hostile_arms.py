@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from app.dashboard.scene.robot_view import RobotView
 from app.scenario.data import edited, load
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session import commanded_run
 from app.session.commands import Command, Edit, Load
 from app.session.runner import Runner

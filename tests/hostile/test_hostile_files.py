@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from app.cli.options import setting
 from app.process.terminal_text import printable
 from app.scenario.data import LARGEST, edited, from_file, from_toml, load, shipped, to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.simulation.recording import Recording
 from app.simulation.signals import SIGNALS
 from app.storage import recording_files

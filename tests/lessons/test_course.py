@@ -37,7 +37,7 @@ from app.lessons.measures import MeasuredNumber, taken
 from app.lessons.playing import Trace, performance, play, runs
 from app.lessons.predictions import predicted
 from app.scenario.data import shipped
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.commands import SetSpeed
 from app.session.runner import Runner
 from tests.lessons.test_lessons import lesson

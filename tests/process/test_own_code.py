@@ -13,7 +13,8 @@ from app.cli.commands import execute
 from app.process.own_code import OwnCodeError, use
 from app.scenario.caption import caption
 from app.scenario.data import edited, from_toml, load, to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop

@@ -10,7 +10,8 @@ import pytest
 
 from app.process.own_code import OwnCodeError, own_code, own_course, own_shape, use
 from app.scenario.data import differences, edited, from_toml, load, to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_surface
 from app.session.headless_run import simulate
 from app.session.ways_out import nearest

@@ -20,7 +20,8 @@ from app.analysis.metrics import FIGURES, METRICS
 from app.cli import commands
 from app.cli.run import run
 from app.scenario.data import edited, from_toml, load, to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT
 
 pytestmark = pytest.mark.slow  # processes of its own

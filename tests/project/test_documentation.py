@@ -7,7 +7,8 @@ import re
 import pytest
 
 from app.cli import commands
-from app.scenario.schema import Scenario, types_of
+from app.scenario.field_info import types_of
+from app.scenario.schema import Scenario
 from tests.support.pages import PAGES, ROOT, Page
 
 LINK = re.compile(r"\]\(([^)\s]+)\)")

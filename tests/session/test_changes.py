@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from app.scenario.data import differences, edited, shipped
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.changes import in_coordinates, in_mode, on_robot, on_surface, possible, told
 from app.session.commands import DropWayOut, Edit, Fork, Pause, Push, PushNow, Reset, Seek, ShowAgain, TakeWayOut
 from app.session.runner import Runner

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from app.scenario.data import edited, load
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.autosave import Autosave, StateFolder, default_folder
 from app.session.changes import with_robot
 from app.session.commands import Edit, Pin, Seek, ToEnd, Unpin

@@ -12,7 +12,8 @@ from app.dashboard.panels.runs import table_html
 from app.dashboard.scene import pinned_arms
 from app.dashboard.scene.pinned_arms import posture
 from app.scenario.data import differences, edited, shipped
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session import timeline
 from app.session.changes import in_mode
 from app.session.snapshot import Snapshot

@@ -9,7 +9,8 @@ from scipy.linalg import expm
 from app.analysis.metrics import measure
 from app.analysis.steady_force import steady_force_error
 from app.scenario.data import edited, from_plain, load, shipped, to_plain
-from app.scenario.schema import IrregularCorner, Scenario, ScenarioError
+from app.scenario.errors import IrregularCorner, ScenarioError
+from app.scenario.schema import Scenario
 from app.session.changes import in_mode, possible, told, with_control, with_further
 from app.session.headless_run import simulate
 from app.session.ways_out import way_out

@@ -14,7 +14,8 @@ from app.analysis.metrics import measure
 from app.analysis.steady_force import steady_force_error
 from app.scenario.caption import caption
 from app.scenario.data import edited, from_plain, load, to_plain
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.changes import in_mode, possible, with_control, with_further
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop

@@ -12,7 +12,8 @@ from scipy.linalg import eigh
 
 from app.scenario.data import edited, shipped
 from app.scenario.declared_bounds import outside
-from app.scenario.schema import Declared, Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Declared, Scenario
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 

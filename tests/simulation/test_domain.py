@@ -16,7 +16,8 @@ import pytest
 import app.simulation.domain
 from app.scenario.data import edited, from_plain, shipped
 from app.scenario.departures import Departure
-from app.scenario.schema import Declared, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Declared
 from app.session.changes import on_robot
 from app.simulation.assembly import assemble
 from app.simulation.domain import MARGIN, mobility_over, span_of

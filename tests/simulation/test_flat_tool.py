@@ -9,7 +9,8 @@ import pytest
 
 from app.analysis.metrics import force_error, moment_error
 from app.scenario.data import edited, shipped
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop

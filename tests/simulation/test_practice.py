@@ -15,7 +15,8 @@ from app.dashboard.widgets.status import status_html
 from app.evidence import baselines, practice, simulators
 from app.evidence.section import EvidenceSection
 from app.scenario.data import edited, shipped
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.runner import Runner
 from app.session.timeline import Timeline
 from app.simulation.assembly import assemble

@@ -15,7 +15,8 @@ from app.cli.status import BROKEN, DONE, UNPROMISED
 from app.dashboard.widgets.premise_table import premises_html
 from app.scenario.caption import promised
 from app.scenario.data import edited, shipped
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
 from app.simulation.assembly import assemble

@@ -11,7 +11,8 @@ from scipy.linalg import expm
 
 from app.evidence.closed_forms import certain, changed, pressed
 from app.scenario.data import edited, from_plain, shipped, to_plain
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop

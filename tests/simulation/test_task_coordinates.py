@@ -9,7 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from app.analysis.metrics import account
 from app.scenario.data import edited, from_plain, load, to_plain
-from app.scenario.schema import Scenario, ScenarioError, field_info
+from app.scenario.errors import ScenarioError
+from app.scenario.field_info import field_info
+from app.scenario.schema import Scenario
 from app.session.changes import in_coordinates, in_mode, on_robot, possible, told
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble

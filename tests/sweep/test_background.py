@@ -19,7 +19,7 @@ from app.cli.commands import execute
 from app.export.export_jobs import ExportError, ExportJobs, MadeJob
 from app.process import slots
 from app.scenario.data import edited, shipped
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.commands import Perform
 from app.session.headless_run import simulate
 from app.session.runner import Runner as Loop

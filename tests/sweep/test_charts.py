@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep.charts import _borders, _geometric, _shares, chart
 from app.sweep.points import SweepView, interval, points_of
 from app.sweep.question import Axis, Sweep, SweepQuestion, axis_of

@@ -17,7 +17,7 @@ import pytest
 
 from app.cli.commands import execute
 from app.scenario.data import edited, shipped
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep import cluster_worker, running
 from app.sweep.cluster import Cluster
 from app.sweep.figures_of_run import Figures, SweepRunner

@@ -10,7 +10,7 @@ import pytest
 
 from app.scenario.data import edited, shipped, with_value
 from app.scenario.declared_bounds import outside
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep import question
 from app.sweep.question import Axis, Sweep, SweepQuestion, axis_of
 

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from app.scenario.data import shipped
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep import run_store
 from app.sweep.question import Sweep, SweepQuestion, axis_of
 from app.sweep.run_store import JOURNAL, RunStore, parts, schema_of, table_of

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from app.scenario.data import shipped
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep.question import Axis, SweepQuestion, SweepRow
 from app.tune.question import Tuning, moved, require_sound
 from app.tune.search import Search

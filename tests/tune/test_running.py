@@ -18,7 +18,7 @@ from app.cli.commands import execute
 from app.process import worker_pool
 from app.process.worker_pool import BARRIER
 from app.scenario.data import load, shipped, with_values
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.sweep.run_store import JOURNAL, RunStore
 from app.tune import background, outcome, running
 from app.tune.candidates import Candidate

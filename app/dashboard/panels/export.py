@@ -28,7 +28,7 @@ from app.export.figures import DOUBLE, MM, SINGLE, FigureOptions
 from app.export.formats import ALL_PLOTS, Format
 from app.export.playback_frames import playback_frames
 from app.scenario.data import from_file, to_toml
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
 from app.storage.recording_files import Tell, table

@@ -27,7 +27,7 @@ from app.lessons.course import LessonCourse
 from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
 from app.lessons.markup import html_of, inline_html
 from app.lessons.playing import last_q, performance, play
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.commands import Load, Pause, Play, Reset
 from app.session.snapshot import Snapshot
 from app.simulation.search_memory import Memory

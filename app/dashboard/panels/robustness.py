@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.dashboard.widgets.controls import Desk, NumberRow
 from app.dashboard.widgets.gain_search import GainSearch
 from app.dashboard.widgets.robustness_map import RobustnessMap
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.snapshot import Snapshot
 
 

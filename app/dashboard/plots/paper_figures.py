@@ -17,7 +17,7 @@ from app.dashboard.widgets.equation import symbol
 from app.export.figures import FREQUENCY, TIME, Curve, Figure, FigureChart, FilledArea
 from app.export.formats import ALL_PLOTS
 from app.scenario.caption import caption, promised
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.snapshot import Snapshot
 from parameters import allowed
 

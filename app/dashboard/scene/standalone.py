@@ -19,8 +19,9 @@ from app.dashboard.scene.view import SceneView
 from app.dashboard.transport.handshake import behind_doors
 from app.dashboard.transport.message_filter import MessageFilter
 from app.dashboard.view_options import Look
-from app.export.figures import SINGLE, Figure, FigureOptions, svg_with_panels
+from app.export.figures import SINGLE, Figure, FigureOptions
 from app.export.playback_frames import FRAMES_PER_SECOND, PlaybackFrames
+from app.export.printing import svg_with_panels
 from app.process.redaction import new_secret
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop

@@ -14,7 +14,7 @@ import viser
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk, FieldPlace
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
 from environments.robots import CATALOGUE

@@ -13,7 +13,8 @@ from app.dashboard.theme.style import MARKS
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.file_delivery import FileDelivery
 from app.dashboard.widgets.swept_fields import number_of, unmarked
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
 from app.sweep.background import Background
 

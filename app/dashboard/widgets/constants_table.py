@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from html import escape
 
-from app.scenario.schema import STATED_IN, Declared, field_info
+from app.scenario.field_info import field_info
+from app.scenario.schema import STATED_IN, Declared
 from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
 

@@ -25,7 +25,8 @@ from app.export.export_jobs import ExportJobs
 from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk
 from app.scenario.data import kind_of
-from app.scenario.schema import FieldInfo, Scenario, field_info
+from app.scenario.field_info import FieldInfo, field_info
+from app.scenario.schema import Scenario
 from app.scenario.units import label_with_joints
 from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot

@@ -25,7 +25,7 @@ from app.dashboard.widgets.swept_fields import (
 from app.dashboard.widgets.whatif import HeldControl
 from app.export.export_jobs import MadeJob, file_name
 from app.scenario.data import differences, with_values
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.commands import EditAll
 from app.session.snapshot import Snapshot
 from app.storage.recording_files import Tell

@@ -13,7 +13,8 @@ import viser
 
 from app.dashboard.transport.callback_errors import Complain, guarded
 from app.dashboard.widgets.edit_lock import EditLock
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.autosave import Autosave, Offer, StateFolder
 from app.session.commands import Continue
 from app.session.timeline import Pinned

@@ -18,7 +18,7 @@ from app.lessons.answers import Answer
 from app.lessons.course import LessonCourse
 from app.lessons.lesson import LessonStep
 from app.lessons.measures import taken, unmet
-from app.scenario.schema import ScenarioError
+from app.scenario.errors import ScenarioError
 from app.session.commands import Play, Reset
 from app.session.snapshot import Snapshot
 

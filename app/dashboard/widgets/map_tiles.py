@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.export.figures import plain_number
+from app.export.ticks import plain_number
 from app.sweep.background import BackgroundSweep
 from app.sweep.charts import wide
 from app.sweep.points import Points, interval

@@ -15,7 +15,8 @@ from app.dashboard.widgets.pole_drag import draggable
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem_table import judged
 from app.scenario.data import edited
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from app.dashboard.widgets.controls import Desk, FieldPlace, NumberField, SliderScale, decades, labelled
-from app.scenario.schema import FieldInfo
+from app.scenario.field_info import FieldInfo
 from app.session.snapshot import Snapshot
 from parameters import Parameter
 

@@ -22,7 +22,8 @@ from app.dashboard.widgets.swept_fields import (
 from app.export.export_jobs import MadeJob, file_name
 from app.export.formats import Format
 from app.scenario.departures import DRAWN
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.session.commands import Perform, Pin
 from app.session.snapshot import Snapshot

@@ -20,7 +20,8 @@ from app.dashboard.widgets.controls import (
 from app.dashboard.widgets.own_parameters import own_number
 from app.dashboard.widgets.text_field import TextField
 from app.scenario.data import OWN, kind_of
-from app.scenario.schema import FieldInfo, Scenario, field_info, types_of
+from app.scenario.field_info import FieldInfo, field_info, types_of
+from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
 from environments.surfaces.own import OwnSurface
 from environments.trajectories.own import OwnTrajectory

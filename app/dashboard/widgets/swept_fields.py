@@ -13,7 +13,8 @@ import viser
 from app.dashboard.theme.style import MARKS
 from app.dashboard.widgets.controls import Desk, FieldPlace, NumberRow
 from app.scenario.data import with_values
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, Units
 from app.session.snapshot import Snapshot
 from app.sweep.question import Axis

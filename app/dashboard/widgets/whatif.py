@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from app.scenario.data import differences, edited, with_values
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.commands import Edit, EditAll
 from app.session.preview import Outlook, PreviewRefusal
 from app.session.preview_client import Previewer

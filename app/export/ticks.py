@@ -1,0 +1,30 @@
+"""Ticks of charts on paper: few, with plain numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axis import Axis
+
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def plain_decades(axis: Axis) -> None:
+    """Set the ticks of a logarithmic axis."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    within_decades = high > 30 * low
+    axis.set_major_locator(LogLocator(subs=(1.0,) if within_decades else (1.0, 2.0, 5.0), numticks=6))
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_major_formatter(plain_number)
+
+
+def plain_number(value: float, _: object) -> str:
+    """Label of a tick as plain text, such as 2·10⁻³."""
+    short = f"{value:.0e}"
+    text = short if abs(value) >= 1e5 and float(short) == value else f"{value:.6g}"
+    mantissa, _, exponent = text.partition("e")
+    power = "10" + str(int(exponent)).translate(RAISED) if exponent else ""
+    return "·".join(part for part in (mantissa, power) if part and (part, bool(power)) != ("1", True)).replace("-", "−")

@@ -1,0 +1,82 @@
+"""Facts of a scenario's fields: bounds, unit and meaning, for the page, the refusals and the documentation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, cast
+
+import msgspec
+from msgspec import Struct
+
+from app.scenario.schema import Scenario
+from parameters import Widget
+
+_Metadata = msgspec.inspect.Metadata
+
+
+@dataclass(frozen=True)
+class FieldInfo:
+    """Facts of a field that the page and the documentation show.
+    least, largest: bounds, None where there are none.
+    widget: its display on the page, None where a panel of the page decides that.
+    text: whether the field is a text."""
+
+    doc: str
+    unit: str
+    least: float | None
+    largest: float | None
+    choices: tuple[str, ...]
+    widget: Widget | None = None
+    text: bool = False
+
+
+def field_info(path: str) -> FieldInfo:
+    """Facts of the field at a dotted path; in a section of several kinds, those of the first kind that has it. A
+    section whose metadata has a `metre` gives its lengths in that unit."""
+    candidates: list[type[Struct]] = [Scenario]
+    *sections, last = path.split(".")
+    metre = "m"
+    for section in sections:
+        held = [f.type for c in candidates for f in _schema(c).fields if f.name == section]
+        known = [t.extra or {} for t in held if isinstance(t, _Metadata)]
+        metre = next((extra["metre"] for extra in known if "metre" in extra), metre)
+        candidates = [t for c in candidates for t in types_of(c, section)]
+    for candidate in candidates:
+        for f in _schema(candidate).fields:
+            if f.name == last and isinstance(f.type, _Metadata):
+                info = _info(f.type)
+                return replace(info, unit=metre) if info.unit == "m" else info
+    raise KeyError(path)
+
+
+def _info(metadata: msgspec.inspect.Metadata) -> FieldInfo:
+    inner: Any = metadata.type
+    if isinstance(inner, msgspec.inspect.UnionType):
+        inner = inner.types[0]
+    low = [b for b in (getattr(inner, "ge", None), getattr(inner, "gt", None)) if b is not None]
+    high = [b for b in (getattr(inner, "le", None), getattr(inner, "lt", None)) if b is not None]
+    schema = metadata.extra_json_schema or {}
+    return FieldInfo(
+        doc=str(schema.get("description", "")),
+        unit=str((metadata.extra or {}).get("unit", "")),
+        least=float(low[0]) if low else None,
+        largest=float(high[0]) if high else None,
+        choices=tuple(getattr(inner, "values", ())),
+        widget=(metadata.extra or {}).get("widget"),
+        text=isinstance(inner, msgspec.inspect.StrType),
+    )
+
+
+def types_of(struct: type[Struct], name: str) -> list[type[Struct]]:
+    """Structs that a field may hold: one for a section, several for a section of several kinds, else none."""
+    kind = next((f.type for f in _schema(struct).fields if f.name == name), None)
+    kind = kind.type if isinstance(kind, _Metadata) else kind
+    kinds = kind.types if isinstance(kind, msgspec.inspect.UnionType) else [kind]
+    return [k.cls for k in kinds if isinstance(k, msgspec.inspect.StructType)]
+
+
+@cache
+def _schema(struct: type[Struct]) -> msgspec.inspect.StructType:
+    """msgspec's description of a struct, cached: msgspec translates the whole tree below the struct."""
+    return cast(msgspec.inspect.StructType, msgspec.inspect.type_info(struct))
