@@ -14,7 +14,8 @@ from aiohttp import WSMsgType, web
 
 from app.access.admission import Names, Tokens
 from app.access.session_messages import Answers, Begin, KeptFolder
-from app.gateway.server import AccessSettings, Gateway, serving
+from app.gateway.access_control import AccessSettings
+from app.gateway.server import Gateway, serving
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import SessionStore
 

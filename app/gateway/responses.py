@@ -1,5 +1,5 @@
-"""Responses of the gateway: the same headers on all of them, also on those to requests that are no HTTP, whose content
-is not logged."""
+"""Responses of the gateway: their kinds, and the same headers on all of them, also on those to requests that are no
+HTTP, whose content is not logged."""
 
 from __future__ import annotations
 
@@ -18,6 +18,32 @@ async def with_headers(_: web.BaseRequest, response: web.StreamResponse) -> None
     """Add the headers to a response before it is sent, also to those of web sockets."""
     response.headers.update(PAGE_HEADERS)
     response.headers.setdefault("Cache-Control", "no-store")
+
+
+def without_query(request: web.Request) -> web.Response:
+    """Redirect to the same page, without the part of the address behind the '?'."""
+    return web.Response(status=303, headers={"Location": f"./{request.rel_url.raw_path.rpartition('/')[2]}"})
+
+
+def html(text: str, status: int = 200) -> web.Response:
+    """Response with a page."""
+    return web.Response(text=text, status=status, content_type="text/html")
+
+
+def notice(title: str, sentence: str, status: int) -> web.Response:
+    """Response with a page that tells one sentence."""
+    return html(pages.notice(title, sentence), status)
+
+
+def page(document: pages.Document, request: web.Request) -> web.Response:
+    """Response with a session's page: compressed where the browser can read that, nothing where it has the page."""
+    headers = {"ETag": document.tag, "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    if document.tag in request.headers.get("If-None-Match", ""):
+        return web.Response(status=304, headers=headers)
+    if "gzip" in request.headers.get("Accept-Encoding", ""):
+        headers["Content-Encoding"] = "gzip"
+        return web.Response(body=document.compressed, content_type="text/html", charset="utf-8", headers=headers)
+    return web.Response(body=document.plain, content_type="text/html", charset="utf-8", headers=headers)
 
 
 class ApplicationRunner(web.AppRunner):

@@ -14,8 +14,9 @@ from pathlib import Path
 import structlog
 
 from app.access.admission import Names, OriginError, Tokens
+from app.gateway.access_control import AccessSettings
 from app.gateway.connections import ARRIVING
-from app.gateway.server import AccessSettings, Gateway, serving
+from app.gateway.server import Gateway, serving
 from app.gateway.server_settings import PageStyle, ServerSettings
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import SessionStore

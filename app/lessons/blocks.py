@@ -208,7 +208,7 @@ class GoalSlider(Block, frozen=True):
 class Goal(Block, frozen=True):
     """Goal: conditions that the student fulfils with some controls, while all others are locked.
     ask: text of the task.
-    seconds: length of the run in which the controls' reference values reach the goal.
+    seconds: instant of a run at which it is judged, s; nothing may be changed on the way.
     measures: by the names that the conditions use.
     set: other values of the scenario's fields, by dotted path."""
 

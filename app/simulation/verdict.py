@@ -116,7 +116,8 @@ class Standing:
             first = min(failed, key=lambda p: self.table.failed[p])
             lost = f"; contact: {self.losses}" if self.losses else ""
             return self._promise(
-                "nothing promised", f"from t = {self.table.failed[first]:.4g} s: {STATEMENTS[first].title}{lost}"
+                "nothing promised",
+                f"from t = {self.table.failed[first]:.4g} s, premise not met: {STATEMENTS[first].title}{lost}",
             )
         if self.stopped is not None:
             return self._promise("nothing promised", f"the run has stopped: {self.stopped}")

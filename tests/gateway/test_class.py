@@ -15,7 +15,7 @@ from app.access.admission import Names, Tokens
 from app.access.classroom import ClassQuestion
 from app.access.session_messages import Asks
 from app.gateway import pages
-from app.gateway.server import GATHERED
+from app.gateway.class_pages import GATHERED
 from drivers.town import Town, town
 from tests.gateway.test_links import FAR, PUBLIC, come_in, cookies
 from tests.hostile.test_hostile_visitors import in_a_loop

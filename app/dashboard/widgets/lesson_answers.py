@@ -16,8 +16,8 @@ from app.dashboard.widgets.outcome_chart import pad_html
 from app.lessons import blocks
 from app.lessons.answers import Answer
 from app.lessons.course import LessonCourse
+from app.lessons.goals import judged
 from app.lessons.lesson import LessonStep
-from app.lessons.measures import taken, unmet
 from app.scenario.errors import ScenarioError
 from app.session.commands import Play, Reset
 from app.session.snapshot import Snapshot
@@ -193,25 +193,27 @@ class GoalControls:
     def _html(self, goal: blocks.Goal, course: LessonCourse, snapshot: Snapshot) -> str:
         if course.step.number in course.progress.goals:
             return f'<div class="vs-scored">{chip("reached", "vs-good")}</div>'
-        longest = max((each.last or 0.0 for each in goal.measures.values()), default=0.0)
-        since = snapshot.state.epoch.t
-        if snapshot.end - since < longest:
-            left = longest - (snapshot.end - since)
-            return f'<div class="vs-note">The last {longest:g} s count: another {left:.1f} s to go.</div>'
         try:
-            known = {
-                name: taken(snapshot.system, snapshot.recording, snapshot.end, each)
-                for name, each in goal.measures.items()
-            }
-            missed = unmet(goal.conditions, known)
+            judgement = judged(
+                goal,
+                snapshot.system,
+                snapshot.recording,
+                snapshot.state.epoch.t,
+                snapshot.end,
+                stopped=snapshot.phase == "stopped",
+            )
         except ScenarioError as error:
             return f'<div class="vs-note">{escape(str(error))}</div>'
-        if not missed:
+        if judgement.waiting:
+            return f'<div class="vs-note">{judgement.waiting}</div>'
+        if judgement.reached:
             try:
                 course.reached_goal()
             except OSError as error:
                 self._desk.complain(f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on")
-        return "".join(f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in missed)
+        return "".join(
+            f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in judgement.missed
+        )
 
 
 def _place(control: blocks.GoalSlider) -> FieldPlace:
