@@ -46,7 +46,7 @@ class Metrics(Struct, frozen=True):
     band_time_bound: float | None  # s
     envelope_violation: float | None  # max of ||s|| beyond (20) and the band where they are promised, m/s
     gain_condition_margin: float | None  # min of d minus what (17) needs, N; None under a law without the gain d
-    target_model_residual_tail: float  # RMS of the left side of (8) minus its right side, N
+    target_model_residual_tail: float  # RMS of the norm of (8)'s left side minus its right side, N
     torque_total_variation: list[float]  # sum of |changes| per second, N m/s, per joint
     saturated_share: float  # of the control periods, in which a drive's limit cuts the torque
     simulated_time: float  # s
@@ -87,7 +87,7 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engi
         band_time_bound=since(begun, begun.banded_by),
         envelope_violation=max(float(promised.max()), 0.0) if len(promised) else None,
         gain_condition_margin=_least_margin(record),
-        target_model_residual_tail=float(np.sqrt(np.mean(record["residual"][tail] ** 2))),
+        target_model_residual_tail=_rms(np.linalg.norm(record["residual"][tail], axis=1)),
         torque_total_variation=[float(v) / duration for v in np.abs(np.diff(tau, axis=0)).sum(axis=0)],
         saturated_share=float(saturated(record).mean()),
         simulated_time=float(t[-1]) + system.scenario.controller.period,
@@ -195,7 +195,7 @@ class Account(Struct, frozen=True):
     force_rms: float | None  # of f_n - f_nd, N
     force_max: float | None  # N
     s_max: float | None  # of ||s||, m/s, under a law with the gain d; None without one, where s means nothing
-    residual_rms: float  # of the target model (8), N
+    residual_rms: float  # of the norm of the residual of the target model (8), N
     effort: float  # RMS of ||tau|| as applied, N m
     variation: float  # of the commanded torques: sum of their |changes| per second, N m/s
     gain_margin: float | None  # least d minus what (17) needs, N; None under such a law

@@ -74,6 +74,8 @@ def run(
     if from_ is not None:
         if scenario is not None or row is None or settings or duration is not None:
             raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
+        if blend_to is not None or beyond_defaults(run, engine=engine):
+            raise ScenarioError("--from: with --engine or --blend-to; allowed: the same run again, as it was")
         chosen, by, until = _of_sweep(from_, row)
     elif row is not None:
         raise ScenarioError(f"--row {row} without --from; allowed: --from FOLDER --row N")

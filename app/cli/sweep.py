@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
@@ -69,6 +70,13 @@ def sweep(
         to: for plot, the form of the file, by default that of its name, or svg
     """
     if scenario == "plot":
+        if beyond_defaults(
+            sweep, vary=vary, draw=draw, settings=settings, points=points, duration=duration, design=design,
+            corners=corners, seed=seed, engine=engine, workers=workers, scheduler=scheduler, dry_run=dry_run,
+        ):  # fmt: skip
+            raise ScenarioError(
+                "sweep plot: an option of a sweep; allowed: --of, --within, --show, --over, --as, --to and --out"
+            )
         return _plot_sweep(folder, out, of, within, show, over, kind, to)
     if folder is not None:
         raise ScenarioError(f"sweep: {folder} behind a scenario; allowed: `vsmrc sweep plot FOLDER`")
@@ -80,7 +88,7 @@ def sweep(
     from app.sweep.cluster import Cluster
 
     program = question.fingerprint()
-    if scenario.endswith(question.FILE):
+    if Path(scenario).name == question.FILE:
         if beyond_defaults(
             sweep, vary=vary, draw=draw, settings=settings, points=points, duration=duration, design=design,
             corners=corners, seed=seed, engine=engine,
@@ -90,9 +98,10 @@ def sweep(
             )
         asked = question.read(Path(scenario))
     else:
+        chosen = configured(scenario, settings, duration)
         asked = question.Sweep(
-            scenario=configured(scenario, settings, duration),
-            vary=tuple(map(question.axis_of, vary)),
+            scenario=chosen,
+            vary=tuple(question.fitted(question.axis_of(each), chosen) for each in vary),
             design=one_of("--design", design, get_args(question.Design)),
             points=points,
             draw=draw,
@@ -154,6 +163,8 @@ def _plot_sweep(
 
     if folder is None:
         raise ScenarioError("sweep plot: no folder; allowed: the folder of a sweep")
+    if within is not None and not math.isfinite(within):
+        raise ScenarioError(f"--within {within}; allowed: a finite number")
     named = "" if out is None else out.suffix.lower().removeprefix(".")
     form: Format = one_of("--to", to or (named if named in get_args(Format) else "svg"), get_args(Format))
     if named and named != form:

@@ -24,9 +24,7 @@ class Judgement:
         return not self.waiting and not self.missed
 
 
-def judged(
-    goal: Goal, system: System, recording: Recording, changed: float, end: float, stopped: str | None
-) -> Judgement:
+def judged(goal: Goal, system: System, recording: Recording, changed: float, end: float, *, stopped: bool) -> Judgement:
     """Judgement of a goal in a run. Raises ScenarioError.
     changed: instant of the last change of the run, s; 0 for none on the way. end: of the run so far, s.
     stopped: whether the run has stopped for good."""

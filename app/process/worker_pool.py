@@ -76,7 +76,8 @@ class _Pool:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        # waited for: the interpreter at its end would wait for ever for processes that wait for tasks
+        self._pool.shutdown(wait=True, cancel_futures=True)
 
     @property
     def under_way(self) -> list[_Handed[Any]]:

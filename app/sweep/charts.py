@@ -16,7 +16,7 @@ from app.export.ticks import plain_decades
 from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import COLUMNS
 from app.sweep.points import Kind, Points, SweepView, interval, points_of, statistic_of
-from app.sweep.question import Axis, Sweep
+from app.sweep.question import Axis, Sweep, SweepQuestion
 from app.sweep.titles import named, said, title_of, unit_of
 from parameters import allowed
 
@@ -31,6 +31,7 @@ WIDE = 100.0  # ratio of values from which on they are shown by their logarithm
 COLORS = "viridis"
 ASPECT = 0.75
 LABEL = 2.3  # in, longest line beside an axis
+BLANK = {True: "White", False: "Grey"}  # colour of what has no number, in charts with and without crosses
 
 
 def chart(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView, form: Format) -> bytes:
@@ -55,7 +56,7 @@ def _axes(sweep: Sweep, view: SweepView) -> list[Axis]:
 
 
 def _suiting(sweep: Sweep, axes: list[Axis]) -> Kind:
-    if len(axes) == 1:
+    if len(axes) == 1 and axes[0].numeric:
         if sweep.design != "grid" and len(sweep.vary) > 1:
             raise ScenarioError(f"--over {axes[0].path} alone; allowed: two or more fields of a design")
         return "slices"
@@ -82,10 +83,19 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
     few = len(centres) <= MOST_TEXTS and points.arms.max() > 1
     for k, at in enumerate(centres):
         if points.stopped[k]:
-            plot.plot(*at, "x", color="0.2", markersize=3, markeredgewidth=0.6)
-        elif few and statistic_of(view) == "share":
+            _cross(plot, [at[0]], [at[1]])
+        if few and statistic_of(view) == "share":
             shade = "white" if points.number[k] < 0.6 else "black"
-            plot.text(*at, f"{points.good[k]}/{points.arms[k]}", ha="center", va="center", fontsize=4.5, color=shade)
+            plot.annotate(
+                f"{points.good[k]}/{points.arms[k]}",
+                at,
+                xytext=(0.0, 4.0 if points.stopped[k] else 0.0),
+                textcoords="offset points",
+                ha="center",
+                va="center",
+                fontsize=4.5,
+                color=shade,
+            )
     for held, style, name in (
         (points.declared, {"color": "#d03030", "linewidth": 1.6}, "declared ends"),
         (points.theorem, {"color": "black", "linewidth": 1.2, "linestyle": (0, (4, 2))}, "(17) ends"),
@@ -102,7 +112,7 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
 
 
 def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Canvas:
-    x, *others = axes
+    x, *others = axes if view.over else sorted(axes, key=lambda axis: not axis.numeric)
     if not x.numeric:
         raise ScenarioError(f"--as slices over {x.path}; allowed: a field of numbers first")
     if sweep.design != "grid" and len(sweep.vary) > 1:
@@ -126,13 +136,9 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
         if statistic_of(view) == "share":
             ends = np.array([interval(int(points.good[k]), int(points.arms[k])) for k in mine])
             plot.fill_between(at, ends[:, 0], ends[:, 1], color=color, alpha=0.18, linewidth=0)
-        stopped = mine[points.stopped[mine]]
-        plot.plot(
-            np.asarray(points.values[x.path][stopped], dtype=float),
-            np.nan_to_num(points.number[stopped]),
-            "x",
-            color="0.2",
-        )
+        stopped = np.asarray(points.values[x.path][mine[points.stopped[mine]]], dtype=float)
+        if len(stopped):  # at the foot: most have no number
+            _cross(plot, stopped, np.full(len(stopped), 0.03), transform=plot.get_xaxis_transform())
     if any(keys) and rest:
         left_out = f"{len(drawn)} of {len(lines)} lines" if len(drawn) < len(lines) else None
         plot.legend(frameon=False, fontsize=6.0, title=left_out, title_fontsize=6.0)
@@ -153,7 +159,7 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) ->
     at = [np.asarray(points.values[axis.path], dtype=float) for axis in (x, y)]
     dots = plot.scatter(*at, c=points.number, cmap=COLORS, norm=_norm(points, view), s=9, linewidths=0)
     _bar(canvas, plot, dots, sweep, points, view)
-    plot.plot(at[0][points.stopped], at[1][points.stopped], "x", color="0.2", markersize=3)
+    _cross(plot, at[0][points.stopped], at[1][points.stopped])
     for axis, scale, of in ((x, plot.set_xscale, plot.xaxis), (y, plot.set_yscale, plot.yaxis)):
         if axis.logarithmic:
             scale("log")
@@ -166,7 +172,7 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) ->
 def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Canvas:
     from matplotlib import colormaps
 
-    canvas, plot = sheet(DOUBLE, _caption(sweep, points, view))
+    canvas, plot = sheet(DOUBLE, _caption(sweep, points, view, crossed=False))
     norm, map_ = _norm(points, view), colormaps[COLORS]
     columns = [_shares(axis, points.values[axis.path]) for axis in axes]
     worst_last = np.argsort(np.nan_to_num(points.number, nan=np.inf))
@@ -188,6 +194,12 @@ def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -
     plot.set_ylim(-0.01, 1.01)
     plot.grid(visible=False)
     return canvas
+
+
+def _cross(plot: Axes, x: Any, y: Any, **more: Any) -> None:
+    """Draw a cross on each of these points, dark with a light edge: it is seen on every colour."""
+    for color, size, width in (("white", 4.0, 1.8), ("0.15", 3.0, 0.7)):
+        plot.plot(x, y, "x", color=color, markersize=size, markeredgewidth=width, zorder=4, **more)
 
 
 class _Grid:
@@ -228,22 +240,34 @@ def sheet(width: float, caption: str) -> tuple[Canvas, Axes]:
     return canvas, canvas.add_subplot()
 
 
-def _caption(sweep: Sweep, points: Points, view: SweepView) -> str:
-    arms = int(points.arms.max())
-    told = f"{sweep.scenario.name}, {len(points.number)} points"
+def _caption(sweep: Sweep, points: Points, view: SweepView, *, crossed: bool = True) -> str:
+    """Caption. crossed: whether the chart has crosses for what stopped or was refused; else it is grey."""
+    arms, question = sweep.arms, SweepQuestion(sweep)
+    told = f"{sweep.scenario.name}, {_counted(len(points.number))}"
     if sweep.draw:
         kind = "corners of the declared set" if sweep.corners else "inside the declared set"
-        told += f", {arms} true arms each, {kind}, the same at every point"
+        moved = any(axis.path.startswith(("declared.", "robot.")) for axis in sweep.vary)
+        same = "the same shares of what is declared" if moved else "the same"
+        told += f", {arms} true arms each, {kind}, {same} at every point"
+    if (runs := int(points.arms.sum())) < question.count:
+        told += f". Only {runs} of {question.count} runs so far"
+        if fewer := int((points.arms < arms).sum()):
+            told += f", {_counted(fewer)} with fewer arms"
     if statistic_of(view) == "share":
         low, _ = interval(arms, arms)
         told += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"
     if points.stopped.any():
-        told += f". A cross: runs that stopped or were refused ({int(points.stopped.sum())} points)"
+        mark = "A cross" if crossed else BLANK[crossed]
+        told += f". {mark}: runs that stopped or were refused ({_counted(int(points.stopped.sum()))})"
     if never := int((points.never & ~points.stopped).sum()):
-        told += f". White: not on every arm ({never} points)"
+        told += f". {BLANK[crossed]}: not on every arm ({_counted(never)})"
     if none := int((np.isnan(points.number) & ~points.never & ~points.stopped).sum()):
-        told += f". White: no run has this figure ({none} points)"
+        told += f". {BLANK[crossed]}: no run has this figure ({_counted(none)})"
     return told + "."
+
+
+def _counted(points: int) -> str:
+    return f"{points} point" if points == 1 else f"{points} points"
 
 
 def _bar(canvas: Canvas, plot: Axes, colored: Any, sweep: Sweep, points: Points, view: SweepView) -> None:

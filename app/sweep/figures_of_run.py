@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -69,7 +70,7 @@ COLUMNS: dict[str, Column] = {
     "band_time": Column("s", "until ‖s‖ is within its band", may_never=True),
     "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised", of_r=True),
     "gain_margin": Column("N", "least d minus what (17) needs", more_is_better=True, of_r=True),
-    "residual": Column("N", "RMS of (8)", at_the_end=True, of_r=True),
+    "residual": Column("N", "RMS of the norm of the residual of (8)", at_the_end=True, of_r=True),
     "torque_variation": Column("N·m/s", "summed changes of all commanded torques per second"),
     "saturated_share": Column("1", "share of the control periods in which a drive is at its limit"),
     "simulated_time": Column("s", "until the end of the run", more_is_better=True),
@@ -122,7 +123,7 @@ class SweepRunner:
 
 
 def _of(metrics: Metrics) -> Figures:
-    return {
+    figures = {
         "motion_error": metrics.motion_error_tail,
         "angle_error": metrics.angle_error_tail,
         "force_error": metrics.force_error_tail,
@@ -141,6 +142,10 @@ def _of(metrics: Metrics) -> Figures:
         "failed": ", ".join(each.premise for each in metrics.premises if each.failed is not None) or None,
         "promised_share": metrics.promise.share,
         "stopped": metrics.stopped,
+    }
+    # JSON, in which rows wait for their Parquet file, has no infinite numbers
+    return {
+        name: None if isinstance(each, float) and not math.isfinite(each) else each for name, each in figures.items()
     }
 
 

@@ -44,7 +44,7 @@ class Points:
 
     values: of the axes by path, (N,) each.
     number: (N,), NaN where no arm has one, and where `never`.
-    never: (N,) bool, whether arms never came to what the number would be of, such as settling.
+    never: (N,) bool, whether arms never came to what the number would be of: they did not settle, say, or stopped.
     good, arms: (N,), number of arms that keep the limit, and of all arms.
     stopped: (N,) bool, whether a run stopped or was refused.
     theorem, declared: (N,), 1 where (17) and the declaration hold for all arms, 0 where not, NaN where none is known.
@@ -84,7 +84,9 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
     arms = np.array([g.stop - g.start for g in groups])
     good = np.array([int(keeps[g].sum()) for g in groups])
     number = (
-        good / arms if statistic == "share" else np.array([_statistic(metric[g], statistic, column) for g in groups])
+        good / arms
+        if statistic == "share"
+        else np.array([_statistic(metric[g], stopped[g], statistic, column) for g in groups])
     )
     holds = np.array([verdict == "holds" for verdict in columns["verdict"]])[order]
     return Points(
@@ -126,12 +128,15 @@ def _all_from(values: np.ndarray, least: float) -> float:
     return float((known >= least).all()) if len(known) else math.nan
 
 
-def _statistic(values: np.ndarray, statistic: Statistic, column: Column) -> float:
-    """Median or worst of a column's values; inf where arms never came to it, NaN where no arm has one."""
-    known = values[~np.isnan(values)]
-    if not len(known):
+def _statistic(values: np.ndarray, stopped: np.ndarray, statistic: Statistic, column: Column) -> float:
+    """Median or worst of a column's values; inf where arms never came to it, NaN where no arm has one. An arm that
+    stopped or was refused never came to it: the end of its run is not that of the others'."""
+    lacks = np.isnan(values) | stopped
+    never = lacks if column.may_never else stopped
+    if lacks.all():
         return math.nan
-    if statistic == "median":
-        return float(np.median(np.where(np.isnan(values), np.inf, values) if column.may_never else known))
-    worst = values[np.argmax(column.badness(values))]
-    return float(np.inf if np.isnan(worst) else worst)
+    if never.any() and statistic == "worst":
+        return math.inf
+    badness = np.where(never, np.inf, column.badness(values))[~lacks | never]
+    found = float(np.median(badness) if statistic == "median" else np.max(badness))
+    return found if math.isinf(found) else -found if column.more_is_better else found

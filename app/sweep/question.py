@@ -27,8 +27,10 @@ from environments.urdf import RobotError
 
 MOST_ROWS = 10_000_000
 MOST_VALUES = 100_000  # of one axis
+UNREAD = ("name", "title")  # fields on which no run depends
 LARGEST_INTEGER = 2**53  # up to it, a float holds every integer
 LARGEST_FILE = 4_000_000  # bytes of sweep.toml
+LONGEST_NAME = 150  # letters of the scenario's name in that of a run's
 FILE = "sweep.toml"
 COMPUTED = ("app/analysis", "app/scenario", "app/session", "app/simulation", "app/sweep", "controllers", "environments",
             "kernels", "parameters")  # fmt: skip
@@ -36,12 +38,13 @@ Design = Literal["grid", "latin", "sobol"]
 Value = float | int | str | bool
 
 
-class Axis(Struct, frozen=True, omit_defaults=True):
+class Axis(Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
     """Field that is varied.
 
     path: dotted, as with `--set`; a number at its end is an entry of a list, from 1.
     values: that it takes; empty for a range.
     low, high: of the range; logarithmic: whether it is drawn evenly in its logarithm.
+    whole: whether a value of the range is a whole number.
     """
 
     path: str
@@ -49,14 +52,17 @@ class Axis(Struct, frozen=True, omit_defaults=True):
     low: float = 0.0
     high: float = 0.0
     logarithmic: bool = False
+    whole: bool = False
 
     def at(self, share: float) -> Value:
         """Value at a share, 0 to 1, of the axis."""
         if self.values:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         if self.logarithmic:
-            return float(math.exp(math.log(self.low) + share * (math.log(self.high) - math.log(self.low))))
-        return self.low + share * (self.high - self.low)
+            value = math.exp(math.log(self.low) + share * (math.log(self.high) - math.log(self.low)))
+        else:
+            value = self.low + share * (self.high - self.low)
+        return round(value) if self.whole else float(value)
 
     @property
     def numeric(self) -> bool:
@@ -64,7 +70,7 @@ class Axis(Struct, frozen=True, omit_defaults=True):
         return all(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values)
 
 
-class Sweep(Struct, frozen=True):
+class Sweep(Struct, frozen=True, forbid_unknown_fields=True):
     """Sweep: the whole question, as it stands in sweep.toml.
 
     scenario: gives all fields that are not varied.
@@ -178,7 +184,7 @@ class SweepQuestion:
         if row.arm >= self.sweep.own_arms:
             departure = self._departure(row.arm, _joints(scenario.robot))
             scenario = msgspec.structs.replace(scenario, truth=departure.truth(scenario.declared, of=scenario.truth))
-        return msgspec.structs.replace(scenario, name=f"{self.sweep.scenario.name}-{row.number}")
+        return msgspec.structs.replace(scenario, name=f"{self.sweep.scenario.name[:LONGEST_NAME]}-{row.number}")
 
     @cached_property
     def _shares(self) -> np.ndarray:
@@ -208,7 +214,7 @@ def _require_sound(sweep: Sweep) -> None:
     if twice := next((path for path in paths if paths.count(path) > 1), None):
         raise ScenarioError(f"vary: {twice} twice; allowed: each field once")
     drawn = {f"truth.{name}" for name in DRAWN}
-    if sweep.draw and (both := [path for path in paths if path in drawn or path.rpartition(".")[0] in drawn]):
+    if sweep.draw and (both := [path for path in paths if _without_entry(path) in drawn]):
         raise ScenarioError(f"vary: {both[0]} is drawn for each true arm; allowed: without --draw")
     if sweep.corners and not sweep.draw:
         raise ScenarioError("corners: no arm is drawn; allowed: with --draw")
@@ -221,13 +227,16 @@ def _require_sound(sweep: Sweep) -> None:
         given = f"{sweep.points} points, {len(paths)} varied fields"
         raise ScenarioError(f"design: {sweep.design!r} with {given}; allowed: 1 or more of each")
     for axis in sweep.vary:
+        if axis.path in UNREAD:
+            raise ScenarioError(f"vary: {axis.path}; allowed: fields on which a run depends")
         _require_axis(axis)
         ends = (axis.at(0.0), axis.at(1.0))
         for value in ends if axis.numeric else axis.values:
             _require_known(sweep.scenario, axis.path, value)
     points = math.prod(len(axis.values) for axis in sweep.vary) if sweep.design == "grid" else sweep.points
-    if points * sweep.arms > MOST_ROWS:
-        raise ScenarioError(f"{sweep.noun}: {points * sweep.arms:.3g} runs; allowed: at most {MOST_ROWS:.0e}")
+    if (runs := points * sweep.arms) > MOST_ROWS:
+        told = f"{min(runs, 10**300):.3g}"  # of a number of any length
+        raise ScenarioError(f"{sweep.noun}: {told} runs; allowed: at most {MOST_ROWS:.0e}")
 
 
 def _require_axis(axis: Axis) -> None:
@@ -286,10 +295,43 @@ def axis_of(text: str) -> Axis:
     return Axis(path, tuple(float(f"{value:.12g}") for value in spaced))
 
 
+def fitted(axis: Axis, scenario: Scenario) -> Axis:
+    """The axis with whole numbers where its field in the scenario takes no others. Raises ScenarioError."""
+    try:
+        with_value(scenario, axis.path, 0.5)
+        return axis
+    except WrongKind:
+        pass
+    except ScenarioError:
+        return axis
+    values = [value for value in axis.values if isinstance(value, float) and math.isfinite(value)]
+    if len(values) < len(axis.values):
+        return axis
+    try:
+        with_value(scenario, axis.path, round(values[0] if values else axis.low))
+    except WrongKind:
+        return axis  # no field for numbers at all
+    except ScenarioError:
+        pass
+    if not values:
+        return msgspec.structs.replace(axis, whole=True)
+    if uneven := [value for value in values if value != round(value)]:
+        raise ScenarioError(
+            f"vary: {axis.path}: {uneven[0]:g}; allowed: whole numbers, by another COUNT or VALUE,VALUE"
+        )
+    return msgspec.structs.replace(axis, values=tuple(map(round, values)))
+
+
+def _without_entry(path: str) -> str:
+    """Path of a field without the numbers of an entry at its end."""
+    *begin, last = path.split(".")
+    return _without_entry(".".join(begin)) if begin and last.isdecimal() else path
+
+
 def _value(text: str) -> Value:
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except ValueError:
+    except (ValueError, RecursionError):
         return text
     if not isinstance(value, int | float | str | bool):
         raise ScenarioError(f"--vary: {text!r:.60}; allowed: numbers and words")
@@ -297,10 +339,15 @@ def _value(text: str) -> Value:
 
 
 def to_toml(sweep: Sweep) -> str:
-    """TOML of the whole question."""
+    """TOML of the whole question. Raises ScenarioError where it would be larger than what is read."""
     plain = msgspec.to_builtins(sweep)
     plain["scenario"] = to_plain(sweep.scenario)
-    return tomli_w.dumps(plain)
+    text = tomli_w.dumps(plain)
+    if len(text.encode()) > LARGEST_FILE:
+        raise ScenarioError(
+            f"vary: {len(text) / 1e6:.1f} MB of values; allowed: {LARGEST_FILE / 1e6:g} MB, or ranges of a design"
+        )
+    return text
 
 
 def read(path: Path, kind: type[Asked] = Sweep) -> Asked:

@@ -19,6 +19,7 @@ from app.process.atomic_write import write_whole
 from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import COLUMNS, Figures
 from app.sweep.question import FILE, Sweep, SweepQuestion, differences, read, to_toml
+from app.sweep.titles import title_of, unit_of
 
 PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"
 ROWS = 2000  # of a part
@@ -45,11 +46,11 @@ class RunStore:
             self._lock.close()
             raise
         self._schema = schema_of(sweep)
-        self._waiting = self._journaled()
         self.done = np.zeros(SweepQuestion(sweep).count, dtype=bool)
         for part in parts(folder):
+            self._require_own(part, sweep)
             self.done[_read(part, ["row"])["row"].to_numpy()] = True
-        self._waiting = [row for row in self._waiting if not self.done[row["row"]]]
+        self._waiting = [row for row in journaled(folder, len(self.done)) if not self.done[row["row"]]]
         self.done[[row["row"] for row in self._waiting]] = True
         self._rewrite_journal()
 
@@ -102,22 +103,38 @@ class RunStore:
                 f"--out {self._folder}: holds another {sweep.noun} ({what}); allowed: a folder of its own"
             )
 
-    def _journaled(self) -> list[Figures]:
-        """Rows of the journal, without a last line that was cut off."""
-        path = self._folder / JOURNAL
-        lines = path.read_bytes().split(b"\n") if path.exists() else []
-        rows = []
-        for line in lines:
-            try:
-                rows.append(msgspec.json.decode(line))
-            except msgspec.DecodeError:
-                continue
-        return rows
+    def _require_own(self, part: Path, sweep: Sweep) -> None:
+        """Raise ScenarioError where a part is not of this sweep."""
+        rows = _read(part)
+        if rows.schema.names != self._schema.names or not _within(rows["row"].to_pylist(), len(self.done)):
+            raise ScenarioError(
+                f"{part}: holds runs of another {sweep.noun}; allowed: remove it, and its runs are made again"
+            )
 
     def _rewrite_journal(self) -> None:
         lines = b"".join(msgspec.json.encode(row) + b"\n" for row in self._waiting)
         write_whole(self._folder / JOURNAL, lambda file: file.write(lines))
         self._journal = os.open(self._folder / JOURNAL, os.O_WRONLY | os.O_APPEND)
+
+
+def journaled(folder: Path, count: int) -> list[Figures]:
+    """Rows of a folder's journal, without a last line that was cut off and lines that are no rows of a sweep with
+    `count` of them."""
+    path = folder / JOURNAL
+    rows = []
+    for line in path.read_bytes().split(b"\n") if path.exists() else []:
+        try:
+            row = msgspec.json.decode(line)
+        except msgspec.DecodeError:
+            continue
+        if isinstance(row, dict) and _within([row.get("row")], count):
+            rows.append(row)
+    return rows
+
+
+def _within(numbers: Sequence[object], count: int) -> bool:
+    """Whether all are numbers of a sweep's runs."""
+    return all(isinstance(number, int) and 0 <= number < count for number in numbers)
 
 
 def _read(part: Path, columns: list[str] | None = None) -> pa.Table:
@@ -152,19 +169,32 @@ def schema_of(sweep: Sweep) -> pa.Schema:
         for name, each in COLUMNS.items()
     ]
     varied = [
-        column(axis.path, pa.float64() if axis.numeric else pa.string(), "", "varied field") for axis in sweep.vary
+        column(
+            axis.path,
+            pa.float64() if axis.numeric else pa.string(),
+            unit_of(axis.path, sweep.scenario.units),
+            f"varied field: {title_of(axis.path)}",
+        )
+        for axis in sweep.vary
     ]
     return pa.schema([*known[:3], *varied, *known[3:]])
 
 
 def table_of(folder: Path) -> tuple[Sweep, dict[str, np.ndarray]]:
-    """Sweep of a folder, and the columns of its runs, in the order of their rows. Raises ScenarioError where there is
-    none."""
+    """Sweep of a folder, and the columns of its runs so far, in the order of their rows. Raises ScenarioError where
+    there are none."""
     sweep = read(folder / FILE)
-    files = parts(folder)
-    if not files:
-        ended = "a folder in which `vsmrc sweep` has ended or was stopped by Ctrl-C"
-        raise ScenarioError(f"{folder}: no runs yet; allowed: {ended}")
-    whole = pa.concat_tables(_read(part) for part in files).sort_by("row")
+    schema = schema_of(sweep)
+    tables = [_read(part) for part in parts(folder)]
+    if strange := [
+        part for part, table in zip(parts(folder), tables, strict=True) if table.schema.names != schema.names
+    ]:
+        raise ScenarioError(f"{strange[0]}: holds runs of another sweep; allowed: remove it")
+    settled = {number for table in tables for number in table["row"].to_pylist()}
+    waiting = [row for row in journaled(folder, SweepQuestion(sweep).count) if row["row"] not in settled]
+    tables.append(pa.Table.from_pylist(waiting, schema=schema))
+    whole = pa.concat_tables(table.cast(schema) for table in tables).sort_by("row")
+    if not len(whole):
+        raise ScenarioError(f"{folder}: no runs yet; allowed: a folder in which `vsmrc sweep` has computed some")
     columns: dict[str, Any] = {name: whole[name].to_numpy() for name in whole.column_names}
     return sweep, columns

@@ -68,8 +68,10 @@ def _smaller(aim: str, found: Found, number: int) -> list[bool]:
 
 
 def offered(found: Found) -> list[Candidate]:
-    """Candidates that may be used: those that were tried, and have no badge on the arms that were not seen either."""
-    return [each for number, each in found.tried.items() if number and not each.badge]
+    """Candidates that may be used: those that were tried, and have no badge on the arms that were not seen either, and
+    are not equal to the own gains in every aim, as where the gains that move have no effect."""
+    own = found.tried[0]
+    return [each for number, each in found.tried.items() if number and not each.badge and each.aims != own.aims]
 
 
 def files_of(tuning: Tuning, found: Found) -> dict[int, str]:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
 from app.process.worker_pool import AHEAD, BARRIER, FALLEN, Barrier, Fallen, results
+
+ROOT = Path(__file__).parents[2]
 
 
 def squares(deadly: int, wrong: int) -> Callable[[int], int]:
@@ -47,6 +52,35 @@ def test_few_tasks_are_taken_ahead_and_an_error_ends_it() -> None:
             assert result == task * task
             seen += 1
             assert len(taken) <= seen + 2 * AHEAD
+
+
+# A program that gives up while its workers wait for tasks, as a command does whose disk is full.
+GIVES_UP = """
+from app.process.deadline import end
+from app.process.worker_pool import results
+from tests.process.test_worker_pool import squares
+
+def tried():
+    try:
+        for number, (task, result) in enumerate(results(squares, (-1, -1), range(60), 1)):
+            if number == 7:
+                raise OSError("full")
+    except OSError:
+        return 3
+
+if __name__ == "__main__":
+    end(tried())
+"""
+
+
+@pytest.mark.slow
+def test_a_program_that_gives_up_among_its_tasks_ends(tmp_path: Path) -> None:
+    program = tmp_path / "gives_up.py"
+    program.write_text(GIVES_UP)
+    ended = subprocess.run(
+        [sys.executable, program], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, timeout=300
+    )
+    assert ended.returncode == 3
 
 
 @pytest.mark.slow

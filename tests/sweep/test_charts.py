@@ -49,11 +49,15 @@ def test_the_worst_and_the_median_arm() -> None:
     worst, median = (
         points_of(SWEEP, columns(), SweepView("force_error", statistic=each)) for each in ("worst", "median")
     )
-    assert worst.number == pytest.approx(3.0 + 0.1 * np.arange(6))
-    assert median.number == pytest.approx(1.5 + 0.1 * np.arange(6))
+    # the arm that stopped is the worst of its point, whatever its figure
+    assert worst.number == pytest.approx([3.0, 3.1, np.nan, 3.3, 3.4, 3.5], nan_ok=True)
+    assert np.flatnonzero(worst.never).tolist() == [2]
+    assert median.number == pytest.approx([1.5, 1.6, (2.2 + 3.2) / 2, 1.8, 1.9, 2.0])
     assert worst.holding.tolist() == [3] * 6
     margins = points_of(SWEEP, columns(), SweepView("gain_margin", statistic="worst"))
-    assert margins.number == pytest.approx([0.5, 0.5, 0.5, 0.5, -0.3, 0.5])  # of a margin the least is the worst
+    assert margins.number == pytest.approx(
+        [0.5, 0.5, np.nan, 0.5, -0.3, 0.5], nan_ok=True
+    )  # of a margin the least is the worst
 
 
 def test_arms_that_never_settle_are_worse_than_any_that_do() -> None:
@@ -64,8 +68,8 @@ def test_arms_that_never_settle_are_worse_than_any_that_do() -> None:
     assert np.isnan(worst.number).all()
     few = columns() | {"settling_time": np.where(arm == 3, np.nan, 0.1 * arm)}
     median = points_of(SWEEP, few, SweepView("settling_time", statistic="median"))
-    assert median.number == pytest.approx([0.15] * 6)  # of 0, 0.1, 0.2 and never
-    assert not median.never.any()
+    assert median.number == pytest.approx([0.15, 0.15, np.nan, 0.15, 0.15, 0.15], nan_ok=True)  # of 0, 0.1, 0.2, never
+    assert np.flatnonzero(median.never).tolist() == [2]  # of 0, stopped, 0.2, never
     none = points_of(SWEEP, columns() | {"settling_time": np.full(24, np.nan)}, SweepView("settling_time"))
     assert np.isnan(none.number).all()
     assert not none.never.any()
@@ -112,13 +116,8 @@ def test_a_map_writes_counts_names_and_borders() -> None:
     drawn = chart(SWEEP, columns(), SweepView("force_error", within=1.25), "svg")
     assert chart(SWEEP, columns(), SweepView("force_error", within=1.25), "svg") == drawn
     texts = texts_of(drawn)
-    assert sorted(text for text in texts if text.endswith("/4")) == [
-        "1/4",
-        "1/4",
-        "1/4",
-        "2/4",
-        "2/4",
-    ]  # one is a cross
+    counts = sorted(text for text in texts if text.endswith("/4"))
+    assert counts == ["1/4"] * 4 + ["2/4"] * 2  # beside the cross, too
     for text in (
         "(17) ends",
         "declared ends",
@@ -179,7 +178,7 @@ def test_a_figure_that_is_the_same_everywhere_stands_at_the_foot_of_its_scale() 
     drawn = chart(SWEEP, table, SweepView("saturated_share"), "svg")
     assert not any(text.startswith("−") for text in texts_of(drawn))  # no negative share
     missing = texts_of(chart(SWEEP, table, SweepView("settling_time"), "svg"))
-    assert any("White: no run has this figure (1 points)" in text for text in missing)
+    assert any("White: no run has this figure (1 point)" in text for text in missing)
 
 
 @pytest.mark.parametrize(
@@ -204,3 +203,22 @@ def test_a_view_that_makes_no_sense_is_refused(vary: tuple[Axis, ...], view: Swe
     with pytest.raises(ScenarioError) as refused:
         chart(sweep, columns(sweep), view, "svg")
     assert sentence in str(refused.value)
+
+
+def test_what_stopped_is_marked_in_every_chart_and_runs_that_are_missing_are_told() -> None:
+    table = {name: column[columns()["point"] != 3] for name, column in columns().items()}
+    for view in (SweepView("force_error", within=1.25), SweepView("force_error", kind="slices")):
+        drawn = " ".join(texts_of(chart(SWEEP, table, view, "svg")))
+        assert "Only 20 of 24 runs so far." in drawn
+        assert "A cross: runs that stopped or were refused (1 point)" in drawn
+    parallel = " ".join(texts_of(chart(SWEEP, columns(), SweepView("force_error", kind="parallel"), "svg")))
+    assert "Grey: runs that stopped or were refused (1 point)" in parallel
+    assert "A cross" not in parallel
+
+
+def test_a_field_of_words_has_a_chart_without_being_asked_for_one() -> None:
+    words = msgspec.structs.replace(SWEEP, vary=(Axis("controller.law", ("vsmrc", "computed-torque")),))
+    rows = [SweepQuestion(words).told(SweepQuestion(words).row(number)) for number in range(8)]
+    table = {name: np.resize(column, 8) for name, column in columns().items()}
+    table |= {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    assert b"<svg" in chart(words, table, SweepView("force_error"), "svg")

@@ -141,6 +141,8 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
         (sweep_of("simulation.seed=9007199254740993,1"), "simulation.seed: 9007199254740993; allowed: at most 9007"),
         (sweep_of("mode=1:2:3"), "mode: 1.0; allowed: text, got a number"),
         (sweep_of("contact.K_e=1:2:100000", "controller.K_s=1:2:1000"), "1e+08 runs; allowed: at most 1e+07"),
+        (sweep_of("contact.K_e=1:2:3", draw=10**400), "1e+300 runs; allowed: at most 1e+07"),
+        (sweep_of("name=a,b"), "vary: name; allowed: fields on which a run depends"),
     ],
 )
 def test_a_sweep_that_makes_no_sense_is_refused(sweep: Sweep, sentence: str) -> None:
@@ -163,3 +165,36 @@ def test_a_file_that_is_no_sweep_is_refused(content: bytes, sentence: str, tmp_p
     with pytest.raises(ScenarioError) as refused:
         question.read(tmp_path / "sweep.toml")
     assert sentence in str(refused.value)
+
+
+def test_a_field_of_whole_numbers_takes_whole_steps_and_ranges_and_no_others() -> None:
+    steps = question.fitted(axis_of("simulation.substeps=1:4:4"), BASE)
+    assert steps.values == (1, 2, 3, 4)
+    assert all(type(value) is int for value in steps.values)
+    with pytest.raises(ScenarioError, match=r"simulation\.substeps: 1\.5; allowed: whole numbers"):
+        question.fitted(axis_of("simulation.substeps=1:4:7"), BASE)
+    within = question.fitted(axis_of("simulation.substeps=1:4"), BASE)
+    asked = SweepQuestion(Sweep(BASE, (within,), "sobol", points=16))
+    assert {asked.scenario(asked.row(number)).simulation.substeps for number in range(16)} == {1, 2, 3, 4}
+    for text in ("contact.K_e=1:4:4", "controller.law=vsmrc", "mode=1:2:3", "contact.K=1:2:2"):
+        assert question.fitted(axis_of(text), BASE) == axis_of(text)
+
+
+def test_an_entry_of_a_matrix_that_is_drawn_is_not_varied() -> None:
+    centres = with_value(BASE, "truth.link_centre", [[0.0] * 3] * 3)
+    varied = Sweep(centres, (axis_of("truth.link_centre.1.1=0.0,0.1"),), draw=2)
+    with pytest.raises(ScenarioError, match="is drawn for each true arm"):
+        SweepQuestion(varied)
+
+
+def test_the_names_of_runs_can_be_read_again() -> None:
+    named = msgspec.structs.replace(BASE, name="n" * 199)
+    asked = SweepQuestion(msgspec.structs.replace(sweep_of("controller.K_s=20:80:2"), scenario=named))
+    assert len(asked.scenario(asked.row(1)).name) <= 200
+
+
+def test_a_question_too_long_to_be_read_again_is_not_written() -> None:
+    long = Axis("contact.K_e", tuple(1e3 + k / 7 for k in range(100_000)))
+    several = Sweep(BASE, (long, msgspec.structs.replace(long, path="controller.K_s")), "sobol", points=4)
+    with pytest.raises(ScenarioError, match="MB of values; allowed: 4 MB"):
+        question.to_toml(several)

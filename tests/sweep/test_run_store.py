@@ -104,7 +104,8 @@ def test_a_line_that_was_cut_off_is_forgotten_and_a_part_says_units(tmp_path: Pa
     (part,) = parts(tmp_path)
     schema = pq.read_schema(part)
     assert schema.field("motion_error").metadata[b"unit"] == b"m"
-    assert schema.field("contact.K_e").metadata[b"meaning"] == b"varied field"
+    varied = schema.field("contact.K_e").metadata
+    assert (varied[b"unit"], varied[b"meaning"]) == (b"N/m", b"varied field: stiffness of the surface")
     assert (tmp_path / JOURNAL).read_bytes() == b""
 
 
@@ -164,3 +165,35 @@ def test_a_full_disk_is_said_and_what_is_there_stays(tmp_path: Path) -> None:
         store._journal = kept
     with RunStore(tmp_path, SWEEP) as store:
         assert np.flatnonzero(store.done).tolist() == [0]
+
+
+def test_rows_that_wait_in_the_journal_are_drawn_too(tmp_path: Path) -> None:
+    store = RunStore(tmp_path, SWEEP)
+    store.add(figures(7))
+    _, columns = table_of(tmp_path)  # as after a kill: nothing was settled
+    assert columns["row"].tolist() == [7]
+    store.settle()
+    store.add(figures(3))
+    _, columns = table_of(tmp_path)
+    assert columns["row"].tolist() == [3, 7]
+    assert columns["motion_error"] == pytest.approx([3e-6, 7e-6])
+
+
+def test_a_part_of_another_sweep_and_lines_that_are_no_rows_are_not_taken(tmp_path: Path) -> None:
+    other = sweep_of("contact.K_e=1e3:1e5:5:log")
+    with RunStore(tmp_path / "other", other) as store:
+        store.add(SweepQuestion(other).told(SweepQuestion(other).row(4)) | {"verdict": "holds"})
+        store.settle()
+    with RunStore(tmp_path / "own", SWEEP) as store:
+        store.add(figures(7))
+        store.settle()
+    (tmp_path / "own" / JOURNAL).write_bytes(b'{"row": 5000}\n[1, 2]\n{"row": "x"}\n')
+    with RunStore(tmp_path / "own", SWEEP) as store:
+        assert np.flatnonzero(store.done).tolist() == [7]
+    (strange,) = parts(tmp_path / "other")
+    strange.rename(tmp_path / "own" / "runs.parquet" / "part-000009.parquet")
+    for read in (lambda: table_of(tmp_path / "own"), lambda: RunStore(tmp_path / "own", SWEEP)):
+        with pytest.raises(
+            ScenarioError, match=r"part-000009\.parquet: holds runs of another sweep; allowed: remove it"
+        ):
+            read()

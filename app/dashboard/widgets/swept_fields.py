@@ -17,7 +17,7 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, Units
 from app.session.snapshot import Snapshot
-from app.sweep.question import Axis
+from app.sweep.question import Axis, fitted
 from app.sweep.titles import title_of, unit_of
 
 NONE = "—"
@@ -188,13 +188,14 @@ class FieldChoice:
         low, high = (number_of(field.name, part) for part in parts)
         if not low < high:
             raise ScenarioError(f"{field.name}: {low:g} to {high:g}; allowed: low before high")
-        return Axis(field.path, (), low, high, field.logarithmic and low > 0.0)
+        return fitted(Axis(field.path, (), low, high, field.logarithmic and low > 0.0), scenario)
 
     def axis(self, scenario: Scenario, count: int) -> Axis:
         """Axis over the range that the user has typed. count: of its values. Raises ScenarioError."""
         asked = self.range(scenario)
         spaced = np.geomspace if asked.logarithmic else np.linspace
-        return Axis(asked.path, tuple(float(f"{value:.6g}") for value in spaced(asked.low, asked.high, count)))
+        values = [float(f"{value:.6g}") for value in spaced(asked.low, asked.high, count)]
+        return Axis(asked.path, tuple(dict.fromkeys(map(round, values)) if asked.whole else values))
 
 
 def prepared(snapshot: Snapshot, fields: list[Field]) -> Scenario:
