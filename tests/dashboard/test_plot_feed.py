@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from app.analysis.perturbation import DerivedSignals, PerturbationAnalysis
 from app.analysis.thinning import BucketGrid
-from app.dashboard.plots.charts import BUCKETS, DecimatedLines, Setup
+from app.dashboard.plots.chart_frames import DecimatedLines
+from app.dashboard.plots.charts import BUCKETS, Setup
 from app.dashboard.plots.dock import SETTLED
 from app.dashboard.plots.plot_table import LEAD, TABS
 from app.dashboard.transport import plot_feed

@@ -14,7 +14,8 @@ from app.analysis.perturbation import DerivedSignals, PerturbationAnalysis
 from app.analysis.spectrum import amplitude_spectrum, variation_rate
 from app.analysis.steady_force import steady_force_error
 from app.analysis.thinning import BucketGrid
-from app.dashboard.plots.charts import BUCKETS, ChartLine, Frame, PinnedChart, Setup
+from app.dashboard.plots.chart_frames import Frame
+from app.dashboard.plots.charts import BUCKETS, ChartLine, PinnedChart, Setup
 from app.dashboard.plots.dock import _laid
 from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.plots.plot_table import TABS, column, needed_stack, torque_stack

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from app.lessons.blocks import Goal
-from app.lessons.goals import Judgement, judged
+from app.lessons.goals import GoalResult, judged
 from app.lessons.lesson import load
 from app.scenario.data import with_values
 from app.simulation.closed_loop import ClosedLoop
@@ -21,7 +21,7 @@ def loop_with(damping: float) -> tuple[Goal, ClosedLoop]:
     return LESSON.block, ClosedLoop(with_values(LESSON.scenario, {"target_model.B_m.2": damping}), memory=kept_memory())
 
 
-def judgement(goal: Goal, loop: ClosedLoop) -> Judgement:
+def judgement(goal: Goal, loop: ClosedLoop) -> GoalResult:
     return judged(goal, loop.system, loop.recording, loop.state.epoch.t, loop.t, stopped=loop.stopped is not None)
 
 

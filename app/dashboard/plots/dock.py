@@ -13,7 +13,9 @@ import viser
 
 from app.analysis.perturbation import PerturbationAnalysis
 from app.analysis.thinning import BucketGrid
-from app.dashboard.plots.charts import BUCKETS, ChartWidget, Frame, Label, PinnedChart, Recent, Setup, Signals
+from app.dashboard.plots.chart_frames import Frame, Recent
+from app.dashboard.plots.chart_widget import ChartWidget
+from app.dashboard.plots.charts import BUCKETS, Label, PinnedChart, Setup, Signals
 from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
 from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.view_options import Viewing

@@ -194,7 +194,7 @@ class GoalControls:
         if course.step.number in course.progress.goals:
             return f'<div class="vs-scored">{chip("reached", "vs-good")}</div>'
         try:
-            judgement = judged(
+            result = judged(
                 goal,
                 snapshot.system,
                 snapshot.recording,
@@ -204,15 +204,15 @@ class GoalControls:
             )
         except ScenarioError as error:
             return f'<div class="vs-note">{escape(str(error))}</div>'
-        if judgement.waiting:
-            return f'<div class="vs-note">{judgement.waiting}</div>'
-        if judgement.reached:
+        if result.waiting:
+            return f'<div class="vs-note">{result.waiting}</div>'
+        if result.reached:
             try:
                 course.reached_goal()
             except OSError as error:
                 self._desk.complain(f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on")
         return "".join(
-            f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in judgement.missed
+            f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in result.missed
         )
 
 
