@@ -1,4 +1,4 @@
-"""GoalResult of a lesson's goal: once, at its instant of a run in which nothing was changed on the way."""
+"""Judgement of a lesson's goal: once, at its instant of a run in which nothing was changed on the way."""
 
 from __future__ import annotations
 
