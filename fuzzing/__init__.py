@@ -8,6 +8,9 @@ read        takes an input, and lets through only what is our own fault
 TARGETS: dict[str, tuple[str, ...]] = {  # and the modules whose branches guide the search
     "door": (
         "app.gateway.server",
+        "app.gateway.access_control",
+        "app.gateway.class_pages",
+        "app.gateway.session_request",
         "app.gateway.visitor_origin",
         "app.gateway.responses",
         "app.gateway.relay",

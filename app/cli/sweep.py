@@ -11,6 +11,7 @@ import tyro
 
 from app.cli.options import ENGINES, Settings, beyond_defaults, braces, configured, folder_of, one_of, written_to
 from app.cli.status import DONE
+from app.process.terminal_text import say
 from app.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -159,6 +160,7 @@ def _plot_sweep(
     from app.export.formats import Format
     from app.process.atomic_write import write_whole
     from app.sweep import charts, points
+    from app.sweep.question import fingerprint
     from app.sweep.run_store import table_of
 
     if folder is None:
@@ -176,7 +178,10 @@ def _plot_sweep(
         over=over,
         kind=None if kind is None else one_of("--as", kind, get_args(points.Kind)),
     )
-    path, drawn = out or folder / f"{of}.{form}", charts.chart(*table_of(folder), view, form)
+    asked, columns = table_of(folder)
+    if asked.program != fingerprint():
+        say("this sweep was computed by another version of the program: a figure may have had another meaning")
+    path, drawn = out or folder / f"{of}.{form}", charts.chart(asked, columns, view, form)
     with written_to(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, lambda file: file.write(drawn))

@@ -1,4 +1,4 @@
-"""Pictures of regions of a plane, in the style of `app.export.figures`."""
+"""Pictures of regions of a plane, in the style of `app.export.printing`."""
 
 from __future__ import annotations
 

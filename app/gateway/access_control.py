@@ -49,7 +49,7 @@ class AccessControl:
 
     def refusal(self, request: web.Request) -> web.StreamResponse | None:
         """Response to a request that is not let in, or is sent on to a cleaner address; None for one that is let in.
-        To be asked once for each request, before the methods below."""
+        To be asked once for each request, before the methods below; without it nobody steers (a KeyError)."""
         socket = is_socket(request)
         refusal = self._settings.names.refusal(request.headers, acting=socket or request.method not in ("GET", "HEAD"))
         if refusal:

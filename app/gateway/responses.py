@@ -35,7 +35,7 @@ def notice(title: str, sentence: str, status: int) -> web.Response:
     return html(pages.notice(title, sentence), status)
 
 
-def page(document: pages.Document, request: web.Request) -> web.Response:
+def session_page(document: pages.Document, request: web.Request) -> web.Response:
     """Response with a session's page: compressed where the browser can read that, nothing where it has the page."""
     headers = {"ETag": document.tag, "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
     if document.tag in request.headers.get("If-None-Match", ""):

@@ -35,7 +35,7 @@ from app.gateway.class_pages import ClassPages
 from app.gateway.connections import ARRIVING, DEADLINE, Door
 from app.gateway.metrics import TYPE, metrics
 from app.gateway.relay import ANSWER, closed, relay
-from app.gateway.responses import ApplicationRunner, html, notice, page, with_headers
+from app.gateway.responses import ApplicationRunner, html, notice, session_page, with_headers
 from app.gateway.session import Session
 from app.gateway.session_pool import HURRIED, Excess, SessionPool
 from app.gateway.session_request import is_plain, is_socket, session_of, watches
@@ -155,7 +155,7 @@ class Gateway:
         self._access.greeted(request)
         self._pool.want(session)
         if await self._pool.soon(session, WAITS) and (document := await self._page(session)):
-            return page(document, request)
+            return session_page(document, request)
         return html(pages.waiting())
 
     async def _page(self, session: Session) -> pages.Document | None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from app.lessons.blocks import Goal
+from app.lessons.lesson import LessonStep
 from app.lessons.measures import taken, unmet
+from app.scenario.data import with_values
+from app.scenario.schema import Scenario
 from app.simulation.recording import Recording
 from app.simulation.system import System
 
@@ -24,18 +27,30 @@ class GoalResult:
         return not self.waiting and not self.missed
 
 
-def judged(
-    goal: Goal, system: System, recording: Recording, changed: float, end: float, *, stopped: bool
-) -> GoalResult:
-    """Result of a goal in a run. Raises ScenarioError.
-    changed: instant of the last change of the run, s; 0 for none on the way. end: of the run so far, s.
+def judged(step: LessonStep, system: System, recording: Recording, end: float, *, stopped: bool) -> GoalResult:
+    """Result of a step's goal in a run. Raises ScenarioError.
+    system: at the run's end. recording: of the whole run. end: of the run so far, s.
     stopped: whether the run has stopped for good."""
+    goal = step.block
+    assert isinstance(goal, Goal)
     when = f"judged at t = {goal.seconds:g} s of a run from the beginning, without a change on the way"
-    if changed > 0.0:
-        return GoalResult(f"Changed at t = {changed:.1f} s: try it anew. It is {when}.")
-    if end < goal.seconds - 0.5 * system.scenario.controller.period:
+    half = 0.5 * system.scenario.controller.period
+    begun, *later = recording.epochs
+    if not _is_of(step, begun.scenario):  # the run of an earlier step, of which the last rows are still to come
+        return GoalResult(f"It is {when}.")
+    if on_the_way := [epoch.t for epoch in later if epoch.t < goal.seconds - half]:
+        return GoalResult(f"Changed at t = {on_the_way[0]:.1f} s: try it anew. It is {when}.")
+    if end < goal.seconds - half:
         if stopped:
             return GoalResult(f"The run has stopped before t = {goal.seconds:g} s: try it anew.")
         return GoalResult(f"It is {when}: another {goal.seconds - end:.1f} s to go.")
     known = {name: taken(system, recording, goal.seconds, each) for name, each in goal.measures.items()}
     return GoalResult(missed=tuple(unmet(goal.conditions, known)))
+
+
+def _is_of(step: LessonStep, scenario: Scenario) -> bool:
+    """Whether a scenario is the step's, but for its controls."""
+    assert isinstance(step.block, Goal)
+    assert step.scenario is not None
+    alike = {control.path: control.reference for control in step.block.controls}
+    return with_values(scenario, dict(alike)) == with_values(step.scenario, dict(alike))

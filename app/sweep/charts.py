@@ -31,7 +31,6 @@ WIDE = 100.0  # ratio of values from which on they are shown by their logarithm
 COLORS = "viridis"
 ASPECT = 0.75
 LABEL = 2.3  # in, longest line beside an axis
-BLANK = {True: "White", False: "Grey"}  # colour of what has no number, in charts with and without crosses
 
 
 def chart(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView, form: Format) -> bytes:
@@ -72,7 +71,7 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
     xs, ys = (np.array(sorted(map(float, axis.values))) for axis in axes)
     grid = _Grid(np.searchsorted(xs, points.values[x.path]), np.searchsorted(ys, points.values[y.path]))
     shape = (len(ys), len(xs))
-    canvas, plot = sheet(SINGLE, _caption(sweep, points, view))
+    canvas, plot = sheet(SINGLE, _caption(sweep, points, view, blank="White"))
     edges_x, edges_y = _edges(xs), _edges(ys)
     tiles = plot.pcolormesh(
         edges_x, edges_y, grid.of(points.number, shape, np.nan), cmap=COLORS, norm=_norm(points, view)
@@ -117,7 +116,7 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
         raise ScenarioError(f"--as slices over {x.path}; allowed: a field of numbers first")
     if sweep.design != "grid" and len(sweep.vary) > 1:
         raise ScenarioError("--as slices of a design; allowed: of a grid, or --as scatter or parallel")
-    canvas, plot = sheet(SINGLE, _caption(sweep, points, view))
+    canvas, plot = sheet(SINGLE, _caption(sweep, points, view, blank="Left out"))
     rest = [axis.path for axis in sweep.vary if axis.path != x.path]
     shown = [axis.path for axis in others] or rest
     keys = [tuple(points.values[path][k] for path in rest) for k in range(len(points.number))]
@@ -155,7 +154,7 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) ->
     if len(axes) < 2 or not all(axis.numeric for axis in axes[:2]):
         raise ScenarioError("--as scatter; allowed: with two fields of numbers, see --over")
     x, y = axes[:2]
-    canvas, plot = sheet(SINGLE, _caption(sweep, points, view))
+    canvas, plot = sheet(SINGLE, _caption(sweep, points, view, blank="Left out"))
     at = [np.asarray(points.values[axis.path], dtype=float) for axis in (x, y)]
     dots = plot.scatter(*at, c=points.number, cmap=COLORS, norm=_norm(points, view), s=9, linewidths=0)
     _bar(canvas, plot, dots, sweep, points, view)
@@ -172,14 +171,15 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) ->
 def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Canvas:
     from matplotlib import colormaps
 
-    canvas, plot = sheet(DOUBLE, _caption(sweep, points, view, crossed=False))
+    canvas, plot = sheet(DOUBLE, _caption(sweep, points, view, blank="Grey"))
     norm, map_ = _norm(points, view), colormaps[COLORS]
     columns = [_shares(axis, points.values[axis.path]) for axis in axes]
     worst_last = np.argsort(np.nan_to_num(points.number, nan=np.inf))
     for k in worst_last:
         value = points.number[k]
         color = "0.6" if math.isnan(value) else map_(norm(value))
-        plot.plot(range(len(axes)), [column[k] for column in columns], color=color, linewidth=0.6, alpha=0.8)
+        places = [column[k] for column in columns]
+        plot.plot(range(len(axes)), places, "-o" if len(axes) == 1 else "-", color=color, linewidth=0.6, alpha=0.8)
     for k, axis in enumerate(axes):
         low, high = _ends(axis) if axis.numeric else (axis.at(0.0), axis.at(1.0))
         plot.text(k, -0.03, said(axis.path, low), ha="center", va="top", fontsize=6.0)
@@ -240,8 +240,8 @@ def sheet(width: float, caption: str) -> tuple[Canvas, Axes]:
     return canvas, canvas.add_subplot()
 
 
-def _caption(sweep: Sweep, points: Points, view: SweepView, *, crossed: bool = True) -> str:
-    """Caption. crossed: whether the chart has crosses for what stopped or was refused; else it is grey."""
+def _caption(sweep: Sweep, points: Points, view: SweepView, blank: str) -> str:
+    """Caption. blank: look of what has no number; grey charts have no crosses for what stopped or was refused."""
     arms, question = sweep.arms, SweepQuestion(sweep)
     told = f"{sweep.scenario.name}, {_counted(len(points.number))}"
     if sweep.draw:
@@ -256,13 +256,14 @@ def _caption(sweep: Sweep, points: Points, view: SweepView, *, crossed: bool = T
     if statistic_of(view) == "share":
         low, _ = interval(arms, arms)
         told += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"
-    if points.stopped.any():
-        mark = "A cross" if crossed else BLANK[crossed]
-        told += f". {mark}: runs that stopped or were refused ({_counted(int(points.stopped.sum()))})"
+    marked = points.stopped & (np.isnan(points.number) if blank == "Grey" else True)
+    if marked.any():
+        mark = blank if blank == "Grey" else "A cross"
+        told += f". {mark}: runs that stopped or were refused ({_counted(int(marked.sum()))})"
     if never := int((points.never & ~points.stopped).sum()):
-        told += f". {BLANK[crossed]}: not on every arm ({_counted(never)})"
+        told += f". {blank}: not on every arm ({_counted(never)})"
     if none := int((np.isnan(points.number) & ~points.never & ~points.stopped).sum()):
-        told += f". {BLANK[crossed]}: no run has this figure ({_counted(none)})"
+        told += f". {blank}: no run has this figure ({_counted(none)})"
     return told + "."
 
 

@@ -26,6 +26,7 @@ class Column(NamedTuple):
     more_is_better: whether the worst of several arms is the one with the least number.
     at_the_end: whether it is of the last fifth of the run only.
     may_never: whether a run without a number never came to it, which is worse than any number.
+    also_stopped: whether it means the same of a run that stopped.
     of_r: whether its unit depends on that of r; `unit` is where r is in metres."""
 
     unit: str
@@ -35,6 +36,7 @@ class Column(NamedTuple):
     at_the_end: bool = False
     may_never: bool = False
     of_r: bool = False
+    also_stopped: bool = False
 
     def unit_in(self, units: Units) -> str:
         """Unit in a task space with these units, "" for a word or a plain number."""
@@ -73,13 +75,20 @@ COLUMNS: dict[str, Column] = {
     "residual": Column("N", "RMS of the norm of the residual of (8)", at_the_end=True, of_r=True),
     "torque_variation": Column("N·m/s", "summed changes of all commanded torques per second"),
     "saturated_share": Column("1", "share of the control periods in which a drive is at its limit"),
-    "simulated_time": Column("s", "until the end of the run", more_is_better=True),
+    "simulated_time": Column("s", "until the end of the run", more_is_better=True, also_stopped=True),
     "verdict": Column("", "of the theorem's promise: holds, not promised or broken", word=True),
     "failed": Column("", "premises of that promise that failed, by name", word=True),
-    "promised_share": Column("1", "share of the run for which something is promised", more_is_better=True),
-    "declared": Column("1", "1 where the true arm is within what is declared, 0 where it is not", more_is_better=True),
+    "promised_share": Column(
+        "1", "share of the run for which something is promised", more_is_better=True, also_stopped=True
+    ),
+    "declared": Column(
+        "1",
+        "1 where the true arm is within what is declared, 0 where it is not",
+        more_is_better=True,
+        also_stopped=True,
+    ),
     "stopped": Column("", "why the run ended before its time, or was refused", word=True),
-    "wall_time": Column("s", "computing time"),
+    "wall_time": Column("s", "computing time", also_stopped=True),
 }
 METRICS = tuple(name for name, column in COLUMNS.items() if not column.word and name not in ("row", "point", "arm"))
 

@@ -27,7 +27,7 @@ class SweepView:
     metric: column of the table.
     within: limit, for the share of arms that keep it, None for none.
     statistic: over the arms of a point.
-    over: paths of the axes, by default the first two.
+    over: paths of the axes, by default all.
     kind: of the chart, None for the one that suits the sweep.
     """
 
@@ -131,8 +131,9 @@ def _all_from(values: np.ndarray, least: float) -> float:
 def _statistic(values: np.ndarray, stopped: np.ndarray, statistic: Statistic, column: Column) -> float:
     """Median or worst of a column's values; inf where arms never came to it, NaN where no arm has one. An arm that
     stopped or was refused never came to it: the end of its run is not that of the others'."""
-    lacks = np.isnan(values) | stopped
-    never = lacks if column.may_never else stopped
+    ended = stopped & (not column.also_stopped)
+    lacks = np.isnan(values) | ended
+    never = lacks if column.may_never else ended
     if lacks.all():
         return math.nan
     if never.any() and statistic == "worst":

@@ -58,11 +58,12 @@ class Axis(Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
         """Value at a share, 0 to 1, of the axis."""
         if self.values:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+        low, high = (self.low - 0.5, self.high + 0.5) if self.whole else (self.low, self.high)
         if self.logarithmic:
-            value = math.exp(math.log(self.low) + share * (math.log(self.high) - math.log(self.low)))
+            value = math.exp(math.log(low) + share * (math.log(high) - math.log(low)))
         else:
-            value = self.low + share * (self.high - self.low)
-        return round(value) if self.whole else float(value)
+            value = low + share * (high - low)
+        return min(max(round(value), round(self.low)), round(self.high)) if self.whole else float(value)
 
     @property
     def numeric(self) -> bool:
@@ -304,8 +305,8 @@ def fitted(axis: Axis, scenario: Scenario) -> Axis:
         pass
     except ScenarioError:
         return axis
-    values = [value for value in axis.values if isinstance(value, float) and math.isfinite(value)]
-    if len(values) < len(axis.values):
+    values = [float(value) for value in axis.values] if axis.numeric else []
+    if len(values) < len(axis.values) or not all(map(math.isfinite, (*values, axis.low, axis.high))):
         return axis
     try:
         with_value(scenario, axis.path, round(values[0] if values else axis.low))
@@ -313,13 +314,11 @@ def fitted(axis: Axis, scenario: Scenario) -> Axis:
         return axis  # no field for numbers at all
     except ScenarioError:
         pass
-    if not values:
-        return msgspec.structs.replace(axis, whole=True)
-    if uneven := [value for value in values if value != round(value)]:
-        raise ScenarioError(
-            f"vary: {axis.path}: {uneven[0]:g}; allowed: whole numbers, by another COUNT or VALUE,VALUE"
-        )
-    return msgspec.structs.replace(axis, values=tuple(map(round, values)))
+    if uneven := [value for value in values or (axis.low, axis.high) if value != round(value)]:
+        raise ScenarioError(f"vary: {axis.path}: {uneven[0]:g}; allowed: whole numbers")
+    if values:
+        return msgspec.structs.replace(axis, values=tuple(map(round, values)))
+    return msgspec.structs.replace(axis, whole=True)
 
 
 def _without_entry(path: str) -> str:

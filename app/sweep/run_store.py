@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,17 +43,16 @@ class RunStore:
             ) from error
         try:
             self._take_up(sweep)
+            self._schema = schema_of(sweep)
+            self.done = np.zeros(SweepQuestion(sweep).count, dtype=bool)
+            for part in parts(folder):
+                self.done[_rows_of(part, self._schema, len(self.done))] = True
+            self._waiting = [row for row in journaled(folder, len(self.done)) if not self.done[row["row"]]]
+            self.done[[row["row"] for row in self._waiting]] = True
+            self._rewrite_journal()
         except BaseException:
             self._lock.close()
             raise
-        self._schema = schema_of(sweep)
-        self.done = np.zeros(SweepQuestion(sweep).count, dtype=bool)
-        for part in parts(folder):
-            self._require_own(part, sweep)
-            self.done[_read(part, ["row"])["row"].to_numpy()] = True
-        self._waiting = [row for row in journaled(folder, len(self.done)) if not self.done[row["row"]]]
-        self.done[[row["row"] for row in self._waiting]] = True
-        self._rewrite_journal()
 
     def __enter__(self) -> RunStore:
         return self
@@ -103,14 +103,6 @@ class RunStore:
                 f"--out {self._folder}: holds another {sweep.noun} ({what}); allowed: a folder of its own"
             )
 
-    def _require_own(self, part: Path, sweep: Sweep) -> None:
-        """Raise ScenarioError where a part is not of this sweep."""
-        rows = _read(part)
-        if rows.schema.names != self._schema.names or not _within(rows["row"].to_pylist(), len(self.done)):
-            raise ScenarioError(
-                f"{part}: holds runs of another {sweep.noun}; allowed: remove it, and its runs are made again"
-            )
-
     def _rewrite_journal(self) -> None:
         lines = b"".join(msgspec.json.encode(row) + b"\n" for row in self._waiting)
         write_whole(self._folder / JOURNAL, lambda file: file.write(lines))
@@ -127,24 +119,38 @@ def journaled(folder: Path, count: int) -> list[Figures]:
             row = msgspec.json.decode(line)
         except msgspec.DecodeError:
             continue
-        if isinstance(row, dict) and _within([row.get("row")], count):
+        number = row.get("row") if isinstance(row, dict) else None
+        if type(number) is int and 0 <= number < count:
             rows.append(row)
     return rows
 
 
-def _within(numbers: Sequence[object], count: int) -> bool:
-    """Whether all are numbers of a sweep's runs."""
-    return all(isinstance(number, int) and 0 <= number < count for number in numbers)
+def _rows_of(part: Path, schema: pa.Schema, count: int) -> np.ndarray:
+    """Numbers of the runs in a part. Raises ScenarioError where it is damaged, or not of the sweep with this schema and
+    number of runs."""
+    with _opened(part) as file:
+        own = file.schema_arrow.remove_metadata().equals(schema.remove_metadata())
+        rows = file.read(["row"])["row"].to_numpy() if own else np.array([-1])
+    if not ((rows >= 0) & (rows < count)).all():
+        raise ScenarioError(f"{part}: holds runs of something else; allowed: remove it, and its runs are made again")
+    return rows
 
 
-def _read(part: Path, columns: list[str] | None = None) -> pa.Table:
-    """Table of a part. Raises ScenarioError where the file is damaged."""
+@contextmanager
+def _opened(part: Path) -> Iterator[pq.ParquetFile]:
+    """Context with an open part. Raises ScenarioError where the file is damaged."""
     try:
         with pq.ParquetFile(part) as file:
-            return file.read(columns)
+            yield file
     except (pa.ArrowInvalid, OSError) as error:
         remedy = "remove it, and its runs are made again"
         raise ScenarioError(f"{part}: cannot be read as Parquet; allowed: {remedy}") from error
+
+
+def _read(part: Path) -> pa.Table:
+    """Table of a part. Raises ScenarioError where the file is damaged."""
+    with _opened(part) as file:
+        return file.read()
 
 
 def parts(folder: Path) -> Sequence[Path]:
@@ -184,16 +190,14 @@ def table_of(folder: Path) -> tuple[Sweep, dict[str, np.ndarray]]:
     """Sweep of a folder, and the columns of its runs so far, in the order of their rows. Raises ScenarioError where
     there are none."""
     sweep = read(folder / FILE)
-    schema = schema_of(sweep)
-    tables = [_read(part) for part in parts(folder)]
-    if strange := [
-        part for part, table in zip(parts(folder), tables, strict=True) if table.schema.names != schema.names
-    ]:
-        raise ScenarioError(f"{strange[0]}: holds runs of another sweep; allowed: remove it")
-    settled = {number for table in tables for number in table["row"].to_pylist()}
-    waiting = [row for row in journaled(folder, SweepQuestion(sweep).count) if row["row"] not in settled]
+    schema, count = schema_of(sweep), SweepQuestion(sweep).count
+    done, tables = np.zeros(count, dtype=bool), []
+    for part in parts(folder):
+        done[_rows_of(part, schema, count)] = True
+        tables.append(_read(part).cast(schema))
+    waiting = [row for row in journaled(folder, count) if not done[row["row"]]]
     tables.append(pa.Table.from_pylist(waiting, schema=schema))
-    whole = pa.concat_tables(table.cast(schema) for table in tables).sort_by("row")
+    whole = pa.concat_tables(tables).sort_by("row")
     if not len(whole):
         raise ScenarioError(f"{folder}: no runs yet; allowed: a folder in which `vsmrc sweep` has computed some")
     columns: dict[str, Any] = {name: whole[name].to_numpy() for name in whole.column_names}

@@ -22,6 +22,7 @@ from app.sweep.charts import sheet, wide
 from app.sweep.figures_of_run import COLUMNS, Figures
 from app.sweep.folder import packed
 from app.sweep.run_store import RunStore, column
+from app.sweep.titles import unit_of
 from app.tune.candidates import Candidate, aim_of, front
 from app.tune.question import Tuning, in_words, program
 from app.tune.running import Found
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 TABLE, FIGURE = "candidates.parquet", "tune.svg"
 OWN = "own gains"
+MAY_MOVE = "gain that may move; null: the scenario's own"
 LONGEST_NAME = 150  # letters of the scenario's name in that of a candidate's
 SOON = 0.4  # share of a run by which it has to have settled, for its end not to be the transient's
 
@@ -67,16 +69,28 @@ def _smaller(aim: str, found: Found, number: int) -> list[bool]:
     return [aim_of(mine, aim) < aim_of(own, aim) for mine, own in zip(found.runs[number], found.runs[0], strict=True)]
 
 
-def offered(found: Found) -> list[Candidate]:
+def offered(tuning: Tuning, found: Found) -> list[Candidate]:
     """Candidates that may be used: those that were tried, and have no badge on the arms that were not seen either, and
     are not equal to the own gains in every aim, as where the gains that move have no effect."""
-    own = found.tried[0]
-    return [each for number, each in found.tried.items() if number and not each.badge and each.aims != own.aims]
+    return [
+        each
+        for number, each in found.tried.items()
+        if number and not each.badge and not _changes_nothing(tuning, found, number)
+    ]
+
+
+def _changes_nothing(tuning: Tuning, found: Found, number: int) -> bool:
+    """Whether a candidate has the own gains' figures on every arm that was not seen."""
+    return all(
+        aim_of(mine, aim) == aim_of(own, aim)
+        for mine, own in zip(found.runs[number], found.runs[0], strict=True)
+        for aim in tuning.aims
+    )
 
 
 def files_of(tuning: Tuning, found: Found) -> dict[int, str]:
     """Files of the scenarios that are offered, by candidate: best.toml, or front/1.toml and on."""
-    numbers = [each.number for each in offered(found)]
+    numbers = [each.number for each in offered(tuning, found)]
     if len(tuning.aims) == 1:
         return dict.fromkeys(numbers, "best.toml")
     return {number: f"front/{place}.toml" for place, number in enumerate(numbers, start=1)}
@@ -121,7 +135,7 @@ def _table(tuning: Tuning, found: Found) -> pa.Table:
         [
             column("candidate", pa.int64(), "", "number; 0: the scenario's own gains"),
             *(
-                column(axis.path, pa.float64(), "", "gain that may move; null: the scenario's own")
+                column(axis.path, pa.float64(), unit_of(axis.path, tuning.scenario.units), MAY_MOVE)
                 for axis in tuning.vary
             ),
             *worst,
@@ -245,6 +259,8 @@ def verdict(tuning: Tuning, found: Found) -> list[str]:
     for number, each in found.tried.items():
         if number and each.badge:
             sentences.append(f"candidate {number} is not offered: on arms that were not seen, {each.badge}")
+        elif number and _changes_nothing(tuning, found, number):
+            sentences.append(f"candidate {number} is not offered: it changes nothing on any arm that was not seen")
     files = files_of(tuning, found)
     if not files:
         return [*sentences, f"the {OWN} are NOT beaten: no candidate may be offered"]

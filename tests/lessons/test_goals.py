@@ -21,8 +21,8 @@ def loop_with(damping: float) -> tuple[Goal, ClosedLoop]:
     return LESSON.block, ClosedLoop(with_values(LESSON.scenario, {"target_model.B_m.2": damping}), memory=kept_memory())
 
 
-def judgement(goal: Goal, loop: ClosedLoop) -> GoalResult:
-    return judged(goal, loop.system, loop.recording, loop.state.epoch.t, loop.t, stopped=loop.stopped is not None)
+def judgement(loop: ClosedLoop) -> GoalResult:
+    return judged(LESSON, loop.system, loop.recording, loop.t, stopped=loop.stopped is not None)
 
 
 def run_to(loop: ClosedLoop, t: float) -> None:
@@ -34,12 +34,12 @@ def run_to(loop: ClosedLoop, t: float) -> None:
 def test_a_goal_is_judged_at_its_instant_and_waiting_changes_nothing(damping: float, reached: bool) -> None:
     goal, loop = loop_with(damping)
     run_to(loop, goal.seconds - 0.1)
-    assert judgement(goal, loop).waiting.endswith("another 0.1 s to go.")
+    assert judgement(loop).waiting.endswith("another 0.1 s to go.")
     run_to(loop, goal.seconds)
-    at_its_instant = judgement(goal, loop)
+    at_its_instant = judgement(loop)
     assert at_its_instant.reached == reached
     run_to(loop, 2.0 * goal.seconds)  # the restless model has calmed down by now, too
-    assert judgement(goal, loop) == at_its_instant
+    assert judgement(loop) == at_its_instant
 
 
 def test_a_run_that_was_changed_on_its_way_is_not_judged() -> None:
@@ -47,11 +47,26 @@ def test_a_run_that_was_changed_on_its_way_is_not_judged() -> None:
     run_to(loop, 1.0)
     loop.edit(with_values(loop.system.scenario, {"target_model.B_m.2": CALM}))
     run_to(loop, 2.0 * goal.seconds)
-    assert judgement(goal, loop).waiting.startswith("Changed at t = 1.0 s: try it anew.")
+    assert judgement(loop).waiting.startswith("Changed at t = 1.0 s: try it anew.")
 
 
 def test_a_run_that_has_stopped_is_not_waited_for() -> None:
     goal, loop = loop_with(CALM)
     run_to(loop, 0.1)
-    said = judged(goal, loop.system, loop.recording, 0.0, loop.t, stopped=True)
+    said = judged(LESSON, loop.system, loop.recording, loop.t, stopped=True)
     assert said.waiting == f"The run has stopped before t = {goal.seconds:g} s: try it anew."
+
+
+def test_a_change_after_the_judgement_takes_nothing_back() -> None:
+    goal, loop = loop_with(CALM)
+    run_to(loop, goal.seconds + 0.5)
+    loop.edit(with_values(loop.system.scenario, {"target_model.B_m.2": RESTLESS}))
+    run_to(loop, goal.seconds + 1.0)
+    assert judgement(loop).reached
+
+
+def test_the_run_of_an_earlier_step_is_not_judged() -> None:
+    _, loop = loop_with(CALM)
+    earlier = ClosedLoop(with_values(loop.system.scenario, {"target_model.M_m.2": 10.0}), memory=kept_memory())
+    run_to(earlier, 5.0)
+    assert judgement(earlier).waiting.startswith("It is judged at t = 4 s")

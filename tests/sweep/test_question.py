@@ -175,7 +175,11 @@ def test_a_field_of_whole_numbers_takes_whole_steps_and_ranges_and_no_others() -
         question.fitted(axis_of("simulation.substeps=1:4:7"), BASE)
     within = question.fitted(axis_of("simulation.substeps=1:4"), BASE)
     asked = SweepQuestion(Sweep(BASE, (within,), "sobol", points=16))
-    assert {asked.scenario(asked.row(number)).simulation.substeps for number in range(16)} == {1, 2, 3, 4}
+    found = [asked.scenario(asked.row(number)).simulation.substeps for number in range(16)]
+    assert [found.count(each) for each in (1, 2, 3, 4)] == [4, 4, 4, 4]  # the ends as often as what is between
+    assert question.fitted(axis_of("simulation.substeps=1,2.0,3"), BASE).values == (1, 2, 3)
+    with pytest.raises(ScenarioError, match=r"simulation\.substeps: 0\.5; allowed: whole numbers"):
+        question.fitted(axis_of("simulation.substeps=0.5:2.5"), BASE)
     for text in ("contact.K_e=1:4:4", "controller.law=vsmrc", "mode=1:2:3", "contact.K=1:2:2"):
         assert question.fitted(axis_of(text), BASE) == axis_of(text)
 

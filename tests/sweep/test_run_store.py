@@ -194,6 +194,6 @@ def test_a_part_of_another_sweep_and_lines_that_are_no_rows_are_not_taken(tmp_pa
     strange.rename(tmp_path / "own" / "runs.parquet" / "part-000009.parquet")
     for read in (lambda: table_of(tmp_path / "own"), lambda: RunStore(tmp_path / "own", SWEEP)):
         with pytest.raises(
-            ScenarioError, match=r"part-000009\.parquet: holds runs of another sweep; allowed: remove it"
+            ScenarioError, match=r"part-000009\.parquet: holds runs of something else; allowed: remove it"
         ):
             read()

@@ -149,6 +149,8 @@ class GoalControls:
         self._desk = desk
         self._rows: list[NumberField] = []
         self._of = 0
+        self._missed_in = -1  # number of the last run that was judged
+        self._missed: tuple[str, ...] = ()
         self._folder = desk.gui.add_folder("Your controls", visible=False)
         self._state = desk.gui.add_html("")
         hint = "Key: R. What happens at the beginning, such as a push, happens again."
@@ -179,40 +181,38 @@ class GoalControls:
             self._of = entered
         for row in self._rows:
             row.show(snapshot)
-        content = self._html(goal, course, snapshot)
+        content = self._html(course, snapshot)
         if self._state.content != content:
             self._state.content = content
 
     def _clear(self) -> None:
         for row in self._rows:
             row.remove()
-        self._rows, self._of = [], 0
+        self._rows, self._of, self._missed_in = [], 0, -1
         if self._state.content:
             self._state.content = ""
 
-    def _html(self, goal: blocks.Goal, course: LessonCourse, snapshot: Snapshot) -> str:
+    def _html(self, course: LessonCourse, snapshot: Snapshot) -> str:
         if course.step.number in course.progress.goals:
             return f'<div class="vs-scored">{chip("reached", "vs-good")}</div>'
-        try:
-            result = judged(
-                goal,
-                snapshot.system,
-                snapshot.recording,
-                snapshot.state.epoch.t,
-                snapshot.end,
-                stopped=snapshot.phase == "stopped",
-            )
-        except ScenarioError as error:
-            return f'<div class="vs-note">{escape(str(error))}</div>'
-        if result.waiting:
-            return f'<div class="vs-note">{result.waiting}</div>'
-        if result.reached:
+        if self._missed_in != snapshot.run:
             try:
-                course.reached_goal()
-            except OSError as error:
-                self._desk.complain(f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on")
+                stopped = snapshot.phase == "stopped"
+                result = judged(course.step, snapshot.latest, snapshot.recording, snapshot.end, stopped=stopped)
+            except ScenarioError as error:
+                return f'<div class="vs-note">{escape(str(error))}</div>'
+            if result.waiting:
+                return f'<div class="vs-note">{result.waiting}</div>'
+            if result.reached:
+                try:
+                    course.reached_goal()
+                except OSError as error:
+                    self._desk.complain(
+                        f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on"
+                    )
+            self._missed_in, self._missed = snapshot.run, result.missed
         return "".join(
-            f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in result.missed
+            f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in self._missed
         )
 
 
