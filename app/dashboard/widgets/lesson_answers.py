@@ -211,9 +211,11 @@ class GoalControls:
                         f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on"
                     )
             self._missed_in, self._missed = snapshot.run, result.missed
-        return "".join(
+        missed = "".join(
             f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in self._missed
         )
+        changed = len(snapshot.recording.epochs) > 1
+        return missed + ('<div class="vs-note">Changed since: try it anew.</div>' if missed and changed else "")
 
 
 def _place(control: blocks.GoalSlider) -> FieldPlace:
