@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import shutil
@@ -229,9 +230,21 @@ def insert(file: Path, before: str, text: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def extended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What a copy of the program says that has got a law, a mode and a scenario, each as its sentence says."""
-    tree = tmp_path_factory.mktemp("extended")
+def extended(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> dict[str, Any]:
+    """What a copy of the program says that has got a law, a mode and a scenario, each as its sentence says; made once
+    for all workers of a test run, since its kernels take minutes."""
+    own = tmp_path_factory.getbasetemp()
+    shared = own if worker_id == "master" else own.parent
+    told = shared / "extended.json"
+    with (shared / "extended.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not told.exists():
+            told.write_text(said_by_the_extended(tmp_path_factory.mktemp("extended")), encoding="utf-8")
+    return json.loads(told.read_text(encoding="utf-8"))
+
+
+def said_by_the_extended(tree: Path) -> str:
+    """JSON that a copy of the program in the folder `tree`, with all that is added to it, says."""
     for folder in ("app", "controllers", "environments", "kernels", "parameters", "static"):
         shutil.copytree(ROOT / folder, tree / folder, ignore=shutil.ignore_patterns("__pycache__"))
     (tree / "controllers" / "laws" / "damping.py").write_text(DAMPING, encoding="utf-8")
@@ -261,7 +274,7 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     command = [sys.executable, "-c", ASKED]
     done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
+    return done.stdout.splitlines()[-1]
 
 
 def test_a_law_is_a_file_and_its_name(extended: dict[str, Any]) -> None:
