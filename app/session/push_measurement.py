@@ -22,6 +22,7 @@ from app.scenario.schema import Declared
 from app.session.headless_run import play
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.engines import Engine, in_force
 from app.simulation.push_response import FORCE, RIGID, PushAxis, PushResponse
 from app.simulation.search_memory import Memory
 from app.simulation.state import State, blending
@@ -162,10 +163,12 @@ class _Point(msgspec.Struct, frozen=True):
     admittance: list[list[tuple[float, float]]]
 
 
-def encoded(state: State, axes: Sequence[PushAxis], chirp: Chirp) -> bytes:
-    """Measurement with a chirp, for another process; see `decoded`. Raises ScenarioError."""
+def encoded(state: State, axes: Sequence[PushAxis], chirp: Chirp, engine: Engine = "pinocchio") -> bytes:
+    """Measurement with a chirp, for another process, which has no other task; see `decoded`. Raises ScenarioError.
+    engine: computes the runs; without its kernels in the cache the compiled one takes minutes."""
     from app.storage.constants_store import kept_memory
 
+    in_force.set(engine)
     found = PushExperiment(state, axes, memory=kept_memory()).chirp(chirp)
     points = [
         _Point(each.frequency, [[(entry.real, entry.imag) for entry in row] for row in each.admittance.tolist()])
