@@ -70,11 +70,12 @@ def sweep(
         kind: for plot, the chart
         to: for plot, the form of the file, by default that of its name, or svg
     """
+    of_question: dict[str, object] = {
+        "vary": vary, "draw": draw, "settings": settings, "points": points, "duration": duration, "design": design,
+        "corners": corners, "seed": seed, "engine": engine,
+    }  # fmt: skip
     if scenario == "plot":
-        if beyond_defaults(
-            sweep, vary=vary, draw=draw, settings=settings, points=points, duration=duration, design=design,
-            corners=corners, seed=seed, engine=engine, workers=workers, scheduler=scheduler, dry_run=dry_run,
-        ):  # fmt: skip
+        if beyond_defaults(sweep, **of_question, workers=workers, scheduler=scheduler, dry_run=dry_run):
             raise ScenarioError(
                 "sweep plot: an option of a sweep; allowed: --of, --within, --show, --over, --as, --to and --out"
             )
@@ -90,10 +91,7 @@ def sweep(
 
     program = question.fingerprint()
     if Path(scenario).name == question.FILE:
-        if beyond_defaults(
-            sweep, vary=vary, draw=draw, settings=settings, points=points, duration=duration, design=design,
-            corners=corners, seed=seed, engine=engine,
-        ):  # fmt: skip
+        if beyond_defaults(sweep, **of_question):
             raise ScenarioError(
                 f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --seed, ..."
             )

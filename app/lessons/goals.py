@@ -36,14 +36,14 @@ def judged(step: LessonStep, system: System, recording: Recording, end: float, *
     when = f"judged at t = {goal.seconds:g} s of a run from the beginning, without a change on the way"
     half = 0.5 * system.scenario.controller.period
     begun, *later = recording.epochs
-    if not _is_of(step, begun.scenario):  # the run of an earlier step, of which the last rows are still to come
-        return GoalResult(f"It is {when}.")
     if on_the_way := [epoch.t for epoch in later if epoch.t < goal.seconds - half]:
         return GoalResult(f"Changed at t = {on_the_way[0]:.1f} s: try it anew. It is {when}.")
     if end < goal.seconds - half:
         if stopped:
             return GoalResult(f"The run has stopped before t = {goal.seconds:g} s: try it anew.")
         return GoalResult(f"It is {when}: another {goal.seconds - end:.1f} s to go.")
+    if not _is_of(step, begun.scenario):  # the run of an earlier step, of which the last rows are still to come
+        return GoalResult(f"It is {when}.")
     known = {name: taken(system, recording, goal.seconds, each) for name, each in goal.measures.items()}
     return GoalResult(missed=tuple(unmet(goal.conditions, known)))
 

@@ -88,12 +88,21 @@ def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
     """Copy of the scenario with other values of fields by dotted path, see `with_value`. Raises ScenarioError."""
     data = msgspec.to_builtins(scenario)
     for path, value in values.items():
-        names = list(takewhile(lambda part: not part.isdecimal(), path.split(".")))
+        names = _names_of_field(path)
         held: Any = data
         for name in names:
             held = held.get(name) if isinstance(held, dict) else None
         _replace(data, ".".join(names), _with_entry(held, path.split(".")[len(names) :], value, path))
     return from_plain(_without_none(data))
+
+
+def field_of(path: str) -> str:
+    """Dotted path of a field, without the numbers of an entry at the end of `path`."""
+    return ".".join(_names_of_field(path))
+
+
+def _names_of_field(path: str) -> list[str]:
+    return list(takewhile(lambda part: not part.isdecimal(), path.split(".")))
 
 
 def with_value(scenario: Scenario, path: str, value: object) -> Scenario:

@@ -10,6 +10,7 @@ import msgspec
 from tqdm import tqdm
 
 from app.analysis.metrics import Metrics, measure
+from app.process import precompile
 from app.process.atomic_write import write_whole
 from app.scenario.data import to_toml
 from app.scenario.errors import ScenarioError
@@ -56,18 +57,23 @@ def simulate(
     return loop, measure(loop, loop.t / (time.perf_counter() - started), by)
 
 
-def play(loop: ClosedLoop, periods: int) -> None:
-    """Compute `periods` control periods of a loop, or fewer where it stops, by the engine in force, if that can take
-    the loop."""
-    if engine_for(loop) == "compiled":
+def play(loop: ClosedLoop, periods: int, engine: Engine | None = None) -> None:
+    """Compute `periods` control periods of a loop, or fewer where it stops, by this engine, or the one in force, if
+    that can take the loop."""
+    if engine_for(loop, engine) == "compiled":
         CompiledRun(loop).advance(periods)
     else:
         _by_steps(loop, periods)
 
 
-def engine_for(loop: ClosedLoop) -> Engine:
-    """The engine in force, or Pinocchio where that cannot take the loop."""
-    return in_force.get() if obstacle(loop) is None else "pinocchio"
+def engine_for(loop: ClosedLoop, asked: Engine | None = None) -> Engine:
+    """The engine that is asked for, or the one in force, or Pinocchio where that cannot take the loop."""
+    return (asked or in_force.get()) if obstacle(loop) is None else "pinocchio"
+
+
+def engine_ready() -> Engine:
+    """The compiled engine once its kernels are in the cache, else Pinocchio: nobody waits for a compilation."""
+    return "compiled" if precompile.mark().exists() else "pinocchio"
 
 
 def _by_steps(loop: ClosedLoop, periods: int) -> None:

@@ -22,7 +22,7 @@ from app.scenario.schema import Declared
 from app.session.headless_run import play
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.engines import Engine, in_force
+from app.simulation.engines import Engine
 from app.simulation.push_response import FORCE, RIGID, PushAxis, PushResponse
 from app.simulation.search_memory import Memory
 from app.simulation.state import State, blending
@@ -58,7 +58,8 @@ class Chirp(NamedTuple):
 
 
 class PushExperiment:
-    """Runs from one state on, with a push along each axis: `newtons` N, or a moment of `newton_metres` N m."""
+    """Runs from one state on, with a push along each axis: `newtons` N, or a moment of `newton_metres` N m.
+    engine: computes the runs, None for the one in force."""
 
     def __init__(
         self,
@@ -67,8 +68,10 @@ class PushExperiment:
         newtons: float = NEWTONS,
         newton_metres: float = NEWTON_METRES,
         memory: Memory | None = None,
+        engine: Engine | None = None,
     ) -> None:
         self._state, self._axes = replace(state.copy(), grip=None), axes
+        self._engine: Engine | None = engine
         self._sizes = [newtons if axis.kind == FORCE else newton_metres for axis in axes]
         self._wrenches = np.array([axis.wrench for axis in axes])
         self._system, self._h = _holding(state, memory), state.scenario.controller.period
@@ -122,7 +125,7 @@ class PushExperiment:
     def _run(self, push: TimedPush, counted: slice) -> tuple[np.ndarray, np.ndarray]:
         """Mean speeds along the axes (N, p) in the periods that count, and the pushes (N, 6) N and N m."""
         loop = ClosedLoop.continuing(replace(self._system, push=push), self._state, counted.stop + 1)
-        play(loop, counted.stop + 1)
+        play(loop, counted.stop + 1, self._engine)
         if loop.stopped:
             force, moment = (np.linalg.norm(part) for part in (push.force, push.moment))
             size = f"{force:.3g} N" if force else f"{moment:.3g} N·m"
@@ -164,12 +167,11 @@ class _Point(msgspec.Struct, frozen=True):
 
 
 def encoded(state: State, axes: Sequence[PushAxis], chirp: Chirp, engine: Engine = "pinocchio") -> bytes:
-    """Measurement with a chirp, for another process, which has no other task; see `decoded`. Raises ScenarioError.
+    """Measurement with a chirp, for another process; see `decoded`. Raises ScenarioError.
     engine: computes the runs; without its kernels in the cache the compiled one takes minutes."""
     from app.storage.constants_store import kept_memory
 
-    in_force.set(engine)
-    found = PushExperiment(state, axes, memory=kept_memory()).chirp(chirp)
+    found = PushExperiment(state, axes, memory=kept_memory(), engine=engine).chirp(chirp)
     points = [
         _Point(each.frequency, [[(entry.real, entry.imag) for entry in row] for row in each.admittance.tolist()])
         for each in found

@@ -17,7 +17,7 @@ import numpy as np
 import tomli_w
 from msgspec import Meta, Struct
 
-from app.scenario.data import to_plain, with_value, with_values
+from app.scenario.data import field_of, to_plain, with_value, with_values
 from app.scenario.departures import DRAWN, Departure
 from app.scenario.errors import ScenarioError, UnknownField, WrongKind
 from app.scenario.schema import RobotSection, Scenario
@@ -30,7 +30,7 @@ MOST_VALUES = 100_000  # of one axis
 UNREAD = ("name", "title")  # fields on which no run depends
 LARGEST_INTEGER = 2**53  # up to it, a float holds every integer
 LARGEST_FILE = 4_000_000  # bytes of sweep.toml
-LONGEST_NAME = 150  # letters of the scenario's name in that of a run's
+LONGEST_NAME = 150  # letters of the scenario's name in that of a run's or a candidate's
 FILE = "sweep.toml"
 COMPUTED = ("app/analysis", "app/scenario", "app/session", "app/simulation", "app/sweep", "controllers", "environments",
             "kernels", "parameters")  # fmt: skip
@@ -215,7 +215,7 @@ def _require_sound(sweep: Sweep) -> None:
     if twice := next((path for path in paths if paths.count(path) > 1), None):
         raise ScenarioError(f"vary: {twice} twice; allowed: each field once")
     drawn = {f"truth.{name}" for name in DRAWN}
-    if sweep.draw and (both := [path for path in paths if _without_entry(path) in drawn]):
+    if sweep.draw and (both := [path for path in paths if field_of(path) in drawn]):
         raise ScenarioError(f"vary: {both[0]} is drawn for each true arm; allowed: without --draw")
     if sweep.corners and not sweep.draw:
         raise ScenarioError("corners: no arm is drawn; allowed: with --draw")
@@ -319,12 +319,6 @@ def fitted(axis: Axis, scenario: Scenario) -> Axis:
     if values:
         return msgspec.structs.replace(axis, values=tuple(map(round, values)))
     return msgspec.structs.replace(axis, whole=True)
-
-
-def _without_entry(path: str) -> str:
-    """Path of a field without the numbers of an entry at its end."""
-    *begin, last = path.split(".")
-    return _without_entry(".".join(begin)) if begin and last.isdecimal() else path
 
 
 def _value(text: str) -> Value:

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +45,7 @@ class RunStore:
             self._schema = schema_of(sweep)
             self.done = np.zeros(SweepQuestion(sweep).count, dtype=bool)
             for part in parts(folder):
-                self.done[_rows_of(part, self._schema, len(self.done))] = True
+                self.done[_read(part, self._schema, len(self.done), ["row"])["row"].to_numpy()] = True
             self._waiting = [row for row in journaled(folder, len(self.done)) if not self.done[row["row"]]]
             self.done[[row["row"] for row in self._waiting]] = True
             self._rewrite_journal()
@@ -86,7 +85,9 @@ class RunStore:
     @property
     def rows(self) -> list[Figures]:
         """Figures of all runs so far."""
-        return [row for part in parts(self._folder) for row in _read(part).to_pylist()] + self._waiting
+        return [
+            row for part in parts(self._folder) for row in _read(part, self._schema, len(self.done)).to_pylist()
+        ] + self._waiting
 
     def _take_up(self, sweep: Sweep) -> None:
         path = self._folder / sweep.file
@@ -125,32 +126,20 @@ def journaled(folder: Path, count: int) -> list[Figures]:
     return rows
 
 
-def _rows_of(part: Path, schema: pa.Schema, count: int) -> np.ndarray:
-    """Numbers of the runs in a part. Raises ScenarioError where it is damaged, or not of the sweep with this schema and
-    number of runs."""
-    with _opened(part) as file:
-        own = file.schema_arrow.remove_metadata().equals(schema.remove_metadata())
-        rows = file.read(["row"])["row"].to_numpy() if own else np.array([-1])
-    if not ((rows >= 0) & (rows < count)).all():
-        raise ScenarioError(f"{part}: holds runs of something else; allowed: remove it, and its runs are made again")
-    return rows
-
-
-@contextmanager
-def _opened(part: Path) -> Iterator[pq.ParquetFile]:
-    """Context with an open part. Raises ScenarioError where the file is damaged."""
+def _read(part: Path, schema: pa.Schema, count: int, columns: list[str] | None = None) -> pa.Table:
+    """Columns of a part, by default all. Raises ScenarioError where it is damaged, or not of the sweep with this schema
+    and number of runs."""
+    remedy = "allowed: remove it, and its runs are made again"
     try:
         with pq.ParquetFile(part) as file:
-            yield file
+            own = file.schema_arrow.remove_metadata().equals(schema.remove_metadata())
+            table = file.read(columns if own else [])
     except (pa.ArrowInvalid, OSError) as error:
-        remedy = "remove it, and its runs are made again"
-        raise ScenarioError(f"{part}: cannot be read as Parquet; allowed: {remedy}") from error
-
-
-def _read(part: Path) -> pa.Table:
-    """Table of a part. Raises ScenarioError where the file is damaged."""
-    with _opened(part) as file:
-        return file.read()
+        raise ScenarioError(f"{part}: cannot be read as Parquet; {remedy}") from error
+    rows = table["row"].to_numpy() if own else np.array([-1])
+    if not ((rows >= 0) & (rows < count)).all():
+        raise ScenarioError(f"{part}: holds runs of something else; {remedy}")
+    return table
 
 
 def parts(folder: Path) -> Sequence[Path]:
@@ -193,8 +182,8 @@ def table_of(folder: Path) -> tuple[Sweep, dict[str, np.ndarray]]:
     schema, count = schema_of(sweep), SweepQuestion(sweep).count
     done, tables = np.zeros(count, dtype=bool), []
     for part in parts(folder):
-        done[_rows_of(part, schema, count)] = True
-        tables.append(_read(part).cast(schema))
+        tables.append(_read(part, schema, count).cast(schema))
+        done[tables[-1]["row"].to_numpy()] = True
     waiting = [row for row in journaled(folder, count) if not done[row["row"]]]
     tables.append(pa.Table.from_pylist(waiting, schema=schema))
     whole = pa.concat_tables(tables).sort_by("row")

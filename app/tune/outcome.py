@@ -21,6 +21,7 @@ from app.scenario import data
 from app.sweep.charts import sheet, wide
 from app.sweep.figures_of_run import COLUMNS, Figures
 from app.sweep.folder import packed
+from app.sweep.question import LONGEST_NAME
 from app.sweep.run_store import RunStore, column
 from app.sweep.titles import unit_of
 from app.tune.candidates import Candidate, aim_of, front
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 TABLE, FIGURE = "candidates.parquet", "tune.svg"
 OWN = "own gains"
 MAY_MOVE = "gain that may move; null: the scenario's own"
-LONGEST_NAME = 150  # letters of the scenario's name in that of a candidate's
 SOON = 0.4  # share of a run by which it has to have settled, for its end not to be the transient's
 
 
@@ -71,7 +71,7 @@ def _smaller(aim: str, found: Found, number: int) -> list[bool]:
 
 def offered(tuning: Tuning, found: Found) -> list[Candidate]:
     """Candidates that may be used: those that were tried, and have no badge on the arms that were not seen either, and
-    are not equal to the own gains in every aim, as where the gains that move have no effect."""
+    do not leave every figure there as it is with the own gains, as gains without effect do."""
     return [
         each
         for number, each in found.tried.items()

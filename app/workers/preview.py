@@ -14,13 +14,12 @@ from multiprocessing.connection import Connection
 
 import structlog
 
-from app.process import precompile
 from app.process.log import configure_as_parent
 from app.scenario.errors import ScenarioError
 from app.session.arm_band import LATER, ArmsAhead, Band, BandStretch, TrueArms
+from app.session.headless_run import engine_ready
 from app.session.preview import Figures, Foresight, Hurry, Outlook, PreviewDone, PreviewRefusal, Question
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.engines import Engine
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
@@ -182,7 +181,7 @@ def _answer(question: Question, asked: float, asker: Connection, known: _Known) 
     """Answer a question that came at this instant of `time.perf_counter`. Returns the answer if it is whole, so that a
     band may still be added to it."""
     try:
-        foresight = Foresight(question, known.system, known.memory, _engine())
+        foresight = Foresight(question, known.system, known.memory, engine_ready())
         known.system = foresight.base
         known.band.follow(foresight)
         today = known.figures_for(foresight.unchanged)
@@ -200,11 +199,6 @@ def _answer(question: Question, asked: float, asker: Connection, known: _Known) 
         asker.send(PreviewRefusal(question.number, f"internal error: {error}"))
     known.band.leave()
     return None
-
-
-def _engine() -> Engine:
-    """The compiled engine once its kernels are in the cache: nobody waits for them here."""
-    return "compiled" if precompile.mark().exists() else "pinocchio"
 
 
 def _look_ahead(
@@ -241,7 +235,7 @@ def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook 
     """Answer once more, with the figures of the running scenario. A newer question does not interrupt this, because all
     answers while the slider is held have the same figures beside theirs."""
     question = foresight.unchanged
-    running = Foresight(question, known.system, known.memory, _engine())
+    running = Foresight(question, known.system, known.memory, engine_ready())
     while running.share < 1.0:
         running.advance(running.batch)
     if isinstance(outlook := running.outlook(), Outlook):
@@ -254,7 +248,7 @@ def load_for(loop: ClosedLoop) -> None:
     """Load what answers about this run need, in a process that is forked into those that answer."""
     scenario = loop.system.scenario
     question = Question(0, loop.state.copy(), scenario, scenario.controller.period, partial=False)
-    foresight = Foresight(question, loop.system, engine=_engine())
+    foresight = Foresight(question, loop.system, engine=engine_ready())
     foresight.advance(foresight.batch)
     foresight.outlook()
 

@@ -27,6 +27,7 @@ from app.lessons.course import LessonCourse
 from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
 from app.lessons.markup import html_of, inline_html
 from app.lessons.playing import last_q, performance, play
+from app.scenario.data import field_of
 from app.scenario.errors import ScenarioError
 from app.session.commands import Load, Pause, Play, Reset
 from app.session.snapshot import Snapshot
@@ -196,7 +197,7 @@ class LessonsPanel:
             lock.post(Reset())
             lock.post(Pause())
         if isinstance(step.block, blocks.Goal):
-            lock.fields = frozenset(_field(control.path) for control in step.block.controls)
+            lock.fields = frozenset(field_of(control.path) for control in step.block.controls)
         self._entered += 1
 
     # what the page shows
@@ -249,12 +250,6 @@ class LessonsPanel:
             label = "Run again" if again else "Run"
             self._run.label = "running …" if playing and again else f"{label} ({seconds})"
             self._run.disabled = busy
-
-
-def _field(path: str) -> str:
-    """Dotted path of the scenario's field that a control changes: without the index of an entry."""
-    field, _, last = path.rpartition(".")
-    return field if last.isdecimal() else path
 
 
 def _head(course: LessonCourse) -> str:

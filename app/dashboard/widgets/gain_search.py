@@ -24,7 +24,7 @@ from app.dashboard.widgets.swept_fields import (
 )
 from app.dashboard.widgets.whatif import HeldControl
 from app.export.export_jobs import MadeJob, file_name
-from app.scenario.data import differences, with_values
+from app.scenario.data import differences, field_of, with_values
 from app.scenario.errors import ScenarioError
 from app.session.commands import EditAll
 from app.session.snapshot import Snapshot
@@ -215,4 +215,4 @@ class GainSearch(BesideLoop[BackgroundTuning]):
 
 def _whole_fields(fields: list[Field]) -> set[str]:
     """Paths of the scenario's fields that contain these fields: without the index of an entry."""
-    return {".".join(part for part in field.path.split(".") if not part.isdecimal()) for field in fields}
+    return {field_of(field.path) for field in fields}

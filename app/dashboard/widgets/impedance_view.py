@@ -15,14 +15,13 @@ from app.dashboard.widgets.impedance_map import impedance_html
 from app.export.export_jobs import ExportError, FigureJob, MadeJob, file_name
 from app.export.formats import Format
 from app.export.response_files import figure_of, force_table_of, table_of
-from app.process import precompile
 from app.scenario.caption import title_of
 from app.scenario.data import shipped
 from app.scenario.schema import Scenario
 from app.session import push_measurement
+from app.session.headless_run import engine_ready
 from app.session.push_measurement import Measured, chirp_for, decoded, encoded, not_linear
 from app.session.snapshot import Snapshot
-from app.simulation.engines import Engine
 from app.simulation.push_response import PushResponse
 from app.simulation.sampled_stability import RespondingLoop
 from app.storage.recording_files import Tell
@@ -80,8 +79,7 @@ class ImpedanceView:
         if loop.response is None or not self._busy.acquire(blocking=False):
             return
         try:
-            engine: Engine = "compiled" if precompile.mark().exists() else "pinocchio"
-            job = MadeJob(encoded, (state, loop.response.axes, chirp_for(state), engine))
+            job = MadeJob(encoded, (state, loop.response.axes, chirp_for(state), engine_ready()))
             points = decoded(self._desk.export_jobs.made(job, lambda _: None))
             self._measurement = _Measurement(snapshot.scenario, state.t, loop, points, not_linear(state))
         except (ExportError, OSError) as error:
