@@ -30,13 +30,15 @@ run: .venv/run.stamp
 test:
 	@$(MAKE) --no-print-directory --jobs 2 browser kernels
 	@echo "Two parts run at once; each shows what it printed when it has ended"
-	@$(MAKE) --no-print-directory --jobs 2 --output-sync=line test-browser test-others
+	@rm -rf build/tests
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=line test-browser test-others \
+		|| { $(BIN)/python -m drivers.failures build/tests/*.xml; exit 1; }
 
 test-browser:
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m browser $(ARGS) || test $$? -eq 5
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m browser --junitxml=build/tests/browser.xml $(ARGS) || test $$? -eq 5
 
 test-others:
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser" $(ARGS) || test $$? -eq 5
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser" --junitxml=build/tests/others.xml $(ARGS) || test $$? -eq 5
 
 test-fast: .venv/dev.stamp kernels
 	$(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/browser -m "not slow" $(ARGS)
