@@ -17,7 +17,8 @@ import numpy as np
 import viser
 
 from app.dashboard.frame_rate import FPS
-from app.dashboard.page import REFRESH, SOONEST
+from app.dashboard.page import SOONEST
+from app.dashboard.page_content import REFRESH
 from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.view_options import Viewing

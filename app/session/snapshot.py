@@ -12,12 +12,13 @@ from app.scenario.schema import Scenario
 from app.session.pacing import Pace
 from app.session.timeline import Pinned
 from app.session.ways_out import WayOut
-from app.simulation.closed_loop import ClosedLoop, LiveFigures, standing_of
+from app.simulation.closed_loop import ClosedLoop, standing_of
 from app.simulation.recording import Recording
 from app.simulation.sampled_stability import RespondingLoop
 from app.simulation.state import State
 from app.simulation.system import Coordinate, System
 from app.simulation.verdict import Standing
+from app.simulation.view import LiveFigures
 from environments.robots import Robot
 from environments.surfaces.table import Surface
 

@@ -3,8 +3,7 @@ plant and records."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -18,14 +17,16 @@ from app.simulation.control_period import Alarm, Evaluation, Setting
 from app.simulation.controlled_arm import ControlledArm, PeriodAddresses
 from app.simulation.premise_watch import PremiseWatch, losses
 from app.simulation.recording import Recording
+from app.simulation.restarts import begins_anew, meets_another_load
 from app.simulation.sampled_stability import RespondingLoop
 from app.simulation.search_memory import Memory
 from app.simulation.state import State, blending, observed
 from app.simulation.system import System
 from app.simulation.true_errors import beyond
 from app.simulation.verdict import Standing
+from app.simulation.view import LiveFigures, View
 from controllers.blend import ModelBlend
-from controllers.premises import WATCH, Kept, Premise
+from controllers.premises import WATCH, Kept
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import Start
 from environments.push import Grip
@@ -33,85 +34,7 @@ from environments.sensors import ForceReader
 from kernels.records import Record
 
 log = structlog.get_logger()
-
 HISTORY = 600_000  # rows
-# a change of one of these begins a new run; every other change takes effect in the running one
-RESTARTING = ("mode", "robot", "task_space", "surface", "simulation")
-
-
-@dataclass(frozen=True)
-class View:
-    """Present state of a loop for drawing and reading.
-    q: (n,) rad.
-    tool, tool_desired: (3,) m, the latter None in joint space.
-    force, force_desired: (3,) N, of the tool on the surface.
-    push, push_moment: (3,) N and (3,) N m, of a push on the tool.
-    figures: numbers of this instant."""
-
-    q: np.ndarray
-    tool: np.ndarray
-    tool_desired: np.ndarray | None
-    force: np.ndarray
-    force_desired: np.ndarray
-    push: np.ndarray
-    push_moment: np.ndarray
-    figures: LiveFigures
-
-    @property
-    def live(self) -> dict[str, float]:
-        """See `LiveFigures.numbers`."""
-        return self.figures.numbers
-
-
-@dataclass(frozen=True)
-class LiveFigures:
-    """Figures of one instant, computed when they are first read: a picture of the arm needs none of them.
-    evaluation: of the control period that begins then, in memory of its own.
-    residual: (n,).
-    t_r, reaching_time: promised and measured, s, nan for none.
-    force_factor: of the sampled loop."""
-
-    evaluation: Record[Evaluation]
-    residual: np.ndarray
-    t_r: float
-    reaching_time: float
-    force_factor: float
-
-    @cached_property
-    def numbers(self) -> dict[str, float]:
-        """Numbers by name, as `app.session.snapshot.Snapshot` lists them."""
-        evaluation = self.evaluation.read()
-        task, output = evaluation.seen.task, evaluation.output
-        required = float(sum(output.needed))
-        H_hat = task.J_q_inv.T @ evaluation.seen.estimate.M_hat @ task.J_q_inv
-        layer_factor = evaluation.table.value[Premise.LAYER]
-        return {
-            "s_norm": output.s_norm,
-            "s_bound": evaluation.kept.bound,
-            "s_band": evaluation.kept.band,
-            "d": output.d,
-            "d_required": required,
-            "gain_margin": output.d - required,
-            "sigma_min": 1.0 / float(np.linalg.norm(task.J_q_inv, 2)),
-            "V": float(0.5 * output.s @ H_hat @ output.s),
-            "residual": float(np.linalg.norm(self.residual)),
-            "reaching_time_bound": self.t_r,
-            "reaching_time": self.reaching_time,
-            "layer_loop_factor": layer_factor if np.isfinite(evaluation.table.limit[Premise.LAYER]) else np.nan,
-            "force_loop_factor": self.force_factor,
-        }
-
-
-def _met(scenario: Scenario) -> tuple[object, ...]:
-    """Parts of a scenario that the load of an arm which touches something depends on, besides arm and surfaces."""
-    return [each.contact for each in scenario.surfaces], scenario.coupling, scenario.face
-
-
-def _begun_with(scenario: Scenario) -> tuple[object, ...]:
-    """Fields, besides the sections in `RESTARTING`, of which a change begins a new run."""
-    met = tuple((each.path, each.contact.kind, each.pressed) for each in scenario.surfaces)
-    face = scenario.face.flat, scenario.face.normal
-    return met, face, scenario.controller.period, scenario.controller.z_0
 
 
 def standing_of(system: System, state: State) -> Standing:
@@ -220,10 +143,8 @@ class ClosedLoop:
         """
         old, new = self.system.scenario, assemble(scenario, self.system)
         replanned = scenario.blend.planned and scenario.blend != old.blend
-        restarts = any(getattr(old, f) != getattr(scenario, f) for f in RESTARTING)
-        restarts |= _begun_with(old) != _begun_with(scenario)
-        restarts |= replanned and scenario.blend.at < self.t - 0.5 * self._h
-        if restarts or self.stopped:
+        late = replanned and scenario.blend.at < self.t - 0.5 * self._h
+        if begins_anew(old, scenario) or late or self.stopped:
             self._become(ClosedLoop.of(new, self.recording.history))
             return
         if self.blending:
@@ -262,7 +183,7 @@ class ClosedLoop:
         changed = object.__new__(ClosedLoop)
         changed.recording = self.recording
         changed._take_up(system, state)
-        if _met(old) != _met(new):
+        if meets_another_load(old, new):
             system.plant.find_load(state.arm, state.t)
         return changed
 

@@ -17,8 +17,9 @@ from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.chart_frames import Frame
 from app.dashboard.plots.charts import BUCKETS, ChartLine, PinnedChart, Setup
 from app.dashboard.plots.dock import _laid
+from app.dashboard.plots.line_values import column
 from app.dashboard.plots.paper_figures import figure_of, plots_of
-from app.dashboard.plots.plot_table import TABS, column, needed_stack, torque_stack
+from app.dashboard.plots.plot_table import TABS, needed_stack, torque_stack
 from app.scenario.data import edited, load, shipped
 from app.scenario.schema import Scenario
 from app.session.arm_band import Band

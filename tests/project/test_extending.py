@@ -21,8 +21,9 @@ from app.dashboard.panels.robot import RobotPanel
 from app.dashboard.plots import plot_table
 from app.dashboard.plots.charts import ChartLine, Drawing, Plot, Setup
 from app.dashboard.plots.dock import Plots
+from app.dashboard.plots.line_values import column
 from app.dashboard.plots.paper_figures import figure_of, plots_of
-from app.dashboard.plots.plot_table import Tab, column
+from app.dashboard.plots.plot_table import Tab
 from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.controls import Desk

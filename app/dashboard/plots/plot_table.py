@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,19 +12,28 @@ from app.analysis.metrics import MULTIPLIERS
 from app.analysis.perturbation import STEADY
 from app.analysis.spectrum import variation_rate
 from app.dashboard.plots.charts import REACH, SPREAD, Area, ChartLine, Drawing, Plot, Setup, Signals
-from app.dashboard.theme.colors import ACCENT, BOUND, DESIRED, MEASURED, PUSH, SERIES, Rgb
+from app.dashboard.plots.line_values import (
+    Values,
+    color,
+    column,
+    is_dashed,
+    less,
+    norm,
+    stack,
+    total,
+    under_gain,
+    where_promised,
+)
+from app.dashboard.theme.colors import ACCENT, BOUND, DESIRED, MEASURED, PUSH, SERIES
 from app.dashboard.widgets.equation import symbol
 from app.dashboard.widgets.premise_table import premises_html
 from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
 from app.simulation.system import Coordinate
 
-Values = Callable[[Signals], np.ndarray]
 Chooser = Literal["coordinate", "joint"]
-
 _MEASURED = (MEASURED, SERIES[0], SERIES[5])  # colours of the measured force on each surface
 LEAD = 0.1  # s before the window, over which the total variation is taken
-SOLID = 4  # lines of a plot that colour alone tells apart
 
 
 @dataclass(frozen=True)
@@ -37,45 +46,6 @@ class Tab:
     plots: tuple[Plot, ...]
     choosers: tuple[Chooser, ...] = ()
     note: Callable[[Snapshot], str] | None = None
-
-
-def column(signal: str, index: int = 0, factor: float = 1.0) -> Values:
-    return lambda signals: factor * signals[signal].reshape(len(signals["t"]), -1)[:, index]
-
-
-def total(*signals: Values) -> Values:
-    return lambda rows: np.sum([values(rows) for values in signals], axis=0)
-
-
-def norm(signal: str) -> Values:
-    return lambda signals: np.linalg.norm(signals[signal].reshape(len(signals["t"]), -1), axis=1)
-
-
-def color(i: int) -> Rgb:
-    return SERIES[i % len(SERIES)]
-
-
-def is_dashed(i: int) -> bool:
-    """Whether the line of coordinate, joint or part i is dashed: the colour-blind cannot tell more than SOLID colours
-    apart."""
-    return i >= SOLID
-
-
-def stack(parts: Sequence[tuple[str, Values]]) -> tuple[list[ChartLine], list[Area]]:
-    """Lines and areas that stack the named parts of a sum: positive ones upwards, negative ones downwards from zero."""
-    lines = [ChartLine("", ACCENT, lambda signals: np.zeros(len(signals["t"])), width=0.0, listed=False)]
-    areas = []
-    for sign in (1.0, -1.0):
-        for i, (name, _) in enumerate(parts):
-            edge = _edge([values for _, values in parts[: i + 1]], sign)
-            lines.append(ChartLine(name, color(i), edge, is_dashed(i), width=0.8, listed=sign > 0))
-            here, below = len(lines) - 1, len(lines) - 2 if i else 0
-            areas.append(Area(here, below, color(i)) if sign > 0 else Area(below, here, color(i)))
-    return lines, areas
-
-
-def _edge(parts: Sequence[Values], sign: float) -> Values:
-    return lambda signals: sign * np.sum([np.maximum(sign * values(signals), 0.0) for values in parts], axis=0)
 
 
 def _errors(setup: Setup) -> Drawing:
@@ -210,34 +180,17 @@ def _force_error(setup: Setup) -> Drawing | None:
     for i in range(setup.normal):
         on, desired = _on(setup, i), column("F_cd", i)
         lines += [
-            ChartLine(f"predicted (37){on}", ACCENT, _less(column(STEADY[i]), desired), dashed=True, width=2.0),
+            ChartLine(f"predicted (37){on}", ACCENT, less(column(STEADY[i]), desired), dashed=True, width=2.0),
             ChartLine(
                 f"measured − desired{on}",
                 _MEASURED[i],
-                _less(column("F_c", i), desired),
+                less(column("F_c", i), desired),
                 compared=True,
                 band=SPREAD,
             ),
-            ChartLine(f"real − desired{on}", color(2 + i), _less(column(MULTIPLIERS[i]), desired)),
+            ChartLine(f"real − desired{on}", color(2 + i), less(column(MULTIPLIERS[i]), desired)),
         ]
     return Drawing("normal force error  [N]", lines, at_least=(-0.01, 0.01))
-
-
-def _less(values: Values, others: Values) -> Values:
-    return lambda signals: values(signals) - others(signals)
-
-
-def _under_gain(values: Values) -> Values:
-    """Values of the periods whose law has a gain d; those of other periods do not exist, since s means nothing
-    there."""
-    gain = column("d")
-    return lambda signals: np.where(gain(signals) > 0.0, values(signals), np.inf)
-
-
-def _where_promised(values: Values) -> Values:
-    """Values of the periods for which the theorem promises something; those of other periods do not exist."""
-    bound = column("s_bound")
-    return _under_gain(lambda signals: np.where(np.isnan(bound(signals)), np.inf, values(signals)))
 
 
 def _bound_and_band() -> tuple[Values, Values]:
@@ -245,7 +198,7 @@ def _bound_and_band() -> tuple[Values, Values]:
 
 
 def _s_norm() -> ChartLine:
-    return ChartLine("‖s‖", color(0), _under_gain(column("s_norm", 0, 1e3)), compared=True, band=SPREAD)
+    return ChartLine("‖s‖", color(0), under_gain(column("s_norm", 0, 1e3)), compared=True, band=SPREAD)
 
 
 def _sliding(setup: Setup) -> Drawing:
@@ -253,7 +206,7 @@ def _sliding(setup: Setup) -> Drawing:
     if not setup.robust:
         return _residual(setup)
     lines = [
-        ChartLine("bound (20) + band", BOUND, _where_promised(total(*_bound_and_band())), True, 2.0),
+        ChartLine("bound (20) + band", BOUND, where_promised(total(*_bound_and_band())), True, 2.0),
         _s_norm(),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=1e-2)
@@ -282,8 +235,8 @@ def _reaching(setup: Setup) -> Drawing | None:
     bound, band = _bound_and_band()
     lines = [
         *_phases(),
-        ChartLine("(20)", DESIRED, _where_promised(bound), width=2.0),
-        ChartLine("(20) + band", BOUND, _where_promised(total(bound, band)), dashed=True),
+        ChartLine("(20)", DESIRED, where_promised(bound), width=2.0),
+        ChartLine("(20) + band", BOUND, where_promised(total(bound, band)), dashed=True),
         _s_norm(),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=0.1)
@@ -293,9 +246,9 @@ def _lyapunov(setup: Setup) -> Drawing | None:
     if not setup.bounded:
         return None
     lines = [
-        ChartLine("(24)", BOUND, _where_promised(column("V_bound", 0, 1e3)), width=2.0),
-        ChartLine("(24) + sampling", BOUND, _where_promised(column("V_limit", 0, 1e3)), dashed=True, width=1.4),
-        ChartLine("V", color(0), _under_gain(column("V", 0, 1e3))),
+        ChartLine("(24)", BOUND, where_promised(column("V_bound", 0, 1e3)), width=2.0),
+        ChartLine("(24) + sampling", BOUND, where_promised(column("V_limit", 0, 1e3)), dashed=True, width=1.4),
+        ChartLine("V", color(0), under_gain(column("V", 0, 1e3))),
     ]
     return Drawing("Lyapunov function  V = ½ sᵀH s  [mJ]", lines, floor=1e-3)
 
@@ -304,7 +257,7 @@ def _components(setup: Setup) -> Drawing | None:
     if not setup.bounded:
         return None
     lines = [
-        ChartLine(symbol(coordinate.name), color(i), _under_gain(column("s", i, 1e3)), dashed=is_dashed(i))
+        ChartLine(symbol(coordinate.name), color(i), under_gain(column("s", i, 1e3)), dashed=is_dashed(i))
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"s  [{setup.units.rate}]", lines, at_least=(-0.1, 0.1))
@@ -315,8 +268,8 @@ def _gain(setup: Setup) -> Drawing:
     if not setup.robust:
         return _torques(setup)
     lines = [
-        ChartLine("needed (17)", BOUND, _under_gain(column("d_required")), dashed=True, width=2.0),
-        ChartLine("d", DESIRED, _under_gain(column("d"))),
+        ChartLine("needed (17)", BOUND, under_gain(column("d_required")), dashed=True, width=2.0),
+        ChartLine("d", DESIRED, under_gain(column("d"))),
     ]
     return Drawing(f"gain  d  against what (17) needs  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 
@@ -353,7 +306,7 @@ def _perturbation(setup: Setup) -> Drawing:
 def _margins(setup: Setup) -> Drawing | None:
     if not setup.bounded:
         return None
-    d, needed, real = _under_gain(column("d")), column("d_required"), column("perturbation")
+    d, needed, real = under_gain(column("d")), column("d_required"), column("perturbation")
     lines = [
         ChartLine("d − needed (17)", BOUND, lambda s: d(s) - needed(s), dashed=True, width=2.0),
         ChartLine("d − real perturbation", DESIRED, lambda s: d(s) - real(s)),

@@ -1,0 +1,75 @@
+"""Present state of a loop as a screen shows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from app.simulation.control_period import Evaluation
+from controllers.premises import Premise
+from kernels.records import Record
+
+
+@dataclass(frozen=True)
+class View:
+    """Present state of a loop for drawing and reading.
+    q: (n,) rad.
+    tool, tool_desired: (3,) m, the latter None in joint space.
+    force, force_desired: (3,) N, of the tool on the surface.
+    push, push_moment: (3,) N and (3,) N m, of a push on the tool.
+    figures: numbers of this instant."""
+
+    q: np.ndarray
+    tool: np.ndarray
+    tool_desired: np.ndarray | None
+    force: np.ndarray
+    force_desired: np.ndarray
+    push: np.ndarray
+    push_moment: np.ndarray
+    figures: LiveFigures
+
+    @property
+    def live(self) -> dict[str, float]:
+        """See `LiveFigures.numbers`."""
+        return self.figures.numbers
+
+
+@dataclass(frozen=True)
+class LiveFigures:
+    """Figures of one instant, computed when they are first read: a picture of the arm needs none of them.
+    evaluation: of the control period that begins then, in memory of its own.
+    residual: (n,).
+    t_r, reaching_time: promised and measured, s, nan for none.
+    force_factor: of the sampled loop."""
+
+    evaluation: Record[Evaluation]
+    residual: np.ndarray
+    t_r: float
+    reaching_time: float
+    force_factor: float
+
+    @cached_property
+    def numbers(self) -> dict[str, float]:
+        """Numbers by name, as `app.session.snapshot.Snapshot` lists them."""
+        evaluation = self.evaluation.read()
+        task, output = evaluation.seen.task, evaluation.output
+        required = float(sum(output.needed))
+        H_hat = task.J_q_inv.T @ evaluation.seen.estimate.M_hat @ task.J_q_inv
+        layer_factor = evaluation.table.value[Premise.LAYER]
+        return {
+            "s_norm": output.s_norm,
+            "s_bound": evaluation.kept.bound,
+            "s_band": evaluation.kept.band,
+            "d": output.d,
+            "d_required": required,
+            "gain_margin": output.d - required,
+            "sigma_min": 1.0 / float(np.linalg.norm(task.J_q_inv, 2)),
+            "V": float(0.5 * output.s @ H_hat @ output.s),
+            "residual": float(np.linalg.norm(self.residual)),
+            "reaching_time_bound": self.t_r,
+            "reaching_time": self.reaching_time,
+            "layer_loop_factor": layer_factor if np.isfinite(evaluation.table.limit[Premise.LAYER]) else np.nan,
+            "force_loop_factor": self.force_factor,
+        }
