@@ -12,6 +12,7 @@ from playwright.sync_api import Page
 from app.scenario.data import shipped
 from app.session.commands import Load, Pause, Play, Reset, SetSpeed, Unpin
 from app.session.runner import Runner
+from app.session.snapshot import Snapshot
 from drivers.pages import VIEWPORT, PageSession
 
 SCENARIO = shipped()["ur5-hybrid"]
@@ -52,6 +53,10 @@ _AT_REST = """(title) => {
   const text = (part) => document.querySelector(`.vs-status ${part}`)?.textContent;
   return text(".vs-title") === title && text(".vs-mode + .vs-chip") === "paused" && text(".vs-number") === "0.00";
 }"""
+_RUNNING = """(title) => {
+  const text = (part) => document.querySelector(`.vs-status ${part}`)?.textContent;
+  return text(".vs-title") === title && text(".vs-mode + .vs-chip") === "running";
+}"""
 
 
 class SharedPage:
@@ -79,9 +84,7 @@ class SharedPage:
     def _begun(self) -> PageSession:
         if self._page is not None and not self._page.is_closed():
             _let_go(self._page)
-        pins = [Unpin(pinned.number) for pinned in self._runner.snapshot.pinned]
-        for command in (*pins, Load(SCENARIO), SetSpeed(1.0), Pause(), Reset()):
-            self._runner.post(command)
+        self._rest_at_start()
         if self._page is not None and not self._put_back(self._page):
             self.discard()
         self._runner.post(Play())
@@ -91,10 +94,25 @@ class SharedPage:
             self._page = self._open_page()
             self._address = self._page.url
         session = PageSession(self._page, self._runner)
-        session.wait(lambda now: now.scenario == SCENARIO and now.phase == "running")
+        session.wait(self._runs)
         if not self._first:
+            self._page.wait_for_function(_RUNNING, arg=SCENARIO.title)
             self._first = self._page.evaluate(_APPEARANCE)
         return session
+
+    def _rest_at_start(self) -> None:
+        pins = [Unpin(pinned.number) for pinned in self._runner.snapshot.pinned]
+        for command in (*pins, Load(SCENARIO), SetSpeed(1.0), Pause(), Reset()):
+            self._runner.post(command)
+
+    def _runs(self, now: Snapshot) -> bool:
+        """Whether the loop runs the scenario as it is shipped. It is loaded again where an input of the test before,
+        which a busy machine has delayed, came after it."""
+        if now.heard >= self._runner.posted and now.scenario != SCENARIO:
+            self._rest_at_start()
+            self._runner.post(Play())
+            return False
+        return now.scenario == SCENARIO and now.phase == "running"
 
     def _put_back(self, page: Page) -> bool:
         """Nothing held or pressed, the first tabs open; True once the page shows the loop at its beginning."""

@@ -19,9 +19,10 @@ from app.process import worker_pool
 from app.scenario.data import edited, shipped
 from app.session.headless_run import play, simulate
 from app.sweep import running
-from app.sweep.figures_of_run import METRICS, Figures, SweepRunner
+from app.sweep.figures_of_run import COLUMNS, METRICS, Figures, SweepRunner
 from app.sweep.question import Sweep, SweepQuestion, axis_of, fingerprint
 from app.sweep.run_store import JOURNAL, RunStore, table_of
+from tests.support.pages import ROOT
 from tests.tune.test_running import in_this_process
 
 SHORT = edited(shipped()["planar3r-hybrid"], "simulation.duration", 0.3)
@@ -47,11 +48,28 @@ def test_a_row_is_the_same_alone_and_after_any_others() -> None:
     for name, value in {
         "motion_error": metrics.motion_error_tail, "angle_error": metrics.angle_error_tail,
         "force_error": metrics.force_error_tail,
+        "reaching_time_bound": metrics.reaching_time_bound, "band_time_bound": metrics.band_time_bound,
         "gain_margin": metrics.gain_condition_margin, "verdict": metrics.promise.verdict, "declared": 1.0,
         "torque_variation": sum(metrics.torque_total_variation), "simulated_time": pytest.approx(0.3),
     }.items():  # fmt: skip
         assert first[5][name] == value, name
     assert first[0]["motion_error"] != first[1]["motion_error"]  # another arm
+    assert set(COLUMNS) <= {*first[0], "wall_time"}
+
+
+def test_moments_of_a_flat_tool_have_a_column() -> None:
+    short = edited(shipped()["panda-align"], "simulation.duration", 0.1)
+    runner = SweepRunner(Sweep(short, (axis_of("controller.K_s=40:60:2"),), program=fingerprint()))
+    _, metrics = simulate(edited(short, "controller.K_s", 40.0), engine="compiled")
+    assert metrics.moment_error_tail
+    assert runner.figures(0)["moment_error"] == metrics.moment_error_tail
+
+
+def test_the_columns_in_the_docs_are_those_of_the_table() -> None:
+    table = "\n".join(
+        f"| `{name}` | {column.unit or '—'} | {column.whole_meaning} |" for name, column in COLUMNS.items()
+    )
+    assert table in (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
 
 
 def test_an_earlier_end_changes_nothing_before_it_and_goes_on_within_omega() -> None:

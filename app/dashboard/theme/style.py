@@ -23,6 +23,7 @@ COMMIT, RELEASED, ESCAPED, SWEPT, MOVED = MARKS = "\u200b", "\u200c", "\u200d", 
 
 _SHEETS = ("page.css", "phone.css")
 _SCRIPTS = (
+    "live.js",
     "points.js",
     "fonts.js",
     "rows.js",

@@ -166,7 +166,7 @@ def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
         f'title="{escape(told)}"></i>'
         for event, share, told in apart([place for place in places if 0.0 <= place[1] <= 1.0], snapshot.latest.units)
     )
-    return f'<div class="vs-ticks">{ticks}</div>'
+    return f'<div class="vs-ticks" data-live>{ticks}</div>'
 
 
 class Tick(NamedTuple):

@@ -39,6 +39,7 @@ SIZES = {"5": 5, "9": 9, "13": 13}
 ARMS = {"the scenario's own": 0, "4 of the declared set": 4, "8 of the declared set": 8, "16 of the declared set": 16}
 METRICS = {  # columns by title, and by which factor they are shown
     "largest force error at the end": ("force_error", 1.0),
+    "largest moment error of a flat tool at the end": ("moment_error", 1.0),
     "largest path error at the end": ("motion_error", 1e3),
     "largest angle error at the end": ("angle_error", 1e3),
     "torque variation": ("torque_variation", 1.0),

@@ -46,7 +46,7 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
     if snapshot.notice:
         messages.append(_message("vs-warn", snapshot.notice + _over(snapshot)))
     strip = f'<div class="vs-strip">{"".join(messages)}</div>'
-    return f'<div class="vs-status" data-phase="{snapshot.phase}">{"".join(lines)}{strip}</div>'
+    return f'<div class="vs-status" data-live data-phase="{snapshot.phase}">{"".join(lines)}{strip}</div>'
 
 
 def _over(snapshot: Snapshot) -> str:

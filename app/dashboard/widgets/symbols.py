@@ -57,4 +57,4 @@ def values_html(snapshot: Snapshot) -> str:
         for symbol in GLOSSARY
         if (row or not symbol.signal) and (value := symbol.value(row, snapshot.scenario, snapshot.matrices))
     }
-    return f'<data id="vs-values" value="{escape(msgspec.json.encode(told).decode())}"></data>'
+    return f'<data data-live id="vs-values" value="{escape(msgspec.json.encode(told).decode())}"></data>'
