@@ -11,6 +11,10 @@ import structlog
 from structlog.typing import EventDict, WrappedLogger
 
 import app  # noqa: F401  # says where kernels are cached, which must come before numba
+from app.process import priority
+
+# All cores are busy with tests meanwhile: what steps back for a loop would wait for minutes.
+os.environ[priority.SAME] = "1"
 
 
 @pytest.fixture(scope="session")

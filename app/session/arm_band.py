@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from app.analysis.metrics import MULTIPLIERS
+from app.process.priority import step_back
 from app.scenario.departures import Departure
 from app.scenario.schema import Declared
 from app.simulation.closed_loop import ClosedLoop
@@ -183,7 +184,7 @@ class TrueArms:
         self._begun: ClosedLoop | None = None
         self._systems: dict[int, System] = {}  # by the arm's number; two threads cannot step with the same one
         self._count = os.cpu_count() or 1
-        self._pool = ThreadPoolExecutor(self._count, "arms", initializer=_yield_to_others)
+        self._pool = ThreadPoolExecutor(self._count, "arms", step_back, (NICENESS,))
 
     def run(self, stretch: BandStretch, count: int) -> ArmsAhead:
         """Start running `count` arms over a stretch. `ArmsAhead.leave` has to be called before the next start. Raises
@@ -197,7 +198,3 @@ class TrueArms:
             loops.append(begun.with_truth(truth, SLICE, self._systems.get(number)))
             self._systems[number] = loops[-1].system
         return ArmsAhead(loops, stretch, self._pool, self._count)
-
-
-def _yield_to_others() -> None:
-    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,6 +14,7 @@ import structlog
 from app.export.export_jobs import DataJob, ExportDone, ExportProgress, Failure, FigureJob, Job, MadeJob, PlaybackJob
 from app.export.printing import render
 from app.process.log import configure_as_parent
+from app.process.priority import step_back
 from app.scenario.errors import ScenarioError
 from app.simulation.signals import columns_of
 from app.storage.recording_files import RecordingTable, TooLarge, write_csv, write_npz
@@ -85,7 +85,7 @@ def _received(data: RecordingTable, asker: Connection) -> Iterator[np.ndarray]:
 
 def main() -> None:
     configure_as_parent()
-    os.nice(NICENESS)
+    step_back(NICENESS)
     with Connection(int(sys.argv[1])) as asker:
         try:
             serve(asker, Path(sys.argv[2]))

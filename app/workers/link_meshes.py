@@ -6,13 +6,13 @@ Started by `app.storage.link_meshes`.
 from __future__ import annotations
 
 import logging
-import os
 import resource
 import sys
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 from app.process import launcher
+from app.process.priority import step_back
 from app.storage.link_meshes import CPU, MEMORY, MOST_TRIANGLES, LinkMesh, read
 
 NICENESS = 10  # the running loop comes first
@@ -38,7 +38,7 @@ def answer(path: Path) -> tuple[LinkMesh, ...] | str:
 def main() -> None:
     logging.basicConfig(level=logging.ERROR)
     launcher.end_with_parent()
-    os.nice(NICENESS)
+    step_back(NICENESS)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CPU, (CPU, CPU))
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))

@@ -5,7 +5,6 @@ Started by `app.session.preview_client`; it ends when the other end of the conne
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from multiprocessing.connection import Connection
 import structlog
 
 from app.process.log import configure_as_parent
+from app.process.priority import step_back
 from app.scenario.errors import ScenarioError
 from app.session.arm_band import LATER, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.headless_run import engine_ready
@@ -255,7 +255,7 @@ def load_for(loop: ClosedLoop) -> None:
 
 def run(asker: Connection) -> None:
     """Answer questions at a lower priority than the asker's, until it has gone."""
-    os.nice(NICENESS)
+    step_back(NICENESS)
     sys.setswitchinterval(TURN)
     with asker:
         try:

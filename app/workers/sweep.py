@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from multiprocessing.connection import Connection
 
@@ -11,6 +10,7 @@ import structlog
 
 from app.process import slots
 from app.process.log import configure_as_parent
+from app.process.priority import step_back
 from app.sweep import background
 from app.sweep.background import Begun, SweepDone, Waiting, Work
 from app.tune import background as tuning_background
@@ -45,7 +45,7 @@ def _wait(asker: Connection) -> None:
 
 def main() -> None:
     configure_as_parent()
-    os.nice(NICENESS)
+    step_back(NICENESS)
     with Connection(int(sys.argv[1])) as asker:
         try:
             serve(asker)

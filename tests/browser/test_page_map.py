@@ -11,7 +11,6 @@ from playwright.sync_api import Page, expect
 
 from app.sweep.question import FILE
 from drivers.pages import PATIENCE, PageSession
-from tests.support.full_speed import full_speed  # noqa: F401
 from tests.support.layout import lasting_faults
 
 SAID = re.compile(
@@ -65,7 +64,6 @@ def write(session: PageSession, label: str, text: str, number: int = 0) -> None:
     field.press("Enter")
 
 
-@pytest.mark.usefixtures("full_speed")
 def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens_its_run(
     session: PageSession, open_page: Callable[..., Page]
 ):
@@ -132,7 +130,6 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     page.get_by_role("button", name="Compute the map").wait_for()
 
 
-@pytest.mark.usefixtures("full_speed")
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
 def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: PageSession, width: int, height: int):
     page = session.page
@@ -170,7 +167,6 @@ def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: 
     session.wait(lambda _: page.evaluate(FOCUSED) == told)  # the next tile is an arrow away
 
 
-@pytest.mark.usefixtures("full_speed")
 def test_a_search_finds_candidates_of_which_one_is_previewed_and_then_applied(session: PageSession):
     page = session.page
     session.tab("Robustness")

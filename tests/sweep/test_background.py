@@ -31,7 +31,6 @@ from app.sweep.question import Sweep, SweepQuestion, axis_of
 from app.sweep.run_store import table_of
 from app.sweep.share import Allowance, Share, allowance_of
 from drivers.waiting import until
-from tests.support.full_speed import full_speed  # noqa: F401
 from tests.sweep.test_running import timeless
 
 SHORT = edited(shipped()["planar3r-hybrid"], "simulation.duration", 0.2)
@@ -40,7 +39,6 @@ SWEEP = Sweep(SHORT, (axis_of("contact.K_e=1e3:1e4:3:log"),), draw=2, engine="pi
 pytestmark = pytest.mark.slow  # processes of their own
 
 
-@pytest.mark.usefixtures("full_speed")
 def test_rows_of_the_background_are_those_of_a_run_and_of_the_loop_to_the_last_bit() -> None:
     sweep = BackgroundSweep(SWEEP, 1)
     until(lambda: not sweep.going, lambda: sweep.problem)
@@ -100,7 +98,6 @@ def _alive(pid: int) -> bool:
         return False
 
 
-@pytest.mark.usefixtures("full_speed")
 def test_a_shared_machine_has_one_question_of_each_session_and_so_many_of_all() -> None:
     ours, theirs = Share(Allowance(1, at_once=1, runs=6)), Share(Allowance(1, at_once=1, runs=6))
     with pytest.raises(ScenarioError, match="7 runs; allowed: at most 6, since this server is shared"):
