@@ -12,12 +12,18 @@ SHOWN = 15  # last lines of a failure, which say what was expected and where
 
 
 def failures(files: Iterable[Path]) -> Iterator[str]:
-    """Name and last lines of each test that failed, or whose setup or teardown did."""
+    """Name and last lines of each test that failed, or whose setup or teardown did; a sentence for a part of the tests
+    that did not come to its end, and so has written no file."""
     for file in files:
-        for case in ElementTree.parse(file).iter("testcase"):
+        try:
+            cases = ElementTree.parse(file).iter("testcase")
+        except (OSError, ElementTree.ParseError):
+            yield f"{file}: no report of this part; see what it printed"
+            continue
+        for case in cases:
             for outcome in case:
                 if outcome.tag in ("failure", "error"):
-                    name = f"{case.get('classname')}.{case.get('name')}"
+                    name = ".".join(filter(None, (case.get("classname"), case.get("name"))))
                     lines = (outcome.text or "").rstrip().splitlines()[-SHOWN:]
                     yield "\n".join([f"{outcome.tag.upper()} {name}: {outcome.get('message', '')[:200]}", *lines])
 

@@ -13,16 +13,15 @@ VIEWPORT = {"width": 1280, "height": 720}
 # Script that marks the first steps as seen, as in a browser that has opened the page before. A page without an address
 # has no storage.
 NO_HINTS = "try { localStorage.setItem('vsmrc.hints', 'dismissed'); } catch { }"
-# Script that stops the drawing of the scene, which in software takes a whole core, and begins at most twelve frames a
-# second, of which each goes through the whole scene; the few tests that look at the picture set `undrawn` to false.
+# Script that stops the drawing of the scene, which in software takes a whole core, and has at most twelve frames a
+# second, since each of them visits the whole scene; the few tests that look at the picture set `undrawn` to false.
 # A canvas that is neither drawn nor cleared is not put on the screen again.
 UNDRAWN = """
   window.undrawn = true;
   const frame = window.requestAnimationFrame.bind(window);
-  let waiting = new Map(), asked = 0, soon = false;
+  let waiting = new Map(), due = new Map(), asked = 0, soon = false;
   const begin = (now) => {
-    const due = waiting;
-    waiting = new Map(), soon = false;
+    [due, waiting, soon] = [waiting, new Map(), false];
     for (const then of due.values()) try { then(now); } catch (error) { reportError(error); }
   };
   window.requestAnimationFrame = (then) => {
@@ -31,7 +30,7 @@ UNDRAWN = """
     soon = true;
     return asked;
   };
-  window.cancelAnimationFrame = (number) => waiting.delete(number);
+  window.cancelAnimationFrame = (number) => { waiting.delete(number); due.delete(number); };
   for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced", "clear"]) {
     const draw = WebGL2RenderingContext.prototype[name];
     WebGL2RenderingContext.prototype[name] = function (...what) { if (!window.undrawn) draw.apply(this, what); };

@@ -168,7 +168,7 @@ def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
             tabs = update.updates.get("value")
             if update.uuid in looking and update.updates.keys() == {"value"} and isinstance(tabs, str):
                 return raw if _TABS.fullmatch(tabs) else None
-    except (Overrun, msgspec.MsgspecError, RecursionError):
+    except (Overrun, msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
     return None
 

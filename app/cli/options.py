@@ -25,6 +25,7 @@ Settings = Annotated[
     tyro.conf.arg(name="set", metavar="KEY=VALUE", help="change fields, e.g. --set force.value=30 contact.K_e=2e4"),
 ]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
+MOST_WORKERS = 512  # processes of one machine
 
 
 def one_of(flag: str, given: str, names: tuple[Choice, ...]) -> Choice:
@@ -47,6 +48,12 @@ def folder_of(command: str, out: Path | None) -> Path:
     if out == Path():  # also what an empty text is
         raise ScenarioError("--out: no folder of its own; allowed: the name of a folder")
     return out
+
+
+def require_workers(workers: int | None) -> None:
+    """Raises ScenarioError for a number of worker processes that is not possible."""
+    if workers is not None and not 1 <= workers <= MOST_WORKERS:
+        raise ScenarioError(f"--workers {workers}; allowed: 1 to {MOST_WORKERS}")
 
 
 def beyond_defaults(command: Callable[..., object], **given: object) -> bool:

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import tyro
 
-from app.cli.options import ENGINES, Settings, beyond_defaults, braces, configured, folder_of, one_of, written_to
+from app.cli.options import (
+    ENGINES,
+    Settings,
+    beyond_defaults,
+    braces,
+    configured,
+    folder_of,
+    one_of,
+    require_workers,
+    written_to,
+)
 from app.cli.status import DONE
 from app.process.terminal_text import say
 from app.scenario.errors import ScenarioError
@@ -111,9 +121,10 @@ def sweep(
         )
     if asked.program != program:
         raise ScenarioError(f"sweep: {scenario} was asked of another version of the program; allowed: ask it anew")
-    for name, given, least in (("points", points, 0), ("draw", draw, 0), ("seed", seed, 0), ("workers", workers, 1)):
-        if given is not None and given < least:
+    for name, given, least in (("points", points, 0), ("draw", draw, 0), ("seed", seed, 0)):
+        if given < least:
             raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
+    require_workers(workers)
     if scheduler is not None and workers is not None:
         raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
     count = question.SweepQuestion(asked).count

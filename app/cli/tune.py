@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.cli.options import Settings, configured, folder_of, written_to
+from app.cli.options import Settings, configured, folder_of, require_workers, written_to
 from app.cli.status import DONE
 from app.scenario.errors import ScenarioError
 
@@ -57,8 +57,7 @@ def tune(
             raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
     if seed > question.LARGEST_SEED:
         raise ScenarioError(f"--seed {seed}; allowed: at most {question.LARGEST_SEED}")
-    if workers is not None and workers < 1:
-        raise ScenarioError(f"--workers {workers}; allowed: 1 or more")
+    require_workers(workers)
     asked = question.Tuning(
         scenario=configured(scenario, settings, duration),
         vary=tuple(map(question.moved, move)),

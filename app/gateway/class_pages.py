@@ -18,6 +18,7 @@ from app.access.classroom import AnswerRefusal
 from app.access.session_messages import Answers
 from app.gateway import pages
 from app.gateway.access_control import AccessControl
+from app.gateway.connections import DEADLINE
 from app.gateway.responses import html
 from app.gateway.session import Session
 from app.gateway.session_pool import SessionPool
@@ -57,7 +58,11 @@ class ClassPages:
     async def _answer(self, request: web.Request) -> web.StreamResponse:
         session, visitor = self._of_class(request), self._access.visitor(request)
         room = session.room
-        body = await request.read()
+        try:
+            async with asyncio.timeout(DEADLINE):
+                body = await request.read()
+        except TimeoutError:
+            raise web.HTTPRequestTimeout from None
         try:
             said = msgspec.json.decode(body, type=dict[str, Any])
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

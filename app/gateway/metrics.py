@@ -53,5 +53,7 @@ def metrics(pool: SessionPool, refusals: Counter[str]) -> str:
 def _written(family: _Family) -> str:
     name = f"vsmrc_{family.name}"
     lines = [f"# HELP {name} {family.help}", f"# TYPE {name} {family.kind}"]
-    lines += [f"{name}{{{labels}}} {value:g}" if labels else f"{name} {value:g}" for labels, value in family.values]
+    lines += [
+        f"{name}{{{labels}}} {value:.12g}" if labels else f"{name} {value:.12g}" for labels, value in family.values
+    ]
     return "\n".join(lines) + "\n"

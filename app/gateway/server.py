@@ -307,8 +307,9 @@ async def serving(
         door = Door(runner.server, gateway.answered, connections or gateway.most_pages + ARRIVING)
         try:
             listening = await asyncio.get_running_loop().create_server(door, host, port)
-        except OSError as error:
-            raise PortTaken(f"port {port} of {host} cannot be used: {error.strerror or error}") from error
+        except (OSError, UnicodeError) as error:  # the latter for a host that is no name
+            reason = getattr(error, "strerror", None) or error
+            raise PortTaken(f"port {port} of {host} cannot be used: {reason}") from error
         try:
             yield listening.sockets[0].getsockname()[1]
         finally:

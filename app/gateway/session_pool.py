@@ -248,7 +248,7 @@ class SessionPool:
         if self._idle is None:
             return False
         least = self._idle if session._ever_seen else min(UNSEEN, self._idle)
-        if self._queue:
+        if self._queue and self.taken >= self.places:  # some wait for their visitor's own share only
             least = min(least, HURRIED)
         return self._clock() - session.seen > least
 

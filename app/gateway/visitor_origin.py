@@ -52,9 +52,13 @@ def _address(request: web.Request, names: Names) -> str:
     through a proxy that does not name an address."""
     address = request.remote or ""
     if is_loopback(address):
-        address = request.headers.get("X-Forwarded-For", "").rpartition(",")[2].strip() if names.public else ""
+        lines = request.headers.getall("X-Forwarded-For", []) if names.public else []
+        address = ",".join(lines).rpartition(",")[2].strip()  # the last one, which the proxy has added
     try:
         known = ipaddress.ip_address(address)
     except ValueError:
         return ""
-    return str(ipaddress.ip_network((known, 64), strict=False)) if known.version == 6 else address
+    if isinstance(known, ipaddress.IPv6Address):
+        within = known.ipv4_mapped
+        return str(within or ipaddress.ip_network((known, 64), strict=False))
+    return address

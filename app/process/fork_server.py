@@ -35,6 +35,8 @@ class ForkedProcess:
 
     def wait(self, timeout: float | None = None) -> int:
         """Exit status, once the process has ended. Raises TimeoutExpired after `timeout` s."""
+        if (status := self.poll()) is not None:  # what has been waited for cannot be opened
+            return status
         end = os.pidfd_open(self.pid)
         try:
             select.select([end], [], [], timeout)

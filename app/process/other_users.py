@@ -8,7 +8,7 @@ import pwd
 from pathlib import Path
 
 PEOPLE = range(1000, 60_000)  # uids of people, as Linux systems give them
-_NO_SHELLS = ("nologin", "false", "sync", "")
+_NO_SHELLS = ("nologin", "false", "sync")  # an empty field means /bin/sh
 
 
 def other_people() -> list[str]:

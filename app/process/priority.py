@@ -7,7 +7,7 @@ SAME = "VSMRC_SAME_PRIORITY"
 
 
 def step_back(niceness: int) -> None:
-    """Lower the priority of the calling thread, and of what it starts, so that the loop comes first. niceness: by how
-    much, up to 19."""
-    if not os.environ.get(SAME):
+    """Lower the priority of the calling thread (on Linux; elsewhere of its process), and of what it starts, so that the
+    loop comes first. niceness: by how much, up to 19."""
+    if os.environ.get(SAME) != "1":
         os.nice(niceness)

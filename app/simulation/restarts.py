@@ -4,27 +4,28 @@ from __future__ import annotations
 
 from app.scenario.schema import Scenario
 
-# a change of one of these begins a new run; every other change takes effect in the running one
+# sections of which every change begins a new run
 RESTARTING = ("mode", "robot", "task_space", "surface", "simulation")
 
 
 def begins_anew(old: Scenario, new: Scenario) -> bool:
-    """Whether this change of the scenario begins a new run."""
+    """Whether a change of the scenario begins a new run by what it changes; a blend in the past and a run that has
+    stopped do so, too (`ClosedLoop.edit`)."""
     return any(getattr(old, field) != getattr(new, field) for field in RESTARTING) or _start(old) != _start(new)
 
 
 def _start(scenario: Scenario) -> tuple[object, ...]:
     """Fields, besides the sections in `RESTARTING`, that a run begins with."""
-    met = tuple((each.path, each.contact.kind, each.pressed) for each in scenario.surfaces)
+    surfaces = tuple((each.path, each.contact.kind, each.pressed) for each in scenario.surfaces)
     face = scenario.face.flat, scenario.face.normal
-    return met, face, scenario.controller.period, scenario.controller.z_0
+    return surfaces, face, scenario.controller.period, scenario.controller.z_0
 
 
 def meets_another_load(old: Scenario, new: Scenario) -> bool:
     """Whether an arm that touches something bears another load after this change of the contact."""
-    return _met(old) != _met(new)
+    return _contact(old) != _contact(new)
 
 
-def _met(scenario: Scenario) -> tuple[object, ...]:
+def _contact(scenario: Scenario) -> tuple[object, ...]:
     """Parts of a scenario that the load depends on, besides arm and surfaces."""
     return [each.contact for each in scenario.surfaces], scenario.coupling, scenario.face

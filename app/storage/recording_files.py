@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import lzma
 import math
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable
@@ -27,8 +29,12 @@ LARGEST_HEADER = 70_000  # bytes of the header that numpy writes before an array
 MOST_JOINTS = 8
 # signals that files from before there were several surfaces, or moments, do not have; there they were 0
 LATER = ("multiplier_2", "phi_2", "multiplier_3", "phi_3", "moment", "moment_push", "moment_true")
-# exceptions of zipfile, zlib and numpy for archives that are broken, encrypted or compressed by an unknown method
-_UNREADABLE = (ValueError, KeyError, IndexError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error)
+# exceptions of zipfile, its decompressors and numpy for archives that are broken, encrypted or compressed by an unknown
+# method, and for headers that are no Python literals
+_UNREADABLE = (
+    *(ValueError, TypeError, SyntaxError, ArithmeticError, LookupError, EOFError, RuntimeError),
+    *(tokenize.TokenError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+)
 
 Tell = Callable[[float], object]  # called with the share that is done, 0 to 1
 

@@ -18,6 +18,7 @@ SESSION, OFFER, LOCK = "session.json", "offer.json", "lock"
 PINS = 3  # runs that a session keeps for comparison
 LARGEST = 4_000_000  # bytes of an index
 _PRIVATE = 0o600
+_LATEST = 253_402_300_799.0  # s since 1970: the last second of the year 9999, which a date can have
 
 
 class StateError(ValueError):
@@ -106,4 +107,6 @@ def decoded(path: Path) -> Index:
         index = msgspec.json.decode(content, type=Index)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise StateError(f"{path} is no session of this program") from error
+    if not 0.0 <= index.saved <= _LATEST:
+        raise StateError(f"{path} is no session of this program: saved {index.saved:g} s after 1970")
     return index if len(index.pinned) <= PINS else msgspec.structs.replace(index, pinned=index.pinned[-PINS:])

@@ -75,7 +75,10 @@ def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
             _require_room(name, len(content), marks)
         private(folder())
         path.parent.mkdir(exist_ok=True, mode=PRIVATE)
-        write_whole(path, lambda file: file.write(content), _PRIVATE)
+        if path.is_file():  # a new file in its place would not be the one that `hold` has locked
+            os.utime(path)
+        else:
+            write_whole(path, lambda file: file.write(content), _PRIVATE)
         for mark in marks:
             (path.parent / f"{_BY}{mark}").touch(_PRIVATE)
     except NotOwnError as error:

@@ -71,7 +71,7 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
     xs, ys = (np.array(sorted(map(float, axis.values))) for axis in axes)
     grid = _Grid(np.searchsorted(xs, points.values[x.path]), np.searchsorted(ys, points.values[y.path]))
     shape = (len(ys), len(xs))
-    canvas, plot = sheet(SINGLE, _caption(sweep, points, view, blank="White"))
+    canvas, plot = sheet(SINGLE, _caption(sweep, points, view, missing="White", stopped="A cross"))
     edges_x, edges_y = _edges(xs), _edges(ys)
     tiles = plot.pcolormesh(
         edges_x, edges_y, grid.of(points.number, shape, np.nan), cmap=COLORS, norm=_norm(points, view)
@@ -116,7 +116,7 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
         raise ScenarioError(f"--as slices over {x.path}; allowed: a field of numbers first")
     if sweep.design != "grid" and len(sweep.vary) > 1:
         raise ScenarioError("--as slices of a design; allowed: of a grid, or --as scatter or parallel")
-    canvas, plot = sheet(SINGLE, _caption(sweep, points, view, blank="Left out"))
+    canvas, plot = sheet(SINGLE, _caption(sweep, points, view, missing="Left out", stopped="A cross"))
     rest = [axis.path for axis in sweep.vary if axis.path != x.path]
     shown = [axis.path for axis in others] or rest
     keys = [tuple(points.values[path][k] for path in rest) for k in range(len(points.number))]
@@ -154,7 +154,7 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) ->
     if len(axes) < 2 or not all(axis.numeric for axis in axes[:2]):
         raise ScenarioError("--as scatter; allowed: with two fields of numbers, see --over")
     x, y = axes[:2]
-    canvas, plot = sheet(SINGLE, _caption(sweep, points, view, blank="Left out"))
+    canvas, plot = sheet(SINGLE, _caption(sweep, points, view, missing="Left out", stopped="A cross"))
     at = [np.asarray(points.values[axis.path], dtype=float) for axis in (x, y)]
     dots = plot.scatter(*at, c=points.number, cmap=COLORS, norm=_norm(points, view), s=9, linewidths=0)
     _bar(canvas, plot, dots, sweep, points, view)
@@ -171,7 +171,7 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) ->
 def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Canvas:
     from matplotlib import colormaps
 
-    canvas, plot = sheet(DOUBLE, _caption(sweep, points, view, blank="Grey"))
+    canvas, plot = sheet(DOUBLE, _caption(sweep, points, view, missing="Grey", stopped="Grey"))
     norm, map_ = _norm(points, view), colormaps[COLORS]
     columns = [_shares(axis, points.values[axis.path]) for axis in axes]
     worst_last = np.argsort(np.nan_to_num(points.number, nan=np.inf))
@@ -240,8 +240,9 @@ def sheet(width: float, caption: str) -> tuple[Canvas, Axes]:
     return canvas, canvas.add_subplot()
 
 
-def _caption(sweep: Sweep, points: Points, view: SweepView, blank: str) -> str:
-    """Caption. blank: look of what has no number; grey charts have no crosses for what stopped or was refused."""
+def _caption(sweep: Sweep, points: Points, view: SweepView, missing: str, stopped: str) -> str:
+    """Caption. missing, stopped: what points without a number look like, and those of which a run stopped or was
+    refused; where both look the same, one that has a number looks like any other."""
     arms, question = sweep.arms, SweepQuestion(sweep)
     told = f"{sweep.scenario.name}, {_counted(len(points.number))}"
     if sweep.draw:
@@ -256,14 +257,13 @@ def _caption(sweep: Sweep, points: Points, view: SweepView, blank: str) -> str:
     if statistic_of(view) == "share":
         low, _ = interval(arms, arms)
         told += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"
-    marked = points.stopped & (np.isnan(points.number) if blank == "Grey" else True)
+    marked = points.stopped & np.isnan(points.number) if stopped == missing else points.stopped
     if marked.any():
-        mark = blank if blank == "Grey" else "A cross"
-        told += f". {mark}: runs that stopped or were refused ({_counted(int(marked.sum()))})"
+        told += f". {stopped}: runs that stopped or were refused ({_counted(int(marked.sum()))})"
     if never := int((points.never & ~points.stopped).sum()):
-        told += f". {blank}: not on every arm ({_counted(never)})"
+        told += f". {missing}: not on every arm ({_counted(never)})"
     if none := int((np.isnan(points.number) & ~points.never & ~points.stopped).sum()):
-        told += f". {blank}: no run has this figure ({_counted(none)})"
+        told += f". {missing}: no run has this figure ({_counted(none)})"
     return told + "."
 
 

@@ -25,7 +25,7 @@ class Column(NamedTuple):
     """Column of the table: unit in SI, "" for a word or a plain number, and meaning.
     more_is_better: whether the worst of several arms is the one with the least number.
     at_the_end: whether it is of the last fifth of the run only.
-    may_never: whether a run without a number never came to it, which is worse than any number.
+    may_never: whether a run without a number never came to it, or has no such promise, which is worse than any number.
     also_stopped: whether it means the same of a run that stopped.
     of_r: whether its unit depends on that of r; `unit` is where r is in metres."""
 
@@ -69,10 +69,10 @@ COLUMNS: dict[str, Column] = {
         "s", "until the force, or without force control the path, stays within 2 %", may_never=True
     ),
     "reaching_time": Column("s", "until ‖s‖ is within the boundary layer", may_never=True),
-    "layer_time_bound": Column("s", "until then by (18), as promised"),
-    "reaching_time_bound": Column("s", "until s = 0 by (18), as the controller in continuous time promises"),
+    "layer_time_bound": Column("s", "until ‖s‖ is within the boundary layer by (18), as promised", may_never=True),
+    "reaching_time_bound": Column("s", "t_r of (18), for s = 0, also where nothing is promised"),
     "band_time": Column("s", "until ‖s‖ is within its band", may_never=True),
-    "band_time_bound": Column("s", "until then, as promised"),
+    "band_time_bound": Column("s", "until ‖s‖ is within its band, as promised", may_never=True),
     "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised", of_r=True),
     "gain_margin": Column("N", "least d minus what (17) needs", more_is_better=True, of_r=True),
     "residual": Column("N", "RMS of the norm of the residual of (8)", at_the_end=True, of_r=True),

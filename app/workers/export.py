@@ -50,7 +50,7 @@ def serve(asker: Connection, path: Path) -> None:
         asker.send(Failure(str(error)))
     except Exception as error:  # the process's last resort: report it
         log.exception("fault", stage="a file")
-        asker.send(Failure(f"internal error: {error}"))
+        asker.send(Failure(f"internal error: {type(error).__name__}: {error}"))
     else:
         asker.send(ExportDone())
 

@@ -196,7 +196,7 @@ def _answer(question: Question, asked: float, asker: Connection, known: _Known) 
     except Exception as error:  # the process's last resort: report it, and be ready for the next question
         log.exception("fault", stage="a preview")
         known.system = None
-        asker.send(PreviewRefusal(question.number, f"internal error: {error}"))
+        asker.send(PreviewRefusal(question.number, f"internal error: {type(error).__name__}: {error}"))
     known.band.leave()
     return None
 

@@ -228,7 +228,7 @@ def run(file: int, previewer: Previewer) -> None:
         except Exception as error:  # the process's last resort: let the gateway say it
             events.exception("fault", stage="a session")
             with contextlib.suppress(OSError):
-                gateway.tell(Failed(f"{error}"))
+                gateway.tell(Failed(f"{type(error).__name__}: {error}"))
             os._exit(1)
 
 

@@ -23,12 +23,15 @@ const place = () => {
   document.documentElement.toggleAttribute("data-narrow", !!box && box.width < 180); // no room for the equation
 };
 setInterval(place, 200);
-// What is selected from a message on ends with it, however far the mouse was drawn.
+// A selection that begins in a message ends with it.
+const elementOf = (node) => (node instanceof Element ? node : node?.parentElement);
 document.addEventListener("pointerup", () => {
-  const { anchorNode, anchorOffset, focusNode } = getSelection();
-  const message = anchorNode?.parentElement?.closest(".vs-strip .vs-message");
+  const { anchorNode, anchorOffset, focusNode, focusOffset } = getSelection();
+  const message = elementOf(anchorNode)?.closest(".vs-strip .vs-message");
   if (!message || message.contains(focusNode)) return;
-  const behind = message.compareDocumentPosition(focusNode) & Node.DOCUMENT_POSITION_FOLLOWING;
+  const whole = document.createRange();
+  whole.selectNodeContents(message);
+  const behind = whole.comparePoint(focusNode, focusOffset) > 0;
   getSelection().setBaseAndExtent(anchorNode, anchorOffset, message, behind ? message.childNodes.length : 0);
 }, true);
 // The server hears how large the picture is, for a file of it: viser tells that before the picture has its new size, and

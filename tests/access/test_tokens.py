@@ -70,19 +70,26 @@ def test_a_token_is_asked_for_wherever_others_can_come() -> None:
 
 
 def test_who_else_can_use_the_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    accounts = ["me:1000:bash", "you:1001:zsh", "daemon:2:bash", "kiosk:1002:nologin", "nobody:65534:bash"]
+    accounts = [
+        "me:1000:bash",
+        "you:1001:zsh",
+        "daemon:2:bash",
+        "kiosk:1002:nologin",
+        "nobody:65534:bash",
+        "they:1003:",
+    ]
     entries = [
-        other_users.pwd.struct_passwd((name, "x", int(uid), int(uid), "", "/", f"/usr/bin/{shell}"))
+        other_users.pwd.struct_passwd((name, "x", int(uid), int(uid), "", "/", shell and f"/usr/bin/{shell}"))
         for name, uid, shell in (account.split(":") for account in accounts)
     ]
     monkeypatch.setattr(other_users.pwd, "getpwall", lambda: entries)
     monkeypatch.setattr(other_users, "Path", lambda _: tmp_path)
     monkeypatch.setattr(other_users.os, "getuid", lambda: 1000)
-    assert other_users.other_people() == ["you"]
+    assert other_users.other_people() == ["they", "you"]  # without a shell it is /bin/sh
     if os.geteuid() == 0:
         (tmp_path / "17").mkdir()
         os.chown(tmp_path / "17", 2000, 2000)
-        assert other_users.other_people() == ["uid 2000", "you"]
+        assert other_users.other_people() == ["they", "uid 2000", "you"]
 
 
 def test_ones_own_server_opens_to_who_has_the_token() -> None:

@@ -78,4 +78,4 @@ def test_a_forked_process_has_the_methods_of_others(sleeper: ForkedProcess) -> N
     sleeper.terminate()
     assert sleeper.wait() == -signal.SIGTERM
     sleeper.kill()  # nobody else
-    assert sleeper.poll() == -signal.SIGTERM
+    assert sleeper.poll() == sleeper.wait(1.0) == -signal.SIGTERM

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import struct
 import subprocess
@@ -181,6 +182,18 @@ def test_a_run_holds_the_file_of_its_arm(tmp_path: Path, monkeypatch: pytest.Mon
     assert running._obey(running._queued())
     assert [path for _, path in held] == [one.robot.urdf, two.robot.urdf]
     assert held[-1][0] is running._loop.system.robot
+
+
+def test_a_file_that_a_run_uses_stays_locked_when_it_is_uploaded_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    path = uploaded_urdfs.keep("arm.urdf", BENT.encode())
+    arm = in_use(path)
+    assert uploaded_urdfs.keep("arm.urdf", BENT.encode()) == path
+    with path.open("rb") as file, pytest.raises(BlockingIOError):
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    assert arm.n
 
 
 def test_uploads_do_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -172,7 +172,8 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
     for more, sentence in (
         ((), "no folder for the runs"),
         (("--budget", "0", "--dry-run"), "--budget 0; allowed: 1 or more"),
-        (("--workers", "0", "--dry-run"), "--workers 0; allowed: 1 or more"),
+        (("--workers", "0", "--dry-run"), "--workers 0; allowed: 1 to 512"),
+        (("--workers", "513", "--dry-run"), "--workers 513; allowed: 1 to 512"),
         (("--for", "beauty", "--dry-run"), "--for 'beauty'"),
         (("--seed", "1", "--out", str(out)), "holds another tuning (another seed)"),
         (("--move", "controller.layer=nan:1", "--dry-run"), "nan to 1; allowed: finite numbers"),

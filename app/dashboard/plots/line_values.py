@@ -56,7 +56,7 @@ def _edge(parts: Sequence[Values], sign: float) -> Values:
     return lambda signals: sign * np.sum([np.maximum(sign * values(signals), 0.0) for values in parts], axis=0)
 
 
-def less(values: Values, others: Values) -> Values:
+def difference(values: Values, others: Values) -> Values:
     """Difference of two values."""
     return lambda signals: values(signals) - others(signals)
 

@@ -16,8 +16,8 @@ from app.dashboard.plots.line_values import (
     Values,
     color,
     column,
+    difference,
     is_dashed,
-    less,
     norm,
     stack,
     total,
@@ -180,15 +180,15 @@ def _force_error(setup: Setup) -> Drawing | None:
     for i in range(setup.normal):
         on, desired = _on(setup, i), column("F_cd", i)
         lines += [
-            ChartLine(f"predicted (37){on}", ACCENT, less(column(STEADY[i]), desired), dashed=True, width=2.0),
+            ChartLine(f"predicted (37){on}", ACCENT, difference(column(STEADY[i]), desired), dashed=True, width=2.0),
             ChartLine(
                 f"measured − desired{on}",
                 _MEASURED[i],
-                less(column("F_c", i), desired),
+                difference(column("F_c", i), desired),
                 compared=True,
                 band=SPREAD,
             ),
-            ChartLine(f"real − desired{on}", color(2 + i), less(column(MULTIPLIERS[i]), desired)),
+            ChartLine(f"real − desired{on}", color(2 + i), difference(column(MULTIPLIERS[i]), desired)),
         ]
     return Drawing("normal force error  [N]", lines, at_least=(-0.01, 0.01))
 
