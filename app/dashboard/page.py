@@ -72,7 +72,7 @@ class Dashboard:
         self._frame = 1.0 / fps
         if port and (reason := _unusable(host, port)):
             raise PortTaken(f"port {port} of {host} cannot be used: {reason}; choose another one with --port")
-        self._view: PageContent | None = None
+        self._content: PageContent | None = None
         with behind_doors(Names(host), key, tokens, self._fault):
             self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
         let_any_thread_send(self._server)
@@ -108,7 +108,7 @@ class Dashboard:
 
     def _fault(self) -> str:
         """Sentence on a fault of the run; "" where there is none."""
-        return "" if self._view is None else self._view.hang
+        return "" if self._content is None else self._content.hang
 
     def come_round(self) -> None:
         """Wait until the event loop of the web sockets has had a turn, which is soon unless the loop hangs."""
@@ -127,7 +127,7 @@ class Dashboard:
     @property
     def looking_fields(self) -> frozenset[str]:
         """Ids of the fields in which pages report their visible tabs of plots; none before `attach`."""
-        return frozenset() if self._view is None else self._view.looking_fields
+        return frozenset() if self._content is None else self._content.looking_fields
 
     def show_progress(self, text: str) -> None:
         """Show a text on the preparation of a run, while there is no runner yet."""
@@ -135,7 +135,7 @@ class Dashboard:
 
     def attach(self, runner: Runner) -> None:
         """Build the controls for this runner, and show it from now on."""
-        self._view = PageContent(
+        self._content = PageContent(
             self._server,
             self._status,
             self._scene,
@@ -150,13 +150,13 @@ class Dashboard:
 
     def offer(self, last_session: LastSession) -> None:
         """Ask above the controls whether to continue the last session; does nothing before `attach`."""
-        if self._view is not None:
-            self._view.offer(last_session)
+        if self._content is not None:
+            self._content.offer(last_session)
 
     def fail(self, sentence: str) -> None:
         """Show a failure of this program on every page."""
-        if self._view is not None:
-            self._view.fail(sentence)
+        if self._content is not None:
+            self._content.fail(sentence)
 
     def run_forever(self, until: Callable[[], bool] = lambda: False) -> None:
         """Draw frames until `close`, or until `until` returns True. Draws nothing while no page is on a screen."""
@@ -165,7 +165,7 @@ class Dashboard:
             self._awake.clear()
             with self._drawing:
                 self._stalled_clients.drop()
-                clients, view = self._server.get_clients(), self._view
+                clients, view = self._server.get_clients(), self._content
                 drawn = bool(clients) and not (view is not None and view.is_unseen(clients))
                 if view is not None and drawn and not self._closed.is_set():
                     self._draw(view, started)
@@ -182,8 +182,8 @@ class Dashboard:
         # a frame that is being drawn would fail at a stopped server
         drawn = self._drawing.acquire(timeout=FRAME_ENDING)
         try:
-            if self._view is not None:
-                self._view.close()
+            if self._content is not None:
+                self._content.close()
             self._stalled_clients.drop_all()
             self._stop()
         finally:

@@ -18,7 +18,7 @@ from app.simulation.sampled_stability import RespondingLoop
 from app.simulation.state import State
 from app.simulation.system import Coordinate, System
 from app.simulation.verdict import Standing
-from app.simulation.view import LiveFigures
+from app.simulation.view import View
 from environments.robots import Robot
 from environments.surfaces.table import Surface
 
@@ -26,8 +26,8 @@ PREPARING = "preparing another arm or contact; the first one of its kind is comp
 
 
 @dataclass(frozen=True)
-class Snapshot:
-    """View of the loop at one moment, for the screen. Its arrays are never changed afterwards.
+class Snapshot(View):
+    """View of the loop at one moment, with its run, for the screen. Its arrays are never changed afterwards.
 
     revision: number of accepted changes of the scenario; run: of beginnings at t = 0 and forks; refusal_number: of
     refused commands; heard: of commands that were carried out or refused.
@@ -37,7 +37,6 @@ class Snapshot:
     recording: of the whole run, up to its end.
     The plant, law and nominal model of a system belong to the loop's thread; the screen reads only what never changes.
     blending: share of a blend of the target model that is done, 0 to 1, None while there is none.
-    push, push_moment: (3,) N and (3,) N m, of a hand, or of truth.push, on the tool.
     sampled: the target model's poles in the sampled loop.
     forks: instants at which the run was forked, s.
     surfaces: those that the tool may meet.
@@ -62,15 +61,7 @@ class Snapshot:
     robot: Robot
     coordinates: tuple[Coordinate, ...]
     blending: float | None
-    q: np.ndarray
-    tool: np.ndarray
-    tool_desired: np.ndarray | None
-    force: np.ndarray
-    force_desired: np.ndarray
-    push: np.ndarray
-    push_moment: np.ndarray
     surfaces: tuple[Surface, ...]
-    figures: LiveFigures
     sampled: RespondingLoop
     latest: System
     recording: Recording
@@ -89,12 +80,6 @@ class Snapshot:
     def matrices(self) -> dict[str, np.ndarray]:
         """Matrices of (8) in force, each (n, n)."""
         return {name: getattr(self.system.controller.model, name) for name in ("M_m", "B_m", "K_m", "K_f")}
-
-    @property
-    def live(self) -> dict[str, float]:
-        """Numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
-        layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time."""
-        return self.figures.numbers
 
     @cached_property
     def standing(self) -> Standing:
@@ -121,8 +106,8 @@ class Snapshot:
 def snapshot_of(loop: ClosedLoop) -> Snapshot:
     """Snapshot of a loop that no thread runs: it is paused, unless it has stopped."""
     system, scenario = loop.system, loop.system.scenario
-    view = loop.view()
     return Snapshot(
+        **vars(loop.view()),
         scenario=scenario,
         revision=0,
         run=0,
@@ -141,15 +126,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         robot=system.robot,
         coordinates=system.coordinates,
         blending=system.blend.share(loop.t) if system.blend is not None and loop.blending else None,
-        q=view.q,
-        tool=view.tool,
-        tool_desired=view.tool_desired,
-        force=view.force,
-        force_desired=view.force_desired,
-        push=view.push,
-        push_moment=view.push_moment,
         surfaces=system.surfaces if scenario.contact.nature.touches or system.m else (),
-        figures=view.figures,
         sampled=loop.sampled,
         latest=system,
         recording=loop.recording,

@@ -18,7 +18,7 @@ class View:
     q: (n,) rad.
     tool, tool_desired: (3,) m, the latter None in joint space.
     force, force_desired: (3,) N, of the tool on the surface.
-    push, push_moment: (3,) N and (3,) N m, of a push on the tool.
+    push, push_moment: (3,) N and (3,) N m, of a hand, or of truth.push, on the tool.
     figures: numbers of this instant."""
 
     q: np.ndarray
@@ -52,7 +52,8 @@ class LiveFigures:
 
     @cached_property
     def numbers(self) -> dict[str, float]:
-        """Numbers by name, as `app.session.snapshot.Snapshot` lists them."""
+        """Numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
+        layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time."""
         evaluation = self.evaluation.read()
         task, output = evaluation.seen.task, evaluation.output
         required = float(sum(output.needed))

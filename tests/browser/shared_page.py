@@ -48,13 +48,10 @@ _OTHER_TAB = """() => {
   const box = others.at(-1)?.getBoundingClientRect();
   return box ? [box.x + box.width / 2, box.y + box.height / 2] : null;
 }"""
-_AT_REST = """(title) => {
+# Whether the status line shows these texts; t may be left out.
+_SHOWS = """([title, phase, t]) => {
   const text = (part) => document.querySelector(`.vs-status ${part}`)?.textContent;
-  return text(".vs-title") === title && text(".vs-mode + .vs-chip") === "paused" && text(".vs-number") === "0.00";
-}"""
-_RUNNING = """(title) => {
-  const text = (part) => document.querySelector(`.vs-status ${part}`)?.textContent;
-  return text(".vs-title") === title && text(".vs-mode + .vs-chip") === "running";
+  return text(".vs-title") === title && text(".vs-mode + .vs-chip") === phase && (!t || text(".vs-number") === t);
 }"""
 
 
@@ -96,7 +93,7 @@ class SharedPage:
         while not self._runs_as_shipped(session):  # an input of the test before came late, on a busy machine
             self._rest_at_start()
             self._runner.post(Play())
-        self._page.wait_for_function(_RUNNING, arg=SCENARIO.title)
+        self._page.wait_for_function(_SHOWS, arg=[SCENARIO.title, "running"])
         if not self._first:
             self._first = self._page.evaluate(_APPEARANCE)
         return session
@@ -120,7 +117,7 @@ class SharedPage:
         page.evaluate(_PUT_BACK)
         if not _until(lambda: _on_first_tabs(page), page):
             return False
-        return _until(lambda: page.evaluate(_AT_REST, SCENARIO.title), page)
+        return _until(lambda: page.evaluate(_SHOWS, [SCENARIO.title, "paused", "0.00"]), page)
 
     def _looks_as_first(self, page: Page) -> bool:
         if _until(lambda: page.evaluate(_APPEARANCE) == self._first, page):

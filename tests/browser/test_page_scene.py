@@ -33,7 +33,7 @@ def scene(session: PageSession, served: tuple[Dashboard, Runner]) -> Iterator[Sc
     session.tab("View")
     session.wait(lambda _: len(served[0].clients) == 1)  # those of other tests have gone
     (client,) = served[0].clients.values()
-    view = served[0]._view  # pyright: ignore[reportPrivateUsage]
+    view = served[0]._content  # pyright: ignore[reportPrivateUsage]
     assert view is not None
     yield Scene(session, client, view._viewing)  # pyright: ignore[reportPrivateUsage]
     session.runner.post(Reset())

@@ -44,7 +44,7 @@ def sent(server: viser.ViserServer) -> int:
 def test_a_run_at_rest_sends_nothing_and_a_moving_one_does(dashboard: Dashboard) -> None:
     runner = Runner(load("ur5-hybrid"))
     dashboard.attach(runner)
-    view = dashboard._view
+    view = dashboard._content
     assert view is not None
     frames = iter(range(1000))
 
@@ -104,7 +104,7 @@ def test_the_reaching_phase_is_offered_where_there_is_one() -> None:
 def test_the_plots_have_a_window_of_their_own_until_the_reaching_phase_has_been_shown(dashboard: Dashboard) -> None:
     runner = Runner(load("ur5-hybrid-reaching"))
     dashboard.attach(runner)
-    view = dashboard._view
+    view = dashboard._content
     assert view is not None
     for _ in range(700):
         runner._commanded.step()
@@ -165,7 +165,7 @@ def test_any_thread_may_send_while_others_wait_for_messages(dashboard: Dashboard
 def test_a_complaint_stays_while_an_edit_from_before_it_is_carried_out(dashboard: Dashboard) -> None:
     runner = Runner(load("ur5-hybrid"))
     dashboard.attach(runner)
-    view = dashboard._view
+    view = dashboard._content
     assert view is not None
     frames = iter(range(1000))
 

@@ -41,7 +41,7 @@ class Server:
 
     def said(self) -> str:
         """What the status line shows."""
-        return self.dashboard._view._status.content if self.dashboard._view is not None else ""
+        return self.dashboard._content._status.content if self.dashboard._content is not None else ""
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_a_page_that_vanishes_lets_go_of_the_tool_and_leaves_the_target(server: 
     page.vanish()
     until(lambda: server.runner.snapshot.state.grip is None)
     page = server.open()
-    hand = server.dashboard._view._hand  # pyright: ignore[reportOptionalMemberAccess]
+    hand = server.dashboard._content._hand  # pyright: ignore[reportOptionalMemberAccess]
     page.send(drag("start", before.tool, "shift"))
     page.send(drag("update", before.tool + np.array([0.0, 0.05, 0.0]), "shift"))
     until(lambda: hand._held is not None and hand._held.moved.any())
@@ -112,7 +112,7 @@ def test_a_page_that_vanishes_lets_go_of_the_tool_and_leaves_the_target(server: 
 
 def test_a_page_that_vanishes_with_a_slider_held_ends_the_preview(server: Server) -> None:
     before = begun(server.runner, load("ur5-hybrid"))
-    view = server.dashboard._view
+    view = server.dashboard._content
     assert view is not None
     handles = view._server.gui._gui_input_handle_from_uuid
     label = next(h for h in handles.values() if getattr(h, "label", "") == "F_d [N]")
@@ -160,7 +160,7 @@ def test_a_page_that_cannot_be_drawn_says_so_and_the_run_goes_on(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = begun(server.runner, load("ur5-hybrid"))
-    view, client = server.dashboard._view, server.open()
+    view, client = server.dashboard._content, server.open()
     assert view is not None
     with monkeypatch.context() as patched:
         patched.setattr(view._plots, "show", boom)
@@ -171,7 +171,7 @@ def test_a_page_that_cannot_be_drawn_says_so_and_the_run_goes_on(
 
 def test_drawing_that_hangs_for_seconds_costs_the_run_nothing(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     before = begun(server.runner, load("ur5-hybrid"))
-    view, client = server.dashboard._view, server.open()
+    view, client = server.dashboard._content, server.open()
     assert view is not None
     hangs, goes_on = threading.Event(), threading.Event()
 
@@ -198,7 +198,7 @@ def test_drawing_that_hangs_for_seconds_costs_the_run_nothing(server: Server, mo
 @pytest.mark.faults
 def test_a_callback_that_fails_is_said_on_the_page(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     before = begun(server.runner, load("ur5-hybrid"))
-    view, client = server.dashboard._view, server.open()
+    view, client = server.dashboard._content, server.open()
     assert view is not None
     with monkeypatch.context() as patched:
         patched.setattr(view._hand, "_drag", boom)  # which viser calls one after the other

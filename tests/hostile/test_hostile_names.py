@@ -75,7 +75,7 @@ def markup(dashboard: Dashboard) -> list[str]:
 
 def test_names_are_text_wherever_the_page_shows_them(shown: tuple[Dashboard, Runner], tmp_path: Path) -> None:
     dashboard, runner = shown
-    view = dashboard._view
+    view = dashboard._content
     assert view is not None
     refused = (Edit("robot.tool_frame", EVIL), Edit("robot.urdf", f"/{EVIL}"), Edit("robot.name", EVIL))
     for scenario in (evil_scenario(tmp_path, "cartesian"), evil_scenario(tmp_path, "joint")):
