@@ -22,6 +22,7 @@ from websockets.sync.client import ClientConnection, connect
 from drivers.viser_protocol import CAMERA, PROTOCOL, messages
 
 _PANEL = re.compile(r'class="vs-panel" data-plots="([^"]*)"')
+_RUNNING = re.compile(r'class="vs-status"[^>]* data-phase="running"')
 PATIENCE = 180.0  # s; on an idle machine, a wait takes a fraction of a second
 
 
@@ -62,7 +63,7 @@ class VisitingPage:
     @property
     def running(self) -> bool:
         """Whether the page shows a running loop."""
-        return any('class="vs-status" data-phase="running"' in html for html in self.html.values())
+        return any(_RUNNING.search(html) for html in self.html.values())
 
     def look_at(self, tab: str) -> None:
         """Report that this tab of plots and the first one of controls are visible, as the page's script does."""

@@ -63,6 +63,8 @@ class ClassPages:
                 body = await request.read()
         except TimeoutError:
             raise web.HTTPRequestTimeout from None
+        except web.HTTPRequestEntityTooLarge as error:
+            return web.json_response({"refused": "answer: too long; allowed: at most 64 kB"}, status=error.status)
         try:
             said = msgspec.json.decode(body, type=dict[str, Any])
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

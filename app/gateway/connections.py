@@ -13,8 +13,8 @@ ARRIVING = 128  # connections on which nothing is being answered, or not yet
 
 class Door:
     """Factory of the protocols of a server's connections, at most `most` at once. When there are more, the oldest one
-    that is not being answered is closed, so that silent connections keep nobody out; where all are being answered, the
-    new one is closed.
+    that is not being answered is closed, so that connections without a request keep nobody out; where all are being
+    answered, the new one is closed.
     answered: the transports of requests and web sockets that are being answered."""
 
     def __init__(self, server: web.Server, answered: Container[asyncio.BaseTransport], most: int) -> None:
@@ -24,10 +24,10 @@ class Door:
         open_ones = [t for c in self._server.connections if (t := c.transport) is not None and not t.is_closing()]
         if len(open_ones) < self._most:
             return self._server()
-        silent = next((transport for transport in open_ones if transport not in self._answered), None)
-        if silent is None:
+        waiting = next((transport for transport in open_ones if transport not in self._answered), None)
+        if waiting is None:
             return _Full()
-        silent.abort()
+        waiting.abort()
         return self._server()
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import ctypes
+import errno
 import os
 import select
 import signal
@@ -16,6 +17,7 @@ from collections.abc import Iterator
 from app.process import launcher
 
 _PR_SET_CHILD_SUBREAPER = 36
+PATIENCE = 120.0  # s for an answer; the first one comes after the imports, which take long on a busy machine
 
 
 class ForkedProcess:
@@ -74,21 +76,27 @@ class ForkServer:
                 with contextlib.suppress(ConnectionError):
                     return await self._forked(self._control, file)
             self._control = self._begun()
-            try:
-                return await self._forked(self._control, file)
-            except (
-                BaseException
-            ):  # also where nobody waits any more: its answer would be taken for that to the next one
-                self.close()
-                raise
+            return await self._forked(self._control, file)
 
     async def _forked(self, control: socket.socket, file: int) -> ForkedProcess:
-        loop = asyncio.get_running_loop()
-        with _adopting_orphans():
-            socket.send_fds(control, [b"session"], [file])
-            if not (answer := await loop.sock_recv(control, 100)):
-                raise ConnectionResetError("the fork server has ended")
-        return ForkedProcess(int(answer))
+        """Process that the fork server makes; where it does not answer, or nobody waits any more, it is ended. Raises
+        OSError."""
+        try:
+            with _adopting_orphans():
+                async with asyncio.timeout(PATIENCE):
+                    socket.send_fds(control, [b"session"], [file])
+                    answer = await asyncio.get_running_loop().sock_recv(control, 100)
+        except BaseException as error:  # an answer that comes later would be taken for that to the next question
+            self.close()
+            if isinstance(error, TimeoutError):
+                raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT)) from error
+            raise
+        if not answer:
+            self.close()
+            raise ConnectionResetError("the fork server has ended")
+        if (number := int(answer)) < 0:
+            raise OSError(-number, os.strerror(-number))
+        return ForkedProcess(number)
 
     def _begun(self) -> socket.socket:
         self.close()

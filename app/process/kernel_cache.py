@@ -12,6 +12,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from app.process.base_directory import base_directory
 from app.process.private_folder import NotOwnError, passing, private
 
 KEPT = 8  # folders of earlier states
@@ -35,7 +36,7 @@ def _lasting() -> Path | None:
     kernels; None, with a sentence on the terminal, where there can be none."""
     shelf = "the user's cache"
     try:
-        shelf = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vsmrc-lab"
+        shelf = base_directory("XDG_CACHE_HOME")
         folder = private(private(shelf) / _digest())
         folder.touch()  # the most recently used ones are kept
         _forget_old(folder.parent)

@@ -8,10 +8,12 @@ the names from the environment.
 from __future__ import annotations
 
 import inspect
+import math
 import os
 import re
 import sys
 import traceback
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -162,12 +164,17 @@ def _loaded(path: Path) -> ModuleType:
 
 def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
     """Check an object of the user's own code. Raises OwnCodeError. ours: titles of the program's objects, by kind."""
+    _require_texts(f"--use {path}:", kind=own.kind, title=own.title, about=own.about)
+    if not (isinstance(own.parameters, tuple) and all(isinstance(p, Parameter) for p in own.parameters)):
+        raise OwnCodeError(
+            f"--use {path}: parameters {own.parameters!r:.60}; allowed: a tuple, (Parameter(...), Parameter(...))"
+        )
     if not _KIND.fullmatch(own.kind) or own.kind in ours:
         raise OwnCodeError(
             f"--use {path}: kind {own.kind!r:.60}; allowed: lower-case words joined by '-', but {', '.join(ours)}"
         )
     titles = ours.values()
-    if not (isinstance(own.title, str) and isinstance(own.about, str)) or own.title in ("", *titles):
+    if own.title in ("", *titles):
         raise OwnCodeError(f"--use {path}: title {own.title!r:.60}; allowed: text other than {', '.join(titles)}")
     if isinstance(own, ControlLaw) and own.robust:
         raise OwnCodeError(f"--use {path}: robust = True; allowed: False, Theorem 1 is about (25) and no other law")
@@ -181,9 +188,24 @@ def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
         raise OwnCodeError(f"--use {path}: {len(own.parameters)} parameters; allowed: {MOST}")
     for p in own.parameters:
         _check_parameter(p, path)
+    if twice := [name for name, count in Counter(p.name for p in own.parameters).items() if count > 1]:
+        raise OwnCodeError(
+            f"--use {path}: parameter {twice[0]!r} stands there more than once; allowed: one of each name"
+        )
+
+
+def _require_texts(place: str, **given: object) -> None:
+    for name, value in given.items():
+        if not isinstance(value, str):
+            raise OwnCodeError(f"{place} {name} {value!r:.60}; allowed: text")
 
 
 def _check_parameter(p: Parameter, path: Path) -> None:
+    _require_texts(f"--use {path}: parameter", name=p.name)
+    _require_texts(f"--use {path}: parameter {p.name:.60},", unit=p.unit, meaning=p.meaning)
+    for name, number in (("value", p.value), ("low", p.low), ("high", p.high)):
+        if not isinstance(number, float | int) or not math.isfinite(number):
+            raise OwnCodeError(f"--use {path}: parameter {p.name:.60}, {name} {number!r:.60}; allowed: a finite number")
     if not _NAME.fullmatch(p.name):
         raise OwnCodeError(f"--use {path}: parameter {p.name!r:.60}; allowed: letters, digits and '_'")
     if not p.low <= p.value <= p.high:

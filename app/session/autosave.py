@@ -17,11 +17,13 @@ import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import structlog
 
 from app.process.atomic_write import write_whole
+from app.process.base_directory import base_directory
 from app.scenario.data import from_toml, to_toml
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -50,6 +52,19 @@ class Offer:
     saved: float
 
 
+class _TakenUp(NamedTuple):
+    """Offer that has been read for the loop to go on with: its scenario, None where there is none, and its pinned runs
+    with the names of their files."""
+
+    scenario: Scenario | None = None
+    runs: tuple[tuple[Pinned, str], ...] = ()
+
+    def in_session(self, scenario: Scenario, pinned: tuple[Pinned, ...]) -> bool:
+        """Whether a session with this scenario and these pinned runs goes on with it."""
+        recordings = [run.recording for run, _ in self.runs]
+        return scenario == self.scenario or any(run.recording is known for run in pinned for known in recordings)
+
+
 class StateFolder:
     """A folder that only this process uses, until it ends or `close` is called.
 
@@ -61,7 +76,7 @@ class StateFolder:
         self.path, self._lock = occupied(path)
         self.problem = ""
         self._kept: tuple[tuple[Pinned, str], ...] = ()
-        self._answered = False
+        self._taken_up = _TakenUp()
         try:
             if self._readable(SESSION) is not None:
                 os.replace(self.path / SESSION, self.path / OFFER)
@@ -83,11 +98,10 @@ class StateFolder:
         """Pinned runs of an offer that is restored, and a sentence about those that cannot be read, which are set
         aside.
 
-        It takes seconds. The offer is removed when something is saved. Raises ScenarioError where the offer's scenario
-        cannot run now; then the offer stays.
+        It takes seconds. The offer stays until a session is saved that goes on with it. Raises ScenarioError where the
+        offer's scenario cannot run now.
         """
         ClosedLoop(offer.scenario, history=1)
-        self._answered = True
         runs, problems = [], []
         for saved in offer.runs:
             try:
@@ -97,7 +111,7 @@ class StateFolder:
                 log.warning("saved run unreadable", file=saved.file, reason=reason)
                 self._set_aside(saved)
                 problems.append(f"run {saved.number} cannot be shown again: {reason}")
-        self._kept = (*self._kept, *runs)
+        self._taken_up = _TakenUp(offer.scenario, tuple(runs))
         return tuple(run for run, _ in runs), "; ".join(problems)
 
     def refuse_offer(self) -> None:
@@ -109,7 +123,8 @@ class StateFolder:
         """Replace what was saved of this session. Raises OSError after saving as much as possible."""
         kept, failure = [], None
         for run in pinned:
-            name = next((name for known, name in self._kept if known.recording is run.recording), None)
+            there = (*self._kept, *self._taken_up.runs)
+            name = next((name for known, name in there if known.recording is run.recording), None)
             try:
                 kept.append((run, name or self._write_run(run)))
             except OSError as error:
@@ -119,8 +134,9 @@ class StateFolder:
         text = msgspec.json.format(msgspec.json.encode(index))
         write_whole(self.path / SESSION, lambda file: file.write(text), _PRIVATE)
         self._kept = tuple(kept)
-        if self._answered:
+        if self._taken_up.in_session(scenario, pinned):  # the loop takes it some periods after it has been read
             (self.path / OFFER).unlink(missing_ok=True)
+            self._taken_up = _TakenUp()
         self._tidy()
         if failure is not None:
             raise failure
@@ -243,7 +259,7 @@ _Subject = tuple[Scenario, tuple[Pinned, ...]]
 
 def default_folder() -> Path:
     """Default state folder: `$XDG_STATE_HOME/vsmrc-lab`, by default below ~/.local/state."""
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "vsmrc-lab"
+    return base_directory("XDG_STATE_HOME")
 
 
 def _subject(snapshot: Snapshot) -> _Subject:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from app.process.atomic_write import write_whole
+from app.process.base_directory import base_directory
 from app.process.private_folder import PRIVATE, NotOwnError, private
 from app.scenario.errors import ScenarioError
 from environments import urdf
@@ -56,7 +57,7 @@ class UploadedUrdfs:
 
 def folder() -> Path:
     """Folder of the uploads: `$XDG_DATA_HOME/vsmrc-lab/urdf`, by default below ~/.local/share."""
-    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "vsmrc-lab" / "urdf"
+    return base_directory("XDG_DATA_HOME") / "urdf"
 
 
 def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:

@@ -7,11 +7,13 @@ that one sends its number back. This process has one thread only, since a fork k
 from __future__ import annotations
 
 import contextlib
+import errno
 import gc
 import os
 import socket
 import sys
 import time
+from collections.abc import Iterator
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -45,11 +47,20 @@ def main() -> None:
         give_back()
         gc.freeze()  # otherwise the first collection in a fork would copy all shared memory
         while files := socket.recv_fds(control, LONGEST, 1)[1]:
-            between = os.fork()
-            if between == 0:
-                _fork_again(control, files[0], parent)
-            os.waitpid(between, 0)
+            with answered_by_its_number(control):
+                if (between := os.fork()) == 0:
+                    _fork_again(control, files[0], parent)
+                os.waitpid(between, 0)
             os.close(files[0])
+
+
+@contextlib.contextmanager
+def answered_by_its_number(control: socket.socket) -> Iterator[None]:
+    """Context whose OSError is the answer to the other end, which waits for one: its number, negative."""
+    try:
+        yield
+    except OSError as error:
+        control.send(str(-(error.errno or errno.EIO)).encode())
 
 
 def _fork_again(control: socket.socket, file: int, parent: int) -> None:
@@ -57,17 +68,23 @@ def _fork_again(control: socket.socket, file: int, parent: int) -> None:
     `app.process.fork_server`."""
     between = os.getpid()
     try:
-        if os.fork() == 0:
-            while os.getppid() == between:
-                time.sleep(1e-3)
-            if os.getppid() == parent:
-                _become(SESSION, parent)
-                control.send(str(os.getpid()).encode())
-                control.close()
-                session.limit_resources()
-                session.run(file, Previewer(_forked_preview(file)))
+        with answered_by_its_number(control):
+            if os.fork() == 0:
+                while os.getppid() == between:
+                    time.sleep(1e-3)
+                if os.getppid() == parent:
+                    _begin(control, file, parent)
     finally:
         os._exit(0)
+
+
+def _begin(control: socket.socket, file: int, parent: int) -> None:
+    """Make this forked process a session's, send its number, and serve the session."""
+    _become(SESSION, parent)
+    control.send(str(os.getpid()).encode())
+    control.close()  # nor may a fork have it: whether the fork server lives, shows in whether its end is open
+    session.limit_resources()
+    session.run(file, Previewer(_forked_preview(file)))
 
 
 def _forked_preview(session_file: int) -> tuple[ForkedProcess, Connection]:

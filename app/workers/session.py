@@ -42,7 +42,7 @@ from app.dashboard.page import Dashboard
 from app.dashboard.theme.colors import Theme
 from app.dashboard.widgets.last_session import left_by, remark
 from app.process import log
-from app.scenario.data import from_toml, to_toml
+from app.scenario.data import OPENING, from_toml, load, to_toml
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.autosave import Autosave, StateFolder
@@ -106,7 +106,7 @@ def serve(gateway: GatewayConnection, previewer: Previewer) -> None:
     """Serve one session, from the preparation to the end of the connection. Raises EOFError or ConnectionError then."""
     prepare = gateway.next()
     assert isinstance(prepare, Prepare)
-    scenario = from_toml(prepare.scenario)
+    scenario, unfit = _runnable(prepare.scenario, load(OPENING))
     with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address that answers nobody but the gateway
         dashboard = Dashboard(
             port=0,
@@ -124,15 +124,17 @@ def serve(gateway: GatewayConnection, previewer: Previewer) -> None:
     gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
     begin = gateway.next()
     assert isinstance(begin, Begin)
+    Pulse(gateway, dashboard, lambda: None if (pace := runner.latest.pace) is None else pace.late_median)
     dashboard.uploads.marks = begin.marks
-    begun = from_toml(begin.scenario) if begin.scenario else scenario
+    begun, also_unfit = _runnable(begin.scenario, scenario) if begin.scenario else (scenario, "")
+    if problem := unfit or also_unfit:
+        dashboard.offer(remark(f"the session's scenario cannot be read, {begun.name} runs in its place: {problem}"))
     autosave, runs = (None, ()) if begin.kept is None else _autosave(begin.kept, begun, runner, dashboard)
     if begin.classes:
         dashboard.classroom.open(lambda question: gateway.tell(Asks(question)), begin.asked)
     if begin.scenario or runs:
         runner.post(Continue(begun, runs))
     runner.start()
-    Pulse(gateway, dashboard, lambda: None if (pace := runner.latest.pace) is None else pace.late_median)
     threading.Thread(target=_report, args=(gateway, runner, scenario), name="reports", daemon=True).start()
     threading.Thread(target=dashboard.run_forever, name="drawing", daemon=True).start()
     try:
@@ -147,6 +149,15 @@ def serve(gateway: GatewayConnection, previewer: Previewer) -> None:
     finally:
         if autosave is not None:
             autosave.close()
+
+
+def _runnable(text: str, usual: Scenario) -> tuple[Scenario, str]:
+    """Scenario of this text (TOML), or the usual one and the reason why: the text may be that of another version's
+    session."""
+    try:
+        return from_toml(text), ""
+    except ScenarioError as error:
+        return usual, str(error)
 
 
 def _folder(kept: KeptFolder, dashboard: Dashboard) -> StateFolder | None:

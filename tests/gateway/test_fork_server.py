@@ -1,16 +1,21 @@
 """Sessions of a shared server are forked from a process that has loaded the program."""
 
+import asyncio
+import errno
 import os
 import signal
+import socket
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from app.process.fork_server import ForkedProcess
-from app.workers.fork_server import PREVIEW, SESSION
+from app.process.fork_server import ForkedProcess, ForkServer
+from app.workers.fork_server import PREVIEW, SESSION, answered_by_its_number
 from drivers.visitors import Server, gone, serving, visiting
 from drivers.waiting import until
 from tests.gateway.test_gateway import arrive
@@ -60,6 +65,50 @@ def test_sessions_outlive_the_process_that_they_were_forked_from_and_another_one
             assert first.about()["crashes"] == second.about()["crashes"] == 0
             theirs = [Path(f"/proc/{session}/task/{session}/children").read_text() for session in sessions(server)]
             assert [[name(int(child)) for child in children.split()] for children in theirs] == [[PREVIEW], [PREVIEW]]
+
+
+STAND_IN = """
+import os, socket, sys
+control = socket.socket(fileno=int(sys.argv[1]))
+control.recv(100)
+for answer in (str(os.getpid()), "-11"):
+    socket.recv_fds(control, 100, 1)
+    control.send(answer.encode())
+for _ in range(2):
+    socket.recv_fds(control, 100, 1)
+control.send(b"1")  # too late
+"""
+
+
+def test_what_cannot_be_forked_is_said_and_no_answer_is_taken_for_another_one_s(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def start(_: str, file: str, **options: Any) -> subprocess.Popen[bytes]:
+        return subprocess.Popen[bytes]([sys.executable, "-c", STAND_IN, file], **options)
+
+    monkeypatch.setattr("app.process.launcher.start", start)
+    forks = ForkServer("")
+
+    async def asked() -> None:
+        first = await forks.start(0)
+        with pytest.raises(OSError, match="Resource temporarily unavailable"):
+            await forks.start(0)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(forks.start(0), 0.01)
+        assert (await forks.start(0)).pid not in (1, first.pid)
+
+    try:
+        asyncio.run(asked())
+    finally:
+        forks.close()
+
+
+def test_an_error_of_the_fork_server_is_its_answer() -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, theirs:
+        with answered_by_its_number(theirs):
+            raise OSError(errno.EAGAIN, "no more processes")
+        assert int(ours.recv(100)) == -errno.EAGAIN
 
 
 @pytest.fixture

@@ -23,6 +23,7 @@ from app.access.rate_limits import ConnectionLimits
 from app.dashboard.page import Dashboard
 from app.gateway.serve import serve
 from app.gateway.server_settings import PageStyle, ServerSettings
+from app.gateway.session_store import LINK, SessionStore
 from app.scenario.data import load
 from app.scenario.errors import ScenarioError
 from app.storage.session_index import SESSION
@@ -255,6 +256,22 @@ def test_links_scenarios_and_pinned_runs_outlive_the_server(tmp_path: Path) -> N
         with visiting(again.url) as page:
             page.wait(lambda: "Impedance" in page.status and "</i> run 1</th>" in page.text)
         assert arrive(server.port).path != link.path
+
+
+def test_a_link_to_a_scenario_of_another_version_shows_the_usual_one_and_says_so(tmp_path: Path) -> None:
+    watch = "w" * 22
+    SessionStore(tmp_path / "shared").close()
+    (tmp_path / "shared" / watch).mkdir(mode=0o700)
+    kept = {"name": "n" * 22, "watch": watch, "scenario": "[arm]\nlegs = 2\n"}
+    (tmp_path / "shared" / watch / LINK).write_text(json.dumps(kept))
+    with serving("planar2r-semicircle", "--shared", "--max-sessions", "1", "--state-dir", str(tmp_path), lines=2) as s:
+        link = Link(s.port, f"/s/{kept['name']}/")
+        link.loaded()
+        with visiting(link.url) as page:
+            page.wait(lambda: page.running)
+            page.wait(lambda: "the session&#x27;s scenario cannot be read, planar2r-semicircle" in page.text)
+            assert "runs in its place: arm: " in page.text
+        assert link.about()["crashes"] == 0
 
 
 def test_one_session_for_all_keeps_its_links_and_offers_what_it_was_at(tmp_path: Path) -> None:

@@ -161,7 +161,25 @@ def test_its_parameters_are_said_by_the_scenario() -> None:
             HEAD + NUMPY + LAW.format("").replace('title="mine"', 'title="PD + gravity"'),
             "title 'PD + gravity'",
         ),
-        (HEAD + NUMPY + LAW.format("").replace('title="mine"', "title=None"), "title None; allowed: text other than"),
+        (HEAD + NUMPY + LAW.format("").replace('title="mine"', "title=None"), "title None; allowed: text"),
+        (HEAD + NUMPY + LAW.format("").replace('"mine"', "3", 1), "my_law.py: kind 3; allowed: text"),
+        (HEAD + NUMPY + LAW.format(", parameters=3"), "my_law.py: parameters 3; allowed: a tuple, (Parameter(...)"),
+        (
+            HEAD + NUMPY + LAW.format(', parameters=(Parameter("k", "1", 0.0, 1.0, "", ""),)'),
+            "my_law.py: parameter k, value '1'; allowed: a finite number",
+        ),
+        (
+            HEAD + NUMPY + LAW.format(', parameters=(Parameter("k", 0.5, 0.0, float("inf"), "", ""),)'),
+            "my_law.py: parameter k, high inf; allowed: a finite number",
+        ),
+        (
+            HEAD + NUMPY + LAW.format(', parameters=(Parameter("k", 0.5, 0.0, 1.0, None, ""),)'),
+            "my_law.py: parameter k, unit None; allowed: text",
+        ),
+        (
+            HEAD + NUMPY + LAW.format(', parameters=2 * (Parameter("k", 0.5, 0.0, 1.0, "", ""),)'),
+            "my_law.py: parameter 'k' stands there more than once; allowed: one of each name",
+        ),
         (HEAD + "LAW = 3\n", "my_law.py: LAW is 3; allowed: a Python file with LAW = ControlLaw(...)"),
         (HEAD + NUMPY + LAW.format("").replace('"mine"', '"vsmrc"', 1), "kind 'vsmrc'; allowed: lower-case words"),
         (HEAD + NUMPY + LAW.format("").replace('"mine"', '"<b>"', 1), "kind '<b>'; allowed: lower-case words"),

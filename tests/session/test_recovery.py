@@ -76,6 +76,25 @@ def test_what_was_saved_is_offered_to_the_next_server_bit_for_bit(tmp_path: Path
     assert left(second.path) == files - {OFFER} | {SESSION}
 
 
+def test_an_offer_stays_until_the_loop_goes_on_with_it(tmp_path: Path, pinned: tuple[Pinned, ...]) -> None:
+    """A change may be saved after the offer was read and before the loop has it; a server killed then loses nothing."""
+    folder = StateFolder(tmp_path)
+    folder.save(changed(0.03), pinned[1:])
+    folder.close()
+    folder = StateFolder(tmp_path)
+    offer = folder.offer()
+    assert offer is not None
+    runs, _ = folder.taken_up(offer)
+    files = left(folder.path)
+    folder.save(changed(0.02), ())
+    assert folder.offer() == offer
+    assert left(folder.path) == files | {SESSION}
+    folder.save(changed(0.02), runs)
+    assert folder.offer() is None
+    assert left(folder.path) == files - {OFFER} | {SESSION}  # no run was written again
+    folder.close()
+
+
 def test_an_offer_stays_until_it_is_answered(tmp_path: Path, pinned: tuple[Pinned, ...]) -> None:
     for answer in (None, StateFolder.refuse_offer):
         folder = StateFolder(tmp_path)
