@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, get_args
 
 import tyro
 
-from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, use_own, written_to
+from app.cli.options import (
+    ENGINES,
+    Files,
+    Settings,
+    beyond_defaults,
+    braces,
+    configured,
+    one_of,
+    use_own,
+    written_to,
+)
 from app.cli.status import DONE, STOPPED
-from app.export.formats import ALL_PLOTS, Kind
+from app.export.formats import ALL_PLOTS, Format, Kind
 from app.scenario.errors import ScenarioError, scenario_errors
 from app.simulation.engines import Engine
 
 KINDS_OF_FILES: tuple[Kind, ...] = get_args(Kind)
+ON_PAPER: tuple[Kind, ...] = get_args(Format)
 
 
 def export(
@@ -63,6 +75,16 @@ def export(
 
     by: Engine = one_of("--engine", engine, ENGINES)
     kinds: list[Kind] = [one_of("--to", kind, KINDS_OF_FILES) for kind in to]
+    shown = {"--plots": {"plots": plots}, "--series": {"series": series}}
+    printed = {
+        "--width": {"width": width},
+        "--height": {"height": height},
+        "--type-size": {"type_size": type_size},
+        "--letters": {"letters": letters},
+        "--no-caption": {"caption": caption},
+    }
+    _require_kinds(kinds, (*ON_PAPER, "html"), shown)
+    _require_kinds(kinds, ON_PAPER, printed)
     plots_of(plots)  # before the simulation, which would be in vain
     with scenario_errors():
         wide, high = _inches("--width", width), _inches("--height", height)
@@ -72,6 +94,8 @@ def export(
     if run.endswith(".npz"):
         if settings:
             raise ScenarioError("--set: a recording cannot be changed any more; allowed: with a scenario")
+        if beyond_defaults(export, engine=engine):
+            raise ScenarioError(f"--engine {engine}: a recording is not computed again; allowed: with a scenario")
         scenario, recording = read_npz(Path(run))
     else:
         scenario = configured(run, settings)
@@ -86,6 +110,13 @@ def export(
         ):
             print(f"written: {path}")
     return status
+
+
+def _require_kinds(kinds: list[Kind], takers: tuple[Kind, ...], options: Mapping[str, Mapping[str, object]]) -> None:
+    """Raises ScenarioError for an option, by its flag, that was given while none of the files to be made takes it."""
+    given = [flag for flag, value in options.items() if beyond_defaults(export, **value)]
+    if given and not set(takers).intersection(kinds):
+        raise ScenarioError(f"{given[0]}: with --to {' '.join(kinds)}; allowed: with --to {', '.join(takers)}")
 
 
 def _inches(flag: str, text: str | None) -> float | None:

@@ -41,14 +41,16 @@ def lesson(
 
     actions = ("list", "check", "run")
     doing = one_of("lesson", action, actions)
+    if lessons and doing == "list":
+        raise ScenarioError(f"lesson list: {lessons[0]!r:.60}; allowed: no name, it lists all lessons")
+    if figures is not None and doing != "run":
+        raise ScenarioError(f"lesson {doing}: --figures {figures}; allowed: with `lesson run`")
     if doing == "list":
         for name, each in shipped_lessons().items():
             print(f"{name:24s} {each.head.minutes:3.0f} min  {each.head.title}")
         return DONE
     if not lessons and doing == "run":
         raise ScenarioError("lesson run: no lesson; allowed: one or more (see `vsmrc lesson list`)")
-    if figures is not None and doing != "run":
-        raise ScenarioError(f"lesson {doing}: --figures {figures}; allowed: with `lesson run`")
     memory, problems = kept_memory(), 0
     for each in [load_lesson(name) for name in lessons or shipped_lessons()]:
         print(f"{each.name}: {each.head.title}")

@@ -7,6 +7,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
+import msgspec
 import tyro
 
 from app.cli.options import (
@@ -99,13 +100,15 @@ def sweep(
     from app.sweep import question, running
     from app.sweep.cluster import Cluster
 
-    program = question.fingerprint()
     if Path(scenario).name == question.FILE:
         if beyond_defaults(sweep, **of_question):
             raise ScenarioError(
                 f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --seed, ..."
             )
         asked = question.read(Path(scenario))
+        if asked.program != question.fingerprint(asked):
+            other = f"another version of the program{question.or_of_the_arm(asked)}"
+            raise ScenarioError(f"sweep: {scenario} was asked of {other}; allowed: ask it anew")
     else:
         chosen = configured(scenario, settings, duration)
         asked = question.Sweep(
@@ -117,10 +120,8 @@ def sweep(
             corners=corners,
             seed=seed,
             engine=one_of("--engine", engine, ENGINES),
-            program=program,
         )
-    if asked.program != program:
-        raise ScenarioError(f"sweep: {scenario} was asked of another version of the program; allowed: ask it anew")
+        asked = msgspec.structs.replace(asked, program=question.fingerprint(asked))
     for name, given, least in (("points", points, 0), ("draw", draw, 0), ("seed", seed, 0)):
         if given < least:
             raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
@@ -169,7 +170,7 @@ def _plot_sweep(
     from app.export.formats import Format
     from app.process.atomic_write import write_whole
     from app.sweep import charts, points
-    from app.sweep.question import fingerprint
+    from app.sweep.question import fingerprint, or_of_the_arm
     from app.sweep.run_store import table_of
 
     if folder is None:
@@ -188,8 +189,9 @@ def _plot_sweep(
         kind=None if kind is None else one_of("--as", kind, get_args(points.Kind)),
     )
     asked, columns = table_of(folder)
-    if asked.program != fingerprint():
-        say("this sweep was computed by another version of the program: a figure may have had another meaning")
+    if asked.program != fingerprint(asked):
+        by = f"another version of the program{or_of_the_arm(asked)}"
+        say(f"this sweep was computed by {by}: a figure may have had another meaning")
     path, drawn = out or folder / f"{of}.{form}", charts.chart(asked, columns, view, form)
     with written_to(path):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import tyro
 from rich.console import Console
 from rich.markup import escape
@@ -64,10 +65,10 @@ def tune(
         points=budget + 1,
         draw=draw,
         seed=seed,
-        program=question.program(),
         aims=aims,
         unseen=unseen,
     )
+    asked = msgspec.structs.replace(asked, program=question.program(asked))
     question.require_sound(asked)
     if dry_run:
         print(f"at most {running.estimated(asked, running.most_runs(asked), workers)}")

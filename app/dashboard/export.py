@@ -9,7 +9,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import BESIDE_FILM, figure_of, plots_of, with_series
+from app.dashboard.plots.paper_figures import BESIDE_FILM, figure_of, plots_of, plots_with_lines, with_series
 from app.dashboard.scene.standalone import standalone_html
 from app.export.export_jobs import PLAYBACK_LIMIT, file_name
 from app.export.figures import Figure, FigureOptions
@@ -25,6 +25,7 @@ from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
 from app.storage.recording_files import TooLarge, table, write_csv, write_npz
+from parameters import allowed
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,13 @@ def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Pat
 def _figure(stretch: ExportedStretch, choice: FigureChoice) -> Figure:
     """Figure of the stretch. Raises ScenarioError, and ValueError for an empty stretch."""
     snapshot = snapshot_of(ClosedLoop(stretch.scenario, history=1))
-    if not stretch.recording.epochs:  # a file does not hold the changes during the run
+    if not stretch.recording.epochs:  # files of earlier versions do not hold the changes during the run
         stretch.recording.epochs.extend(snapshot.recording.epochs)
-    snapshot, setup = replace(snapshot, recording=stretch.recording), Setup.of(snapshot, 0, 0)
+    snapshot = replace(snapshot, recording=stretch.recording)
+    setup = Setup.of(snapshot, 0, 0)
     figure = figure_of(plots_of(choice.plots), snapshot, setup, stretch.start, stretch.end)
+    if not figure.charts:
+        there = plots_with_lines(snapshot, setup, stretch.start, stretch.end)
+        given = " ".join(choice.plots)
+        raise ScenarioError(f"--plots {given!r:.60}: no line to draw in this run; {allowed(given, there)}")
     return with_series(figure, choice.series)

@@ -71,11 +71,13 @@ CONTESTANTS = (
 class Outcome:
     """Outcome of a run.
     figures: from `SETTLED` on.
-    over_bound: largest excess of ||s|| over (20) with its band, m/s.
+    over_bound: largest excess of ||s|| over (20) with its band where they are promised, m/s; None where they never are.
+    promised: share of the control periods in which they are.
     stopped: reason for which the run ended early, None for none."""
 
     figures: Account
-    over_bound: float
+    over_bound: float | None
+    promised: float
     stopped: str | None
 
 
@@ -103,7 +105,14 @@ def _run(scenario: Scenario, previous: System | None) -> tuple[Outcome, System]:
     if figures is None:
         raise RuntimeError(f"{scenario.name}: {loop.stopped}")
     s = loop.recording.signals(("s_norm", "s_bound", "s_band"))
-    return Outcome(figures, float((s["s_norm"] - s["s_bound"] - s["s_band"]).max()), loop.stopped), loop.system
+    over_bound, promised = _beyond(s["s_norm"] - s["s_bound"] - s["s_band"])
+    return Outcome(figures, over_bound, promised, loop.stopped), loop.system
+
+
+def _beyond(excess: np.ndarray) -> tuple[float | None, float]:
+    """Largest of the excesses that are promised not to be, None for none, and their share; the others are NaN."""
+    promised = np.isfinite(excess)
+    return (float(excess[promised].max()) if promised.any() else None), float(promised.mean())
 
 
 def on_uncertain(contestant: Contestant, seeds: Sequence[int], noise: float) -> list[Outcome]:
@@ -143,13 +152,18 @@ def conclude(results: Sequence[list[Outcome] | Outcome]) -> Findings:
     exact = {who: _listed(next(found))[0] for who in CONTESTANTS}
     noisy = {who: [_listed(next(found)) for _ in NOISES] for who in CONTESTANTS}
     robust = [outcome for who in CONTESTANTS[:2] for outcome in main[who]]
+    excesses = [outcome.over_bound for outcome in robust if outcome.over_bound is not None]
     path = {who: float(np.median([o.figures.path_rms or 0.0 for o in main[who]])) for who in CONTESTANTS}
     force = {who: float(np.median([o.figures.force_rms or 0.0 for o in main[who]])) for who in CONTESTANTS}
     ours, _, computed, fast, *_ = CONTESTANTS
     return Findings(
         numbers={
             "plants": str(len(main[ours])),
-            "violations": str(sum(outcome.over_bound > 1e-9 for outcome in robust)),
+            "violations": str(sum(excess > 1e-9 for excess in excesses)),
+            "judged_runs": str(len(excesses)),
+            **{
+                f"promised_{name}": _percent(main[who]) for name, who in zip(("layer", "switching"), main, strict=False)
+            },
             "robust_runs": str(len(robust)),
             "path_gain": f"{path[computed] / path[ours]:.0f}",
             "path_gain_fast": f"{path[fast] / path[ours]:.1f}",
@@ -162,6 +176,11 @@ def conclude(results: Sequence[list[Outcome] | Outcome]) -> Findings:
         tables={"uncertain": _table(main), "exact": _exact_table(exact), "noise": _noise_table(noisy)},
         figures={"plants": _figure(main, noisy)},
     )
+
+
+def _percent(outcomes: Sequence[Outcome]) -> str:
+    """Share of the control periods of these runs in which (20) is promised, in percent."""
+    return f"{100.0 * float(np.mean([outcome.promised for outcome in outcomes])):.3g}"
 
 
 def _variation(outcomes: Sequence[Outcome]) -> float:

@@ -40,7 +40,7 @@ class StartScenario(Block, frozen=True):
 class Measure(Block, frozen=True):
     """Measure of a run: a statistic of a signal, or a metric of the whole run.
 
-    unit: of the number, a key of `measures.FACTORS`; s or ms for the statistics that are times.
+    unit: of the number, a key of `measures.UNITS` that fits the signal; s or ms for the statistics that are times.
     signal: field of the recording, "e_r.1" for its first entry; or "force_error", "path_error" or "contact_force".
     metric: field of metrics.json, in place of a signal.
     statistic: of the signal. peak: largest size. span: largest minus least. variation: sum of sizes of changes, per s.
@@ -84,7 +84,7 @@ class TimedEdit(Block, frozen=True):
 class PictureLine(Block, frozen=True):
     """Line of a run's picture.
     signal: as in `Measure`.
-    unit: of the drawn values, a key of `measures.FACTORS`.
+    unit: of the drawn values, a key of `measures.UNITS` that fits the signal.
     title: of the line in the picture."""
 
     signal: str

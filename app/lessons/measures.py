@@ -3,49 +3,57 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 
-from app.analysis.metrics import force_error, measure, motion_error, settling_time
+from app.analysis.metrics import METRICS, force_error, measure, path_error, settling_time
 from app.lessons.blocks import Condition, Measure
 from app.scenario.errors import ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
+from app.simulation.signals import SIGNALS
 from app.simulation.system import System
 from parameters import allowed
 
-# factor from the SI unit, by unit of a lesson
-FACTORS = {
-    "": 1.0,
-    "1": 1.0,
-    "s": 1.0,
-    "ms": 1e3,
-    "m": 1.0,
-    "mm": 1e3,
-    "µm": 1e6,
-    "m/s": 1.0,
-    "mm/s": 1e3,
-    "N": 1.0,
-    "mN": 1e3,
-    "N/s": 1.0,
-    "N·m": 1.0,
-    "N·m/s": 1.0,
-    "rad": 1.0,
-    "deg": math.degrees(1.0),
-    "%": 100.0,
+# SI unit of each unit of a lesson, and the factor from it
+UNITS = {
+    "": ("1", 1.0),
+    "1": ("1", 1.0),
+    "%": ("1", 100.0),
+    "s": ("s", 1.0),
+    "ms": ("s", 1e3),
+    "m": ("m", 1.0),
+    "mm": ("m", 1e3),
+    "µm": ("m", 1e6),
+    "m/s": ("m/s", 1.0),
+    "mm/s": ("m/s", 1e3),
+    "m/s^2": ("m/s^2", 1.0),
+    "N": ("N", 1.0),
+    "mN": ("N", 1e3),
+    "N/s": ("N/s", 1.0),
+    "N·m": ("N·m", 1.0),
+    "N·m/s": ("N·m/s", 1.0),
+    "rad": ("rad", 1.0),
+    "mrad": ("rad", 1e3),
+    "deg": ("rad", math.degrees(1.0)),
+    "rad/s": ("rad/s", 1.0),
+    "mrad/s": ("rad/s", 1e3),
+    "rad/s^2": ("rad/s^2", 1.0),
+    "J": ("J", 1.0),
 }
+PER_SECOND = {"m/s": "m/s^2", "rad/s": "rad/s^2"}  # SI units of changes per second; others have "/s" behind them
 RESOLUTION = 1e-7  # SI units: changes of a signal below this do not count for its settling
-DERIVED: dict[str, Callable[[System, Mapping[str, np.ndarray]], np.ndarray]] = {
-    "force_error": force_error,
-    "path_error": lambda system, record: np.linalg.norm(motion_error(system, record), axis=1),
-    "contact_force": lambda _, record: record["multiplier"],
-}
+DERIVED = ("force_error", "path_error", "contact_force")  # signals that are computed from the recorded ones
+RECORDED = {signal.name: signal for signal in SIGNALS}
+SHOWN = {figure.field: figure for figure in METRICS}
+# SI units of the metrics that `METRICS` does not list
+METRIC_UNITS = {"settling_time": "s", "torque_total_variation": "N·m/s"}
+HAPPENING = ("settling_time", "reaching_time", "band_time")  # metrics that are None while it has not happened
 DIGITS = 3
 OVER_TIME = ("settles", "below")  # statistics that are times
-TIMES = ("s", "ms")
 
 
 @dataclass(frozen=True)
@@ -66,60 +74,108 @@ class MeasuredNumber:
 
 def factor_of(unit: str) -> float:
     """Factor from the SI unit to this one. Raises ScenarioError."""
-    if unit not in FACTORS:
-        raise ScenarioError(f"unit: {unit!r:.40}; {allowed(unit, FACTORS)}")
-    return FACTORS[unit]
+    if unit not in UNITS:
+        raise ScenarioError(f"unit: {unit!r:.40}; {allowed(unit, filter(None, UNITS))}")
+    return UNITS[unit][1]
 
 
-def signal_of(
-    system: System, recording: Recording, name: str, t_from: float, t_to: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Times (N,) s and values (N,), SI units, of a signal. name: as in `blocks.Measure`. Raises ScenarioError."""
+def factor_for(unit: str, si: str, of: str) -> float:
+    """Factor to a unit in which numbers with this SI unit can be told. of: whose unit it is. Raises ScenarioError."""
+    factor = factor_of(unit)
+    if UNITS[unit][0] != si:
+        fitting = [each for each, (base, _) in UNITS.items() if base == si and each]
+        raise ScenarioError(f"unit: {unit!r:.40} of {of}; {allowed(unit, fitting)}")
+    return factor
+
+
+def si_unit_of(system: System, name: str) -> str:
+    """SI unit of a signal. name: as in `blocks.Measure`, of a signal that there is."""
+    if name in DERIVED and name != "path_error":
+        return "N"
+    signal = RECORDED["e_r" if name == "path_error" else name.partition(".")[0]]
+    return signal.unit_in(system.scenario.task_space.kind)
+
+
+def signal_of(system: System, record: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    """Values (N,), SI units, of a signal in recorded rows, at least two. name: as in `blocks.Measure`. Raises
+    ScenarioError for a signal that the run does not have."""
+    values = _derived(system, record, name) if name in DERIVED else _recorded(record, name)
+    if not np.isfinite(values).any():  # as the bound (20) under a law without one
+        raise ScenarioError(f"signal: {name!r:.40}, which has no value in this run; allowed: one that the run has")
+    return values
+
+
+def _derived(system: System, record: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    if name == "path_error":
+        if (error := path_error(system, record)) is None:
+            raise ScenarioError(f"signal: {name!r} where every position is pressed; allowed: where one is free")
+        return error
+    if not system.plant.kind.touches and not system.plant.kind.rigid:
+        raise ScenarioError(f"signal: {name!r} where nothing is touched; allowed: with a contact")
+    if name == "contact_force":
+        return record["multiplier"]
+    if not system.pressed:
+        raise ScenarioError(
+            f"signal: {name!r} in {system.scenario.mode} mode, which controls no force; "
+            "allowed: contact_force, or a mode that controls a force"
+        )
+    return force_error(system, record)
+
+
+def _recorded(record: Mapping[str, np.ndarray], name: str) -> np.ndarray:
     field, _, index = name.partition(".")
-    stretch = recording.stretch(t_from, t_to)
-    if field in DERIVED and not index:
-        if field != "path_error" and not system.plant.kind.touches and not system.plant.kind.rigid:
-            raise ScenarioError(f"signal: {name!r:.40} where nothing is touched; allowed: with a contact")
-        return stretch["t"], DERIVED[field](system, stretch)
-    if field not in stretch:
-        raise ScenarioError(f"signal: {field!r:.40}; {allowed(field, [*DERIVED, *stretch])}")
-    values = stretch[field]
+    if field not in record:
+        raise ScenarioError(f"signal: {field!r:.40}; {allowed(field, [*DERIVED, *record])}")
+    values = record[field]
     if values.ndim == 1 and not index:
-        return stretch["t"], values
+        return values
     count = 1 if values.ndim == 1 else values.shape[1]
     if not index.isdecimal() or not 1 <= int(index) <= count:
         raise ScenarioError(f"signal: {name!r:.40}; allowed: {field}.1 to {field}.{count}")
-    return stretch["t"], values[:, int(index) - 1]
+    return values if values.ndim == 1 else values[:, int(index) - 1]
 
 
 def measured(loop: ClosedLoop, each: Measure) -> MeasuredNumber:
     """Measured number of a run that has ended. Raises ScenarioError."""
-    factor = factor_of(each.unit)
     if (each.metric is None) == (each.signal is None):
         raise ScenarioError("measure: allowed: either a signal or a metric")
     if each.metric is None:
         return taken(loop.system, loop.recording, loop.t, each)
-    metrics = msgspec.to_builtins(measure(loop))
-    if each.metric not in metrics:
-        raise ScenarioError(f"metric: {each.metric!r:.40}; {allowed(each.metric, metrics)}")
-    value = metrics[each.metric]
-    value = max(value, default=0.0) if isinstance(value, list) else value
-    if value is not None and not isinstance(value, int | float):
-        raise ScenarioError(f"metric: {each.metric!r:.40} is no number")
-    return MeasuredNumber(math.inf if value is None else factor * float(value), each.unit)
+    return _metric(loop, each.metric, each.unit)
+
+
+def _metric(loop: ClosedLoop, name: str, unit: str) -> MeasuredNumber:
+    metrics = {
+        metric: max(value) if isinstance(value, list) else value
+        for metric, value in msgspec.to_builtins(measure(loop)).items()
+        if metric in METRIC_UNITS or metric in SHOWN
+    }
+    there = [metric for metric, value in metrics.items() if value is not None or metric in HAPPENING]
+    if name not in there:
+        absent = ", which this run does not have" if name in metrics else ""
+        raise ScenarioError(f"metric: {name!r:.40}{absent}; {allowed(name, there)}")
+    si = METRIC_UNITS[name] if name in METRIC_UNITS else UNITS[SHOWN[name].unit(loop.system.units)][0]
+    factor, value = factor_for(unit, si, f"the metric {name}"), metrics[name]
+    return MeasuredNumber(math.inf if value is None else factor * float(value), unit)
 
 
 def taken(system: System, recording: Recording, now: float, each: Measure) -> MeasuredNumber:
     """Measured number of a signal, in a run that goes on. now: time of the run, s. Raises ScenarioError."""
-    if each.statistic in OVER_TIME and each.unit not in TIMES:
-        raise ScenarioError(f"unit: {each.unit!r:.40} of the statistic {each.statistic}; {allowed(each.unit, TIMES)}")
-    factor, half = factor_of(each.unit), 0.5 * system.scenario.controller.period
+    factor_of(each.unit)
+    name, half = str(each.signal), 0.5 * system.scenario.controller.period
     end = now if each.end is None else min(each.end, now)
     start = each.start if each.last is None else max(end - each.last, 0.0)
-    t, values = signal_of(system, recording, str(each.signal), start - half, end + half)
-    if len(t) < 2:
+    record = recording.stretch(start - half, end + half)
+    if len(record["t"]) < 2:
         raise ScenarioError(f"measure of {each.signal}: nothing is recorded from {start:g} s to {end:g} s")
-    return MeasuredNumber(factor * _statistic(t, values, each), each.unit)
+    values = signal_of(system, record, name)
+    si, of = si_unit_of(system, name), f"the signal {name}"
+    if each.statistic in OVER_TIME:
+        si, of = "s", f"the statistic {each.statistic}"
+    elif each.statistic == "variation":
+        si, of = PER_SECOND.get(si, f"{si}/s"), f"the variation of the signal {name}"
+    factor = factor_for(each.unit, si, of)
+    return MeasuredNumber(factor * _statistic(record["t"], values, each), each.unit)
 
 
 def _statistic(t: np.ndarray, values: np.ndarray, each: Measure) -> float:

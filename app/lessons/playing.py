@@ -9,8 +9,8 @@ import numpy as np
 from app.analysis.thinning import BucketGrid
 from app.lessons.blocks import Goal, LessonRun, PictureLine
 from app.lessons.lesson import Lesson, LessonStep
-from app.lessons.measures import MeasuredNumber, factor_of, measured, signal_of, taken
-from app.scenario.data import edited, with_value, with_values
+from app.lessons.measures import MeasuredNumber, factor_for, measured, si_unit_of, signal_of, taken
+from app.scenario.data import edited, field_of, with_value, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.commands import Perform, TimedChange
@@ -56,7 +56,7 @@ def performance(step: LessonStep) -> Perform:
     run, scenario = _run_of(step)
     changes, so_far = [], scenario
     for edit in sorted(run.edits, key=lambda each: each.at):
-        field = edit.set.rpartition(".")[0] if edit.set.rpartition(".")[2].isdecimal() else edit.set
+        field = field_of(edit.set)
         so_far = with_value(so_far, edit.set, edit.value)
         changes.append(TimedChange(edit.at, field, _plain(so_far, field) if field != edit.set else edit.value))
     return Perform(scenario, tuple(changes), run.seconds)
@@ -92,8 +92,13 @@ def last_q(recording: Recording) -> np.ndarray:
 
 def _trace(system: System, recording: Recording, line: PictureLine, title: str) -> Trace:
     """Points of a line of a picture, thinned so that the extremes stay. Raises ScenarioError."""
-    t, values = signal_of(system, recording, line.signal, -np.inf, np.inf)
-    values = factor_of(line.unit) * values
+    record = recording.stretch()
+    if len(record["t"]) < 2:
+        raise ScenarioError(f"show: {line.signal!r:.40}: nothing is recorded; allowed: a run that lasts")
+    values = signal_of(system, record, line.signal)
+    values = factor_for(line.unit, si_unit_of(system, line.signal), f"the signal {line.signal}") * values
+    known = np.isfinite(values)
+    t, values = record["t"][known], values[known]
     if len(t) > POINTS:
         grid = BucketGrid.over(float(t[0]), float(t[-1]), POINTS // 2)
         thinned = grid.thin(t, values[:, None])[:, 0]

@@ -286,6 +286,6 @@ def _pinned(saved: SavedRun, path: Path) -> Pinned:
     loop = ClosedLoop(scenario, history=1)
     if recording.n != loop.system.layout.n or not len(recording):
         raise StateError(f"{path} does not fit its own scenario")
-    # a file does not hold the changes during the run
-    recording.epochs.extend(replace(epoch, t=recording.first) for epoch in loop.recording.epochs)
+    if not recording.epochs:  # files of earlier versions do not hold the changes during the run
+        recording.epochs.extend(replace(epoch, t=recording.first) for epoch in loop.recording.epochs)
     return Pinned(saved.number, loop.system, recording, saved.t, saved.name[:NAME])

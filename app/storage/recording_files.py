@@ -19,12 +19,14 @@ import numpy as np
 from app.scenario.data import from_toml, to_toml
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
-from app.simulation.recording import Recording
+from app.simulation.recording import Epoch, Recording
 from app.simulation.signals import SIGNALS, columns_of
+from app.storage.epoch_bytes import from_bytes, to_bytes
 
 LINES = 512  # of a CSV, between two looks at how far it has got
 LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 14 min at 1 kHz with six joints; the page keeps ten in full
 LARGEST_TEXT = 4_000_000  # bytes of a scenario, which numpy writes with four for a character
+LARGEST_CONDITIONS = 60_000_000  # bytes; as many epochs as a recording keeps, each with a blend, have 20 MB
 LARGEST_HEADER = 70_000  # bytes of the header that numpy writes before an array
 MOST_JOINTS = 8
 # signals that files from before there were several surfaces, or moments, do not have; there they were 0
@@ -47,13 +49,15 @@ class TooLarge(ValueError):
 class RecordingTable:
     """A stretch of a recording of an arm with n joints.
     pieces: its `length` rows, oldest first, as `Recording.pieces` gives them.
-    seconds: its duration."""
+    seconds: its duration.
+    epochs: in which the rows were recorded, () where they are not known."""
 
     scenario: Scenario
     n: int
     length: int
     seconds: float
     pieces: Iterable[np.ndarray]
+    epochs: tuple[Epoch, ...] = ()
 
 
 def table(
@@ -62,7 +66,15 @@ def table(
     """Table of the rows of this stretch of time, s, without copying them."""
     pieces = recording.pieces(t_from, t_to)
     seconds = float(pieces[-1][-1, 0] - pieces[0][0, 0]) if pieces else 0.0
-    return RecordingTable(scenario, recording.n, sum(len(piece) for piece in pieces), seconds, pieces)
+    epochs = _epochs_of(recording, float(pieces[0][0, 0]), float(pieces[-1][-1, 0])) if pieces else ()
+    return RecordingTable(scenario, recording.n, sum(len(piece) for piece in pieces), seconds, pieces, epochs)
+
+
+def _epochs_of(recording: Recording, first: float, last: float) -> tuple[Epoch, ...]:
+    """Epochs of the rows from `first` to `last` (s), as they were known at the end."""
+    epochs = tuple(recording.epochs)
+    in_force = max((epoch.t for epoch in epochs if epoch.t <= first), default=first)
+    return tuple(epoch.until(last) for epoch in epochs if in_force <= epoch.t <= last)
 
 
 def _silent(share: float) -> None:
@@ -100,8 +112,9 @@ def csv_header(data: RecordingTable) -> list[str]:
 def write_npz(
     data: RecordingTable, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent, level: int = 1
 ) -> None:
-    """Write a recording as NPZ: named signals, (N,) or (N, width), with `units`, `docs` and `scenario` (TOML) beside
-    them.
+    """Write a recording as NPZ: named signals, (N,) or (N, width), with `units`, `docs` and `scenario` (TOML, of
+    the last row) beside them; and, where they are known, `epochs` (k,), the instants (s) from which on the run had
+    other conditions, and `conditions`, which `epoch_bytes` reads.
 
     Needs memory for one signal, beside that of the pieces. level: of compression, 0 to 9. Raises TooLarge as
     `write_csv` does.
@@ -114,6 +127,9 @@ def write_npz(
         "units": np.array([f"{s.name}: {s.unit_in(data.scenario.task_space.kind)}" for s in SIGNALS]),
         "docs": np.array([f"{s.name}: {s.doc}" for s in SIGNALS]),
     }
+    if data.epochs:
+        about["epochs"] = np.array([epoch.t for epoch in data.epochs])
+        about["conditions"] = np.frombuffer(to_bytes(data.epochs), dtype=np.uint8)
     # level 6 takes three times as long for 1 % less
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=level) as archive:
         for name, values in about.items():
@@ -189,6 +205,8 @@ def _recording(archive: zipfile.ZipFile) -> Recording:
         return values.reshape(rows, width)
 
     recording = Recording.of(n, rows, ((where, checked(name, where)) for name, where in columns.items()))
+    if "conditions.npy" in archive.namelist():  # files of earlier versions do not have them
+        recording.epochs.extend(from_bytes(_array(archive, "conditions", LARGEST_CONDITIONS).tobytes(), n))
     times = times.reshape(rows)
     if not rows or not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
         raise ValueError("t does not grow; allowed: finite times, each later than the one before")

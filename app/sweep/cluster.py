@@ -58,15 +58,21 @@ class Cluster:
 
     @property
     def workers(self) -> int:
-        """Number of workers that are there now."""
-        threads: Any = self._client.nthreads()
+        """Number of workers that are there now. Raises ScenarioError where the scheduler is lost."""
+        if self._client.status != "running":
+            raise self._lost()
+        try:
+            threads: Any = self._client.nthreads()
+        except (OSError, AttributeError) as error:  # AttributeError: the client closes meanwhile
+            raise self._lost() from error
         return len(threads)
 
     def results(
         self, sweep: Sweep, numbers: Sequence[int], say: Callable[[str], object], chunk: int = CHUNK
     ) -> Iterator[tuple[tuple[int, ...], list[Figures] | Fallen]]:
         """Runs by their numbers with their figures, in the order in which they are done; `FALLEN` for a run whose
-        worker has ended each time. Only a few are handed out ahead, so there may be any number of them.
+        worker has ended each time, also with no other run beside. Only a few are handed out ahead, so there may be any
+        number of them.
 
         say: called with a sentence when there is no worker, and when there is one again.
         chunk: largest number of runs of a task.
@@ -76,10 +82,11 @@ class Cluster:
         asked, waiting, alone = pickle.dumps(sweep), deque(numbers), deque[int]()
         done: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
         under_way: dict[Future[Any], tuple[int, ...]] = {}
+        suspected: set[int] = set()  # runs whose worker has ended; from then on handed out alone
         workers, looked, lonely = 0, float("-inf"), False
         while waiting or alone or under_way:
             if time.monotonic() - looked > LOOK:
-                workers, looked = self._workers_or_lost(), time.monotonic()
+                workers, looked = self.workers, time.monotonic()
                 if lonely != (workers == 0):
                     lonely = not lonely
                     say(NOBODY.format(self._address) if lonely else "a worker has come")
@@ -93,7 +100,8 @@ class Cluster:
                 continue
             task = under_way.pop(future)
             figures = self._figures(future)
-            if figures is FALLEN and len(task) > 1:
+            if figures is FALLEN and not suspected.issuperset(task):
+                suspected.update(task)
                 alone.extend(task)
             else:
                 yield task, figures
@@ -115,14 +123,6 @@ class Cluster:
                 f"--scheduler {self._address}: a worker cannot run it: {error}; allowed: workers with the same "
                 "version of vsmrc-lab, and room for its compiled kernels"
             ) from error
-
-    def _workers_or_lost(self) -> int:
-        if self._client.status != "running":
-            raise self._lost()
-        try:
-            return self.workers
-        except OSError as error:
-            raise self._lost() from error
 
     def _lost(self) -> ScenarioError:
         return ScenarioError(

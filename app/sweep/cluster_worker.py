@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import Figures, SweepRunner
-from app.sweep.question import Sweep, fingerprint
+from app.sweep.question import Sweep, fingerprint, or_of_the_arm
 
 # A runner is for one thread, and a worker may have several: a second one waits.
 _alone = threading.Lock()
@@ -27,10 +27,11 @@ def figures(asked: bytes, numbers: tuple[int, ...]) -> list[Figures]:
 @lru_cache(maxsize=2)
 def _runner(asked: bytes) -> SweepRunner:
     sweep: Sweep = pickle.loads(asked)  # Dask has unpickled what it came with already
-    ours = fingerprint()
+    ours = fingerprint(sweep)
     if ours != sweep.program:
+        arm = ", and the same file as robot.urdf" if or_of_the_arm(sweep) else ""
         raise ScenarioError(
             f"program {ours} on this worker, {sweep.program} asked; allowed: the same versions of vsmrc-lab, numba, "
-            "numpy, pin and scipy everywhere"
+            f"numpy, pin, scipy and example-robot-data everywhere{arm}"
         )
     return SweepRunner(sweep)

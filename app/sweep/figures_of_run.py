@@ -79,7 +79,7 @@ COLUMNS: dict[str, Column] = {
     "torque_variation": Column("N·m/s", "summed changes of all commanded torques per second"),
     "saturated_share": Column("1", "share of the control periods in which a drive is at its limit"),
     "simulated_time": Column("s", "until the end of the run", more_is_better=True, also_stopped=True),
-    "verdict": Column("", "of the theorem's promise: holds, not promised or broken", word=True),
+    "verdict": Column("", "of the theorem's promise: holds, nothing promised or broken", word=True),
     "failed": Column("", "premises of that promise that failed, by name", word=True),
     "promised_share": Column(
         "1", "share of the run for which something is promised", more_is_better=True, also_stopped=True

@@ -18,7 +18,7 @@ from app.sweep.run_store import LOCK, RunStore
 
 def zipped(sweep: Sweep, rows: Sequence[Figures]) -> bytes:
     """ZIP file of the folder of this sweep; the same command goes on in it. Raises OSError."""
-    asked = msgspec.structs.replace(sweep, program=fingerprint())
+    asked = msgspec.structs.replace(sweep, program=fingerprint(sweep))
     return packed(f"{asked.scenario.name}-sweep", lambda folder: _written(folder, asked, rows))
 
 

@@ -130,10 +130,11 @@ def _all_from(values: np.ndarray, least: float) -> float:
 
 def _statistic(values: np.ndarray, stopped: np.ndarray, statistic: Statistic, column: Column) -> float:
     """Median or worst of a column's values; inf where arms never came to it, NaN where no arm has one. An arm that
-    stopped or was refused never came to it: the end of its run is not that of the others'."""
+    stopped or was refused never came to it, for the end of its run is not that of the others', but for a figure that a
+    stopped run has as well."""
     ended = stopped & (not column.also_stopped)
     lacks = np.isnan(values) | ended
-    never = lacks if column.may_never else ended
+    never = lacks if column.may_never else lacks & stopped
     if lacks.all():
         return math.nan
     if never.any() and statistic == "worst":

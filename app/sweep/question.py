@@ -23,6 +23,8 @@ from app.scenario.errors import ScenarioError, UnknownField, WrongKind
 from app.scenario.schema import RobotSection, Scenario
 from app.simulation.engines import Engine
 from app.simulation.environment_builder import robot_of
+from environments.regular_file import read_regular
+from environments.urdf import LARGEST as LARGEST_URDF
 from environments.urdf import RobotError
 
 MOST_ROWS = 10_000_000
@@ -34,6 +36,11 @@ LONGEST_NAME = 150  # letters of the scenario's name in that of a run's or a can
 FILE = "sweep.toml"
 COMPUTED = ("app/analysis", "app/scenario", "app/session", "app/simulation", "app/sweep", "controllers", "environments",
             "kernels", "parameters")  # fmt: skip
+ARMS = "static/robots"  # descriptions that come with the program
+URDF = "robot.urdf"
+# bounds of which each alone makes the arms that are drawn differ
+MOVING = ("link_scaling", "rotor_scaling", "link_centre", "link_shape", "payload_mass", "coulomb", "viscous",
+          "disturbance")  # fmt: skip
 Design = Literal["grid", "latin", "sobol"]
 Value = float | int | str | bool
 
@@ -238,6 +245,14 @@ def _require_sound(sweep: Sweep) -> None:
     if (runs := points * sweep.arms) > MOST_ROWS:
         told = f"{min(runs, 10**300):.3g}"  # of a number of any length
         raise ScenarioError(f"{sweep.noun}: {told} runs; allowed: at most {MOST_ROWS:.0e}")
+    varied = {field_of(path) for path in paths}
+    if sweep.draw > 1 and not any(
+        getattr(sweep.scenario.declared, name) or f"declared.{name}" in varied for name in MOVING
+    ):
+        raise ScenarioError(
+            f"draw: {sweep.draw} true arms that are all alike, since no quantity that is drawn is declared; allowed: a "
+            "bound above 0, such as declared.link_scaling, or the scenario's own arm, without --draw"
+        )
 
 
 def _require_axis(axis: Axis) -> None:
@@ -364,14 +379,35 @@ def differences(one: Sweep, other: Sweep) -> list[str]:
     return [name for name in one.__struct_fields__ if getattr(one, name) != getattr(other, name)]
 
 
-def fingerprint(packages: tuple[str, ...] = (), libraries: tuple[str, ...] = ()) -> str:
-    """Fingerprint of all that the figures of a run depend on besides the sweep: this program, and the libraries that
-    compute; with more of either."""
+def fingerprint(asked: Sweep | None = None, packages: tuple[str, ...] = (), libraries: tuple[str, ...] = ()) -> str:
+    """Fingerprint of all that the figures of a run depend on besides the sweep: this program, the libraries that
+    compute, the descriptions of arms, and the files that the sweep names as its arm. With more packages or
+    libraries."""
     root, digest = Path(__file__).parents[2], hashlib.sha256()
-    for package in (*COMPUTED, *packages):
-        for file in sorted((root / package).rglob("*.py")):
-            digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
-    digest.update(
-        " ".join(f"{name} {version(name)}" for name in ("numba", "numpy", "pin", "scipy", *libraries)).encode()
-    )
+    files = [file for package in (*COMPUTED, *packages) for file in sorted((root / package).rglob("*.py"))]
+    for file in (*files, *sorted((root / ARMS).glob("*.urdf"))):
+        digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
+    for urdf in _urdfs(asked) if asked else ():
+        digest.update(hashlib.sha256(_content(urdf)).digest())
+    computing = ("example-robot-data", "numba", "numpy", "pin", "scipy", *libraries)
+    digest.update(" ".join(f"{name} {version(name)}" for name in computing).encode())
     return digest.hexdigest()[:16]
+
+
+def or_of_the_arm(asked: Sweep) -> str:
+    """End of a sentence on another fingerprint, which for a sweep of a user's own arm may be that of the arm."""
+    return f" or with another file as {URDF}" if _urdfs(asked) else ""
+
+
+def _urdfs(asked: Sweep) -> list[str]:
+    """Paths of the files that are the arms of a sweep, of those that do not come with the program."""
+    varied = [value for axis in asked.vary if axis.path == URDF for value in axis.values]
+    return [str(path) for path in (asked.scenario.robot.urdf, *varied) if path is not None]
+
+
+def _content(urdf: str) -> bytes:
+    """Content of an arm's file; none of one that cannot be read, whose runs say so."""
+    try:
+        return read_regular(Path(urdf).expanduser(), LARGEST_URDF + 1)
+    except (OSError, ValueError, RuntimeError):
+        return b""

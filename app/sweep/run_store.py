@@ -8,7 +8,7 @@ import fcntl
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -18,11 +18,20 @@ import pyarrow.parquet as pq
 from app.process.atomic_write import write_whole
 from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import COLUMNS, Figures
-from app.sweep.question import FILE, Sweep, SweepQuestion, differences, read, to_toml
+from app.sweep.question import FILE, Sweep, SweepQuestion, differences, or_of_the_arm, read, to_toml
 from app.sweep.titles import title_of, unit_of
 
 PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"
 ROWS = 2000  # of a part
+
+
+class _Coming(NamedTuple):
+    """Part that is to be written next: its number, and the rows that wait for it in the journal. One object, so that
+    both change at once: Ctrl-C may come between any two statements, and a part that was written already is then
+    written again under its own name, never as a second one."""
+
+    number: int
+    rows: list[Figures]
 
 
 class RunStore:
@@ -46,9 +55,11 @@ class RunStore:
             self.done = np.zeros(SweepQuestion(sweep).count, dtype=bool)
             for part in parts(folder):
                 self.done[_read(part, self._schema, len(self.done), ["row"])["row"].to_numpy()] = True
-            self._waiting = [row for row in journaled(folder, len(self.done)) if not self.done[row["row"]]]
-            self.done[[row["row"] for row in self._waiting]] = True
-            self._rewrite_journal()
+            waiting = [row for row in journaled(folder, len(self.done)) if not self.done[row["row"]]]
+            self.done[[row["row"] for row in waiting]] = True
+            last = max((int(part.stem.rpartition("-")[2]) for part in parts(folder)), default=0)
+            self._coming = _Coming(last + 1, waiting)
+            self._journal = self._rewritten_journal()
         except BaseException:
             self._lock.close()
             raise
@@ -65,29 +76,29 @@ class RunStore:
         line = msgspec.json.encode(figures) + b"\n"
         if os.write(self._journal, line) != len(line):
             raise OSError(28, "No space left on device")
-        self._waiting.append(figures)
+        self._coming.rows.append(figures)
         self.done[figures["row"]] = True
-        if len(self._waiting) >= ROWS:
+        if len(self._coming.rows) >= ROWS:
             self.settle()
 
     def settle(self) -> None:
         """Write the rows of the journal as a Parquet file. Raises OSError where it cannot be written."""
-        if not self._waiting:
+        number, rows = self._coming
+        if not rows:
             return
-        table = pa.Table.from_pylist(sorted(self._waiting, key=lambda row: row["row"]), schema=self._schema)
-        number = 1 + max((int(part.stem.rpartition("-")[2]) for part in parts(self._folder)), default=0)
+        table = pa.Table.from_pylist(sorted(rows, key=lambda row: row["row"]), schema=self._schema)
         path = self._folder / PARTS / f"part-{number:06d}.parquet"
         write_whole(path, lambda file: pq.write_table(table, file))
-        self._waiting = []
-        os.close(self._journal)
-        self._rewrite_journal()
+        self._coming = _Coming(number + 1, [])
+        before, self._journal = self._journal, self._rewritten_journal()
+        os.close(before)
 
     @property
     def rows(self) -> list[Figures]:
         """Figures of all runs so far."""
         return [
             row for part in parts(self._folder) for row in _read(part, self._schema, len(self.done)).to_pylist()
-        ] + self._waiting
+        ] + self._coming.rows
 
     def _take_up(self, sweep: Sweep) -> None:
         path = self._folder / sweep.file
@@ -99,15 +110,17 @@ class RunStore:
             write_whole(path, lambda file: file.write(text))
             return
         if other := differences(read(path, type(sweep)), sweep):
-            what = "made by another version of the program" if other == ["program"] else f"another {', '.join(other)}"
+            program = f"made by another version of the program{or_of_the_arm(sweep)}"
+            what = program if other == ["program"] else f"another {', '.join(other)}"
             raise ScenarioError(
                 f"--out {self._folder}: holds another {sweep.noun} ({what}); allowed: a folder of its own"
             )
 
-    def _rewrite_journal(self) -> None:
-        lines = b"".join(msgspec.json.encode(row) + b"\n" for row in self._waiting)
+    def _rewritten_journal(self) -> int:
+        """Descriptor of a new journal, which has the rows that wait."""
+        lines = b"".join(msgspec.json.encode(row) + b"\n" for row in self._coming.rows)
         write_whole(self._folder / JOURNAL, lambda file: file.write(lines))
-        self._journal = os.open(self._folder / JOURNAL, os.O_WRONLY | os.O_APPEND)
+        return os.open(self._folder / JOURNAL, os.O_WRONLY | os.O_APPEND)
 
 
 def journaled(folder: Path, count: int) -> list[Figures]:
@@ -182,8 +195,10 @@ def table_of(folder: Path) -> tuple[Sweep, dict[str, np.ndarray]]:
     schema, count = schema_of(sweep), SweepQuestion(sweep).count
     done, tables = np.zeros(count, dtype=bool), []
     for part in parts(folder):
-        tables.append(_read(part, schema, count).cast(schema))
-        done[tables[-1]["row"].to_numpy()] = True
+        table = _read(part, schema, count).cast(schema)
+        rows = table["row"].to_numpy()
+        tables.append(table.filter(~done[rows]))  # rows that an earlier version of the program has written twice
+        done[rows] = True
     waiting = [row for row in journaled(folder, count) if not done[row["row"]]]
     tables.append(pa.Table.from_pylist(waiting, schema=schema))
     whole = pa.concat_tables(tables).sort_by("row")

@@ -41,13 +41,14 @@ SOON = 0.4  # share of a run by which it has to have settled, for its end not to
 class Comparison(NamedTuple):
     """Figure of a candidate beside that of the scenario's own gains, on the arms that were not seen.
 
-    value: worst over these arms, SI units.
+    value, before: worst over these arms, and that of the own gains, SI units; inf where an arm has none.
     change: of the worst against that of the own gains, as a share; nan where either has none.
     better: number of arms on which the figure is smaller than with the own gains.
     """
 
     aim: str
     value: float
+    before: float
     change: float
     better: int
 
@@ -56,7 +57,7 @@ def comparisons(tuning: Tuning, found: Found, number: int) -> list[Comparison]:
     """Comparisons of a candidate that was tried, one for each aim."""
     own, mine = found.tried[0], found.tried[number]
     return [
-        Comparison(aim, value, _change(value, before), sum(_smaller(aim, found, number)))
+        Comparison(aim, value, before, _change(value, before), sum(_smaller(aim, found, number)))
         for aim, value, before in zip(tuning.aims, mine.aims, own.aims, strict=True)
     ]
 
@@ -112,7 +113,7 @@ def write(tuning: Tuning, found: Found, folder: Path) -> None:
 
 def zipped(tuning: Tuning, rows: Sequence[Figures], found: Found) -> bytes:
     """ZIP file of the folder that `vsmrc tune` writes. Raises OSError."""
-    asked = msgspec.structs.replace(tuning, program=program())
+    asked = msgspec.structs.replace(tuning, program=program(tuning))
 
     def fill(folder: Path) -> None:
         with RunStore(folder, asked) as store:
@@ -292,4 +293,4 @@ def _short(tuning: Tuning, found: Found) -> str:
 
 def _beats(tuning: Tuning, compared: Comparison) -> bool:
     """Whether a figure is better than with the own gains. The worst arm alone may be chance."""
-    return compared.change < 0.0 and 2 * compared.better > tuning.unseen
+    return compared.value < compared.before and 2 * compared.better > tuning.unseen

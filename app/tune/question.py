@@ -110,9 +110,9 @@ def moved(text: str) -> Axis:
     return axis
 
 
-def program() -> str:
-    """Fingerprint of all that a tuning's answer depends on besides its question."""
-    return fingerprint(("app/tune",), ("optuna",))
+def program(tuning: Tuning | None = None) -> str:
+    """Fingerprint of all that a tuning's answer depends on besides its question, see `fingerprint`."""
+    return fingerprint(tuning, ("app/tune",), ("optuna",))
 
 
 def in_words(aim: str, units: Units) -> str:

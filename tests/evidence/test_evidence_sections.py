@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from app.evidence import families, practice
+from app.analysis.metrics import Account
+from app.evidence import baselines, families, practice
 from app.sweep.question import SweepQuestion
 from tests.support.svg import texts_of
 
@@ -33,3 +37,19 @@ def test_families_of_arms_tell_what_is_inside_the_declared_set_and_what_outside(
     titles = texts_of(found.figures["map"])
     assert any("link" in title or "mass" in title for title in titles), titles
     assert families.SECTION.text(found, "evidence").startswith(families.SECTION.heading)
+
+
+def test_a_run_beyond_its_bound_counts_also_where_nothing_is_promised_in_some_periods() -> None:
+    known = np.array([-1e-3, np.nan, 2e-3, np.nan])
+    over_bound, promised = baselines._beyond(known)
+    assert (over_bound, promised) == (2e-3, 0.5)
+    assert baselines._beyond(np.full(4, np.nan)) == (None, 0.0)
+    account = Account(1e-3, 2e-3, None, None, 1.0, 2.0, 0.1, 1.0, 10.0, 20.0, None)
+    kept = baselines.Outcome(account, -1e-3, 1.0, None)
+    gone = replace(kept, over_bound=over_bound, promised=promised)
+    lots = [[kept, gone], [gone, replace(kept, over_bound=None, promised=0.0)], *[[kept, kept]] * 4]
+    others = [kept] * 6 + [[kept]] * (6 * len(baselines.NOISES))
+    text = baselines.SECTION.text(baselines.conclude([*lots, *others]), "evidence")
+    said = " ".join(text.split())
+    assert "Of the 4 runs of the robust laws, 3 have a bound (20) on ‖s‖: with the layer in 75 % of the" in said
+    assert "discontinuous law in 25 %, since a premise fails in the others. There ‖s‖ left it 2 times" in said

@@ -18,6 +18,7 @@ import pytest
 import zstandard
 
 from app.cli import commands
+from app.dashboard.export import ExportedStretch, FigureChoice, write
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.paper_figures import figure_of, plots_of, title_and_unit
 from app.dashboard.plots.plot_table import TABS
@@ -39,6 +40,7 @@ from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import BLOCK, Recording
+from app.storage.constants_store import kept_memory
 from app.storage.recording_files import TooLarge, read_npz, table, write_csv, write_npz
 from tests.support.svg import letters_of
 
@@ -367,12 +369,56 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
         ((saved, "--type-size", "50", "--out", str(again)), "type size: 50 pt; allowed: 4 to 24 pt"),
         ((saved, "--height", "30mm", "--out", str(again)), "height: 30 mm; allowed: at least"),
         ((saved, "--to", "svg", "--series", "tau_9", "--out", str(again)), "series: 'tau_9'; allowed: φ, ψ₁"),
+        (
+            (saved, "--to", "svg", "--plots", "moment by axes", "--out", str(again)),
+            "--plots 'moment by axes': no line to draw in this run; allowed: tracking error, force, bound of s, gain, ",
+        ),
+        (
+            (saved, "--to", "html", "--plots", "moment by axes", "--out", str(again)),
+            "--plots 'moment by axes': no line to draw in this run; allowed: tracking error, force, bound of s, gain, ",
+        ),
+        ((saved, "--engine", "compiled", "--out", str(again)), "--engine compiled: a recording is not computed again"),
+        ((saved, "--to", "csv", "--letters", "--out", str(again)), "--letters: with --to csv; allowed: with --to svg,"),
+        ((saved, "--to", "html", "--width", "single", "--out", str(again)), "--width: with --to html; allowed: with"),
+        ((saved, "--to", "npz", "csv", "--series", "d", "--out", str(again)), "--series: with --to npz csv; allowed"),
         ((saved, "--out", "/dev/null/x"), "--out /dev/null/x: cannot be written: Not a directory"),
     ):
         assert commands.execute(["export", *arguments]) == 2
         refusal = capfd.readouterr().err
         assert refusal.count("\n") == 1
         assert said in refusal
+
+
+def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path: Path) -> None:
+    """Bounds, V, perturbation and marks are those of each stretch's own conditions."""
+    loop = ClosedLoop(edited(load("ur5-hybrid"), "truth.payload_mass", 1.0), 3000, memory=kept_memory())
+    for instant, path, value in (
+        (0.1, "truth.payload_mass", 3.0),
+        (0.2, "contact.K_e", 3e4),
+        (0.2, "contact.K_e", 2e4),
+        (0.3, "controller.law", "computed-torque"),
+    ):
+        run_to(loop, instant)
+        loop.edit(edited(loop.system.scenario, path, value))
+    run_to(loop, 0.4)
+    scenario = loop.system.scenario
+    with (tmp_path / "run.npz").open("wb") as file:
+        write_npz(table(scenario, loop.recording), file)
+    with np.load(tmp_path / "run.npz") as saved:
+        assert saved["epochs"] == pytest.approx([0.0, 0.1, 0.2, 0.2, 0.3])
+    assert read_npz(tmp_path / "run.npz")[0] == scenario
+    files = {}
+    for name, recording in (("run", loop.recording), ("file", read_npz(tmp_path / "run.npz")[1])):
+        stretch = ExportedStretch(scenario, recording, 0.0, 1.0)
+        (path,) = write(stretch, ["svg"], FigureChoice(), tmp_path / name)
+        files[name] = path.read_bytes()
+    assert files["file"] == files["run"]
+    assert "Changed at t = 0.1, 0.2, 0.3 s" in letters_of(files["file"])
+
+
+def run_to(loop: ClosedLoop, t: float) -> None:
+    while loop.t < t - 0.5 * loop.period:
+        loop.advance()
 
 
 def test_units_of_files_are_those_of_the_task_space() -> None:

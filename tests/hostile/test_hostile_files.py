@@ -20,9 +20,11 @@ from app.process.terminal_text import printable
 from app.scenario.data import LARGEST, edited, from_file, from_toml, load, shipped, to_toml
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
+from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
 from app.simulation.signals import SIGNALS
 from app.storage import recording_files
+from app.storage.epoch_bytes import to_bytes
 from app.storage.recording_files import read_npz, table, write_npz
 from environments.bytecode import bytecode_of
 from environments.formula import FormulaError, parse
@@ -169,6 +171,11 @@ def npz(**changed: np.ndarray | None) -> bytes:
     return plain.getvalue()
 
 
+def conditions() -> np.ndarray:
+    """Those of a run of another arm."""
+    return np.frombuffer(to_bytes(ClosedLoop(load("ur5-impedance"), 1).recording.epochs), np.uint8)
+
+
 def claiming(shape: str) -> bytes:
     """An array t whose header says so."""
     header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode().ljust(117) + b"\n"
@@ -193,6 +200,8 @@ def claiming(shape: str) -> bytes:
         (npz(t=np.array([0.0, np.nan, 1.0])), "t does not grow; allowed: finite times"),
         (npz(t=np.zeros(3)), "t does not grow"),
         (npz(scenario=np.array("mode = 1")), "mode: 1; allowed: text"),
+        (npz(conditions=np.frombuffer(b"\xc1" * 9, np.uint8)), "conditions are not those of a run"),
+        (npz(conditions=conditions()), "conditions of 6 coordinates; allowed: 2"),
         (claiming("(10**12,)"), "not a recording"),
         (claiming("(1000000000000,)"), "t claims float64 of shape"),
         (claiming("(-3,)"), "t claims float64 of shape"),

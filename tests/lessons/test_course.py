@@ -153,11 +153,12 @@ def test_answers_are_right_within_their_tolerance_only() -> None:
 
 def test_a_time_is_measured_and_predicted_in_its_own_unit_and_no_length_is_a_time() -> None:
     t = np.linspace(0.0, 2.0, 2001)
-    system: Any = SimpleNamespace(scenario=SimpleNamespace(controller=SimpleNamespace(period=1e-3)))
-    recording: Any = SimpleNamespace(stretch=lambda *_: {"t": t, "x": np.where(t < 0.8, 1.0, 0.0)})
+    sections = {"controller": SimpleNamespace(period=1e-3), "task_space": SimpleNamespace(kind="cartesian")}
+    system: Any = SimpleNamespace(scenario=SimpleNamespace(**sections))
+    recording: Any = SimpleNamespace(stretch=lambda *_: {"t": t, "phi": np.where(t < 0.8, 1.0, 0.0)})
 
     def told(statistic: Any, unit: str) -> str:
-        return str(taken(system, recording, 2.0, Measure(unit, signal="x", statistic=statistic, level=0.5)))
+        return str(taken(system, recording, 2.0, Measure(unit, signal="phi", statistic=statistic, level=0.5)))
 
     assert [told("below", unit) for unit in ("s", "ms")] == ["0.8 s", "800 ms"]
     assert [told("settles", unit) for unit in ("s", "ms")] == ["0.8 s", "800 ms"]

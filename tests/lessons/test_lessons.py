@@ -159,6 +159,53 @@ def test_a_lesson_that_misleads_is_not_fit_and_the_check_says_where(old: str, ne
     assert all(problem.startswith("test/lesson.md") for problem in checked.problems)
 
 
+EDIT = 'edits = [{ at = 0.5, set = "target_model.K_m.2", value = 900.0 }]'
+WAY = 'measures.way = { signal = "e_r.2", statistic = "largest", unit = "mm" }'
+SHOWN = 'show = [{ signal = "e_r.2", unit = "mm", title = "way" }]\n'
+CORNER = ('base = "ur5-impedance"\n[set]\n"contact.kind" = "free"\nmotion = "hold"\n"truth.push_start" = 0.2\n'
+    '"target_model.K_m.2" = 1000.0', 'base = "planar3r-corner"')  # fmt: skip
+TOUCHING = ('"contact.kind" = "free"\n', "")
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ([TOUCHING, (WAY, 'measures.way = { signal = "force_error", unit = "N" }')],
+         "signal: 'force_error' in impedance mode, which controls no force; allowed: contact_force"),
+        ([TOUCHING, (SHOWN, SHOWN.replace("e_r.2", "force_error").replace("mm", "N"))],
+         "signal: 'force_error' in impedance mode, which controls no force; allowed: contact_force"),
+        ([CORNER, (EDIT, ""), (WAY, 'measures.way = { signal = "path_error", unit = "mm" }')],
+         "signal: 'path_error' where every position is pressed; allowed: where one is free"),
+        ([(WAY, WAY.replace('"mm"', '"mN"'))], "unit: 'mN' of the signal e_r.2; allowed: m, mm, µm"),
+        ([(SHOWN, SHOWN.replace('"mm"', '"N"'))], "unit: 'N' of the signal e_r.2; allowed: m, mm, µm"),
+        ([(WAY, WAY.replace("largest", "variation"))],
+         "unit: 'mm' of the variation of the signal e_r.2; allowed: m/s, mm/s"),
+        ([("motion = \"hold\"", "motion = \"hold\"\n\"controller.law\" = \"computed-torque\""),
+          (SHOWN, SHOWN.replace("e_r.2", "s_bound").replace("mm", "mm/s"))],
+         "signal: 's_bound', which has no value in this run; allowed: one that the run has"),
+        ([(WAY, 'measures.way = { metric = "force_error_tail", unit = "N" }')],
+         "metric: 'force_error_tail', which this run does not have; allowed: motion_error_tail"),
+        ([(WAY, 'measures.way = { metric = "motion_error_tail", unit = "N" }')],
+         "unit: 'N' of the metric motion_error_tail; allowed: m, mm, µm"),
+    ],
+)  # fmt: skip
+def test_a_lesson_on_what_its_run_does_not_have_or_in_another_unit_is_not_fit(
+    changes: list[tuple[str, str]], sentence: str
+) -> None:
+    problems = check(lesson(*changes)).problems
+    assert any(f": run: {sentence}" in problem for problem in problems), problems
+
+
+def test_an_edit_of_an_entry_of_a_matrix_is_made() -> None:
+    rows = [[float(1000 * (i == k)) for k in range(6)] for i in range(6)]
+    matrix = lesson(
+        ('"target_model.K_m.2" = 1000.0', f'"target_model.K_m" = {rows}'),
+        ('set = "target_model.K_m.2", value = 900.0', 'set = "target_model.K_m.2.2", value = 900.0'),
+        ('path = "target_model.K_m.2"', 'path = "target_model.K_m.2.2"'),
+    )
+    assert not check(matrix).problems
+
+
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
@@ -207,6 +254,8 @@ def test_the_command_checks_plays_and_lists(tmp_path: Path, capsys: pytest.Captu
     [
         (("chek",), "lesson 'chek'; allowed: list, check, run; did you mean check?"),
         (("run",), "lesson run: no lesson; allowed: one or more"),
+        (("list", "nonsense"), "lesson list: 'nonsense'; allowed: no name"),
+        (("list", "--figures", "out"), "lesson list: --figures out; allowed: with `lesson run`"),
         (("check", "13-more"), "lesson '13-more': unknown; allowed: a lesson.md or 01-target-model"),
         (("check", "nowhere/lesson.md"), "lesson 'nowhere/lesson.md': cannot be read: No such file or directory"),
     ],

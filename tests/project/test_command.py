@@ -258,6 +258,8 @@ def test_wrong_input_is_refused_in_one_sentence(
         (("controller.gain", 3), "controller.gain"),
         (("sensor.bias", [1.0, 2.0]), "sensor.bias"),
         (("contact.K_e", "stiff"), "contact.K_e: 'stiff'; allowed: a number"),
+        (("target_model.K_m", 5), "target_model.K_m: 5; allowed: a list of numbers, or of rows where it is a matrix"),
+        (("robot.urdf", 5), "robot.urdf: 5; allowed: text"),
         (("simulation.substeps", 2.5), "simulation.substeps: 2.5; allowed: a whole number"),
         (("robot", 5), "robot"),
         (("surface.colour", "red"), "surface.colour: no such field; allowed: kind, origin"),

@@ -199,6 +199,8 @@ def test_baselines_lose_on_uncertain_arms_and_win_where_it_is_said() -> None:
     quiet = {who: baselines.on_uncertain(who, seeds, 0.0) for who in (ours, computed, pd)}
     for robust, inverse, simple in zip(*quiet.values(), strict=True):
         assert robust.stopped is None
+        assert robust.promised == 1.0
+        assert robust.over_bound is not None
         assert robust.over_bound <= 1e-9
         for worse in (inverse, simple):
             assert worse.figures.path_rms > 5.0 * robust.figures.path_rms

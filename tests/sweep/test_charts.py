@@ -28,7 +28,7 @@ def columns(sweep: Sweep = SWEEP) -> dict[str, np.ndarray]:
             "stopped": "contact lost" if row["row"] == 9 else None,
             "gain_margin": -0.3 if (row["point"], row["arm"]) == (4, 2) else 0.5,
             "declared": 0.0 if row["point"] == 5 else 1.0,
-            "verdict": "not promised" if row["arm"] == 3 else "holds",
+            "verdict": "nothing promised" if row["arm"] == 3 else "holds",
             "failed": ("gain, declared" if row["point"] == 1 else "gain") if row["arm"] == 3 else None,
         }
     return {name: np.array([row[name] for row in reversed(rows)]) for name in rows[0]}
@@ -73,6 +73,21 @@ def test_arms_that_never_settle_are_worse_than_any_that_do() -> None:
     none = points_of(SWEEP, columns() | {"settling_time": np.full(24, np.nan)}, SweepView("settling_time"))
     assert np.isnan(none.number).all()
     assert not none.never.any()
+
+
+def test_a_refused_run_is_the_worst_also_of_a_figure_that_a_stopped_run_has() -> None:
+    table = columns()
+    refused = (table["point"] == 0) & (table["arm"] > 1)
+    table |= {
+        "stopped": np.where(refused, "refused", table["stopped"]),
+        "promised_share": np.where(refused, np.nan, 0.1 * (1 + table["arm"])),
+    }
+    worst, median = (
+        points_of(SWEEP, table, SweepView("promised_share", statistic=each)) for each in ("worst", "median")
+    )
+    # what the run 9 had when it stopped counts
+    assert worst.number == pytest.approx([np.nan, 0.1, 0.1, 0.1, 0.1, 0.1], nan_ok=True)
+    assert np.flatnonzero(worst.never).tolist() == np.flatnonzero(median.never).tolist() == [0]
 
 
 def test_a_limit_of_a_margin_is_its_least() -> None:

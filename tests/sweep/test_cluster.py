@@ -10,12 +10,15 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
 
 from app.cli.commands import execute
+from app.process.worker_pool import FALLEN
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.sweep import cluster_worker, running
@@ -146,6 +149,40 @@ def test_a_run_that_ends_its_worker_each_time_is_a_row_and_the_others_are_comput
     assert rows == [row for row in expected if row["row"] != FALLING]
 
 
+def test_a_run_whose_worker_has_ended_beside_others_is_tried_alone_before_it_is_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Dask gives up every task of a worker that has ended, also one that is a single run."""
+    from distributed import KilledWorker
+
+    handed: list[int] = []
+
+    class Client:
+        status = "running"
+
+        def nthreads(self) -> dict[str, int]:
+            return {"one": 1}
+
+        def submit(self, _function: object, _asked: bytes, task: tuple[int, ...], **_: object) -> Future[Any]:
+            (number,), future = task, Future[Any]()
+            handed.append(number)
+            if number == FALLING or (number == FALLING - 1 and handed.count(number) == 1):
+                future.set_exception(KilledWorker("figures", None, 3))
+            else:
+                future.set_result([{"row": number}])
+            return future
+
+        def close(self, timeout: float) -> None:
+            pass
+
+    monkeypatch.setattr("distributed.Client", lambda *_, **__: Client())
+    with Cluster("tcp://127.0.0.1:1") as cluster:
+        found = dict(cluster.results(SWEEP, range(FALLING + 1), print, chunk=1))
+    assert [task for task, figures in found.items() if figures is FALLEN] == [(FALLING,)]
+    assert sorted(found) == [(number,) for number in range(FALLING + 1)]
+    assert handed.count(FALLING) == 2
+
+
 def test_a_sweep_with_parameters_of_a_law_of_ones_own_is_computed_by_a_worker() -> None:
     own = Sweep(edited(SHORT, "controller.own", {"pid-gravity": {"k_i": 800.0}}), program=fingerprint())
     assert timeless(cluster_worker.figures(pickle.dumps(own), (0,))) == timeless([SweepRunner(own).figures(0)])
@@ -158,6 +195,8 @@ def test_what_is_wrong_is_one_sentence(scheduler: Scheduler) -> None:
     with pytest.raises(ScenarioError, match="no scheduler answers"):
         Cluster("nonsense://x")
     told: list[str] = []
+    with Cluster(address) as closed:
+        pass
     other = msgspec.structs.replace(SWEEP, program="another")
     with Cluster(address) as cluster:
         with worker(address):
@@ -177,4 +216,7 @@ def test_what_is_wrong_is_one_sentence(scheduler: Scheduler) -> None:
 
         with pytest.raises(ScenarioError, match="the connection is lost; what was computed is kept"):
             list(cluster.results(SWEEP, range(40), say))
+        for lost in (cluster, closed):
+            with pytest.raises(ScenarioError, match="the connection is lost"):
+                running.SweepEstimate.of(1, 1.0, 1.0, lost)
     assert told == [lonely]

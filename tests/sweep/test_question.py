@@ -11,10 +11,14 @@ import pytest
 from app.scenario.data import edited, shipped, with_value
 from app.scenario.declared_bounds import outside
 from app.scenario.errors import ScenarioError
+from app.scenario.schema import Declared
 from app.sweep import question
-from app.sweep.question import Axis, Sweep, SweepQuestion, axis_of
+from app.sweep.question import Axis, Sweep, SweepQuestion, axis_of, fingerprint
+from app.sweep.run_store import RunStore
 
 BASE = shipped()["planar3r-hybrid"]
+BARE = msgspec.structs.replace(BASE, declared=Declared(payload_offset=0.1))  # without a payload, no arm differs
+BENT = Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf"
 
 
 def sweep_of(*vary: str, **fields: object) -> Sweep:
@@ -142,6 +146,10 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
         (sweep_of("mode=1:2:3"), "mode: 1.0; allowed: text, got a number"),
         (sweep_of("contact.K_e=1:2:100000", "controller.K_s=1:2:1000"), "1e+08 runs; allowed: at most 1e+07"),
         (sweep_of("contact.K_e=1:2:3", draw=10**400), "1e+300 runs; allowed: at most 1e+07"),
+        (
+            msgspec.structs.replace(sweep_of("contact.K_e=1:2:3", draw=2), scenario=BARE),
+            "draw: 2 true arms that are all alike, since no quantity that is drawn is declared; allowed: a bound",
+        ),
         (sweep_of("name=a,b"), "vary: name; allowed: fields on which a run depends"),
     ],
 )
@@ -202,3 +210,26 @@ def test_a_question_too_long_to_be_read_again_is_not_written() -> None:
     several = Sweep(BASE, (long, msgspec.structs.replace(long, path="controller.K_s")), "sobol", points=4)
     with pytest.raises(ScenarioError, match="MB of values; allowed: 4 MB"):
         question.to_toml(several)
+
+
+def test_arms_may_be_drawn_within_a_bound_that_is_varied_and_one_arm_without_any() -> None:
+    for sweep in (sweep_of("declared.link_scaling=0.0,0.1", draw=2), sweep_of("controller.K_s=20:80:2", draw=1)):
+        assert SweepQuestion(msgspec.structs.replace(sweep, scenario=BARE)).count in (4, 2)
+
+
+def test_another_file_of_the_arm_is_another_program(tmp_path: Path) -> None:
+    own, varied, out = tmp_path / "own.urdf", tmp_path / "varied.urdf", tmp_path / "out"
+    own.write_bytes(BENT.read_bytes())
+    given = with_value(BASE, "robot.urdf", str(own))
+    asked = msgspec.structs.replace(sweep_of(), scenario=given, vary=(Axis("robot.urdf", (str(varied), str(own))),))
+    before = msgspec.structs.replace(asked, program=fingerprint(asked))
+    with RunStore(out, before):
+        pass
+    seen = {fingerprint(), before.program}
+    varied.write_bytes(BENT.read_bytes())  # there was none
+    seen.add(fingerprint(asked))
+    own.write_bytes(BENT.read_bytes() + b"\n")
+    seen.add(fingerprint(asked))
+    assert len(seen) == 4
+    with pytest.raises(ScenarioError, match=r"another version of the program or with another file as robot\.urdf"):
+        RunStore(out, msgspec.structs.replace(asked, program=fingerprint(asked)))

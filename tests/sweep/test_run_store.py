@@ -8,12 +8,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from app.process.atomic_write import write_whole
 from app.scenario.data import shipped
 from app.scenario.errors import ScenarioError
 from app.sweep import run_store
@@ -136,6 +138,38 @@ def test_a_crash_between_part_and_journal_leaves_no_row_twice(tmp_path: Path) ->
         store.add(figures(1))
         store.settle()
     assert table_of(tmp_path)[1]["row"].tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("interrupted", ["part-000001.parquet", JOURNAL])
+def test_ctrl_c_behind_the_writing_of_a_file_leaves_no_row_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, interrupted: str
+) -> None:
+    def write_and_stop(path: Path, *arguments: Any) -> None:
+        write_whole(path, *arguments)
+        if path.name == interrupted:
+            raise KeyboardInterrupt
+
+    with RunStore(tmp_path, SWEEP) as store:
+        store.add(figures(0))
+        with monkeypatch.context() as stopping:
+            stopping.setattr(run_store, "write_whole", write_and_stop)
+            with pytest.raises(KeyboardInterrupt):
+                store.settle()
+        store.settle()  # as the command does it after Ctrl-C
+    with RunStore(tmp_path, SWEEP) as store:
+        store.add(figures(1))
+        store.settle()
+        assert [row["row"] for row in store.rows] == [0, 1]
+    assert pq.read_table(tmp_path / "runs.parquet")["row"].to_pylist() == [0, 1]
+
+
+def test_rows_that_an_earlier_version_has_written_twice_are_drawn_once(tmp_path: Path) -> None:
+    with RunStore(tmp_path, SWEEP) as store:
+        store.add(figures(0))
+        store.settle()
+    (part,) = parts(tmp_path)
+    part.with_name("part-000002.parquet").write_bytes(part.read_bytes())
+    assert table_of(tmp_path)[1]["row"].tolist() == [0]
 
 
 def test_a_folder_of_another_sweep_or_in_use_is_refused(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 import numpy as np
@@ -18,6 +19,7 @@ from app.cli.commands import execute
 from app.process import worker_pool
 from app.scenario.data import edited, shipped
 from app.session.headless_run import play, simulate
+from app.simulation.verdict import Outcome
 from app.sweep import running
 from app.sweep.figures_of_run import COLUMNS, METRICS, Figures, SweepRunner
 from app.sweep.question import Sweep, SweepQuestion, axis_of, fingerprint
@@ -70,6 +72,7 @@ def test_the_columns_in_the_docs_are_those_of_the_table() -> None:
         f"| `{name}` | {column.unit or '—'} | {column.whole_meaning} |" for name, column in COLUMNS.items()
     )
     assert table in (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    assert all(outcome in COLUMNS["verdict"].meaning for outcome in get_args(Outcome))
 
 
 def test_an_earlier_end_changes_nothing_before_it_and_goes_on_within_omega() -> None:

@@ -94,3 +94,13 @@ def test_runs_that_are_too_short_for_figures_of_their_end_are_said() -> None:
     assert "judged is its last fifth (force error)" in slow
     assert "does not settle" in said(("force_error",), 0.1, None)[0]
     assert said(("torque_variation",), 0.6, 0.9) == []
+
+
+def test_own_gains_that_never_come_to_a_figure_are_beaten_by_gains_that_do() -> None:
+    timed = msgspec.structs.replace(TUNING, aims=("settling_time",), unseen=2)
+    runs = {0: [SOUND | {"settling_time": each} for each in (None, 0.3)], 1: [SOUND | {"settling_time": 0.2}] * 2}
+    tried = {number: judged(timed, number, {}, each) for number, each in runs.items()}
+    found = Found(list(tried.values()), tried, runs)
+    assert verdict(timed, found)[-1].startswith("settling time: best.toml better than the own gains")
+    neither = Found(list(tried.values()), {0: tried[0], 1: tried[0]}, {0: runs[0], 1: runs[0]})
+    assert "NOT beaten" in verdict(timed, neither)[-1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,9 +19,11 @@ from app.export.formats import ALL_PLOTS
 from app.scenario.caption import caption, promised
 from app.scenario.errors import ScenarioError
 from app.session.snapshot import Snapshot
+from app.simulation.recording import Epoch
 from parameters import allowed
 
 EXAMINED = 300  # instants at which the true arm is analysed
+TOLD = 6  # changes of a run, by their instants, in a caption
 BESIDE_FILM = ("Overview",)  # plots beside a 3-D playback
 WIDTH = 0.6  # points of a line on paper for each of its pixels on the page
 
@@ -74,18 +76,47 @@ def _chart_with(chart: FigureChart, chosen: set[str]) -> FigureChart:
 def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: float, t_to: float) -> Figure:
     """Figure of these plots over t_from <= t <= t_to (s), with the scenario in its caption. Raises ValueError when it
     is empty."""
-    recording = snapshot.recording
-    rows = recording.stretch(t_from, t_to)
+    rows = snapshot.recording.stretch(t_from, t_to)
+    t = rows["t"]
+    charts = tuple(chart for _, chart in _charts(plots, snapshot, setup, rows))
+    angles = [i for i, each in enumerate(snapshot.coordinates) if each.metres_per_radian is not None]
+    told = caption(snapshot.scenario, snapshot.system.controller, snapshot.matrices, float(t[0]), float(t[-1]), angles)
+    changed = _changes(snapshot.recording.epochs, float(t[0]), float(t[-1]))
+    return Figure(charts, f"{told} {changed}{promised(rows)}")
+
+
+def _changes(epochs: Iterable[Epoch], t_from: float, t_to: float) -> str:
+    """Sentence, with a space behind it, on the changes in t_from < t <= t_to (s); "" where there were none."""
+    # a paused run is changed several times at one instant
+    instants = list(dict.fromkeys(f"{epoch.t:.4g}" for epoch in tuple(epochs) if t_from < epoch.t <= t_to))
+    if not instants:
+        return ""
+    at = ", ".join(instants) if len(instants) <= TOLD else f"{instants[0]}, … ({len(instants)} times) … {instants[-1]}"
+    return f"Changed at t = {at} s: these numbers are those of the end, each line those of its time. "
+
+
+def plots_with_lines(snapshot: Snapshot, setup: Setup, t_from: float, t_to: float) -> list[str]:
+    """Names of the plots that have a line to draw over t_from <= t <= t_to (s). Raises ValueError when nothing is
+    recorded there."""
+    rows = snapshot.recording.stretch(t_from, t_to)
+    return [plot.name for plot, _ in _charts(plots_of([ALL_PLOTS]), snapshot, setup, rows)]
+
+
+def _charts(
+    plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, rows: Signals
+) -> Iterator[tuple[Plot, FigureChart]]:
+    """Those of these plots that have a line to draw, and their charts."""
     t = rows["t"]
     if len(t) < 2:
         raise ValueError("figure: nothing recorded there yet")
     openings = BucketGrid.over(float(t[0]), float(t[-1]), EXAMINED).openings(t)
-    known = PerturbationAnalysis(snapshot.system).recorded(rows, tuple(recording.epochs), openings)
-    drawn = (_chart(plot, drawing, known) for plot in plots if (drawing := plot.draw(setup)) is not None)
-    charts = (chart for chart in drawn if any(np.isfinite(curve.y).any() for curve in chart.curves if curve.listed))
-    angles = [i for i, each in enumerate(snapshot.coordinates) if each.metres_per_radian is not None]
-    told = caption(snapshot.scenario, snapshot.system.controller, snapshot.matrices, float(t[0]), float(t[-1]), angles)
-    return Figure(tuple(charts), f"{told} {promised(rows)}")
+    known = PerturbationAnalysis(snapshot.system).recorded(rows, tuple(snapshot.recording.epochs), openings)
+    for plot in plots:
+        if (drawing := plot.draw(setup)) is None:
+            continue
+        chart = _chart(plot, drawing, known)
+        if any(np.isfinite(curve.y).any() for curve in chart.curves if curve.listed):
+            yield plot, chart
 
 
 def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> FigureChart:
