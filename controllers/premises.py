@@ -31,6 +31,7 @@ from kernels.algebra import (
     congruence,
     copy,
     invert,
+    is_positive_definite,
     multiply,
     norm,
     row_times,
@@ -40,7 +41,7 @@ from kernels.algebra import (
     transposed_times,
 )
 
-WATCH = 40  # periods between two looks at the posture's inertia
+WATCH, LOOK = 40, 0.04  # periods, and s: at most so much lies between two looks at the posture
 NEVER = np.nan
 ROUNDING = 1e-9
 
@@ -123,11 +124,12 @@ STATEMENTS: dict[Premise, Statement] = {
         "torque is constant; a quarter of ε and of K_s s, and the declared error of the force sensor, are kept for it",
     ),
     Premise.LAYER: Statement(
-        "boundary layer, sampled",
+        "robust terms, sampled",
         "<",
         "",
-        "the boundary layer is too thin for the control period: (K_s + d/s_b)T/H = {value}, allowed below 2",
-        "(λ_max(K_s) + d/s_b) T / λ_min(H): inside the layer s chatters from 2 on",
+        "K_s and the boundary layer are too stiff for the control period: (K_s + d/s_b)T/H = {value}, allowed below 2",
+        "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), without d/s_b where there is no layer: from 2 on one period "
+        "makes s larger; infinite where M̂ less its declared errors is not positive definite",
     ),
     Premise.GAIN_BY_CHATTER: Statement(
         "d fed back by chattering",
@@ -192,8 +194,9 @@ class PremiseTable(NamedTuple):
 
 
 class Watched(NamedTuple):
-    """Quantities that are computed every `WATCH` periods.
-    low, high: bounds of H of every declared arm at the present posture, kg.
+    """Quantities that are computed at every look, see `periods_between_looks`.
+    low, high: bounds of H of every declared arm at the present posture, kg; low is 0 where what is declared leaves no
+    bound above 0.
     d: on the sliding surface, N.
     width: of the boundary layer, m/s.
     radius: m/s, V falls while ||s|| is beyond it.
@@ -276,9 +279,15 @@ class Held(NamedTuple):
 
 
 @inline
+def periods_between_looks(period):
+    """Number of control periods (s) between two looks at the posture."""
+    return min(WATCH, max(1, round(LOOK / period)))
+
+
+@inline
 def inertia_range(u, estimate, task, work):
     """Bounds (low, high) of H of every declared arm at this state, kg, at most 3 % too wide; see
-    `bounds.InertiaRange`."""
+    `bounds.InertiaRange`. low is 0 where the lower bound of M is not positive definite."""
     n, carried, turned = task.r.shape[0], 0.0, 0.0
     load = carried_mass(u, estimate.stated.delta_M)
     if load > 0.0:
@@ -299,7 +308,7 @@ def inertia_range(u, estimate, task, work):
     for i in range(n):
         for j in range(n):
             work.U[i, j] = row_times(task.J_q, j, work.S[i])
-    return 1.0 / spectral_norm(work.U), high
+    return 1.0 / spectral_norm(work.U) if is_positive_definite(work.U, work.S) else 0.0, high
 
 
 @inline
@@ -374,18 +383,21 @@ def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room,
     raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # largest factor of chattering on d
 
     at_rest = raised * gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room)
-    table.limit[LAYER] = 2.0 if gains.switching > 0 else NEVER
-    table.value[LAYER] = (gains.K_s_largest + at_rest / gains.layer) * period / watched.low
+    held = SAMPLING_SHARE * gains.K_s_smallest  # of `Premise.HELD`, which counts against K_s
+    stiffness = gains.K_s_largest + held + (at_rest / gains.layer if gains.switching > 0 else 0.0)
+    table.limit[LAYER] = 2.0
+    table.value[LAYER] = stiffness * period / watched.low
 
     # outside of `radius` one period makes V smaller; from within it V can rise to `V` (docs/theory.md)
     watched.d = raised * gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, room)
     watched.width = layer_width(gains.switching, gains.layer, watched.d, gains.epsilon)
-    stopping = watched.low - 0.5 * period * gains.K_s_largest
+    stopping = watched.low - 0.5 * period * (gains.K_s_largest + held)
     chatter = period * watched.d / stopping if stopping > 0.0 else np.inf
     watched.radius = max(watched.width, chatter)
     heaviest = max(watched.high, 4.0 * watched.low) if chatter > 0.5 * watched.width else watched.high
     V = 0.5 * heaviest * watched.radius**2
-    watched.V_band = max(V, watched.V_band * np.exp(-reaching.c_1 * period * WATCH))
+    before = watched.V_band if np.isfinite(watched.V_band) else 0.0  # infinite only where nothing was promised
+    watched.V_band = max(V, before * np.exp(-reaching.c_1 * period * periods_between_looks(period)))
 
     watched.allowed = SAMPLING_SHARE * gains.epsilon
     if u.force_error > 0.0:

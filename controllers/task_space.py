@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kernels import inline
-from kernels.algebra import copy, copy_matrix, cross, dot, invert, spectral_norm, times
+from kernels.algebra import copy, copy_matrix, cross, dot, invert, row_times, spectral_norm, times
 
 
 class TaskSpace(NamedTuple):
@@ -222,11 +222,12 @@ def _angles(layout, estimate, q_dot, task):
     """Compute l times three Euler angles, or the one of a planar arm."""
     n, i, l = task.r.shape[0], layout.positions, layout.l
     if layout.angles == 1:
-        cos, sin = _relative(layout.R_ref, estimate.R, 0)[0], _relative(layout.R_ref, estimate.R, 2)[0]
+        cos = row_times(layout.R_ref, 0, estimate.R[0])  # of R R_ref^T, a rotation about the world's y axis, however
+        sin = row_times(layout.R_ref, 2, estimate.R[0])  # the frame of the tool lies on it
         task.r[i] = l * np.arctan2(sin, cos)
         for j in range(n):
-            task.J_q[i, j] = l * _relative(layout.R_ref, estimate.J_w, j)[1]
-            task.J_q_dot[i, j] = l * _relative(layout.R_ref, estimate.J_w_dot, j)[1]
+            task.J_q[i, j] = l * estimate.J_w[1, j]
+            task.J_q_dot[i, j] = l * estimate.J_w_dot[1, j]
         return
     alpha, beta, gamma = euler_angles(layout.R_ref, estimate.R)
     task.r[i], task.r[i + 1], task.r[i + 2] = l * alpha, l * beta, l * gamma

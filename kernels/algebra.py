@@ -137,6 +137,23 @@ def invert(A, work, out):
 
 
 @inline
+def is_positive_definite(A, work):
+    """Whether a symmetric A is positive definite, by Cholesky's factor, which work receives."""
+    for i in range(A.shape[0]):
+        for j in range(i + 1):
+            total = A[i, j]
+            for k in range(j):
+                total -= work[i, k] * work[j, k]
+            if i > j:
+                work[i, j] = total / work[j, j]
+            elif total > 0.0:
+                work[i, i] = np.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@inline
 def solve_spd(A, b, work, out):
     """Solution out = A^-1 b for a symmetric positive definite A. work: receives Cholesky's factor, with the reciprocal
     of each diagonal entry in place of the entry."""

@@ -26,7 +26,7 @@ from app.simulation.true_errors import beyond
 from app.simulation.verdict import Standing
 from app.simulation.view import LiveFigures, View
 from controllers.blend import ModelBlend
-from controllers.premises import WATCH, Kept
+from controllers.premises import Kept, periods_between_looks
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import Start
 from environments.push import Grip
@@ -44,8 +44,7 @@ def standing_of(system: System, state: State) -> Standing:
     stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
     outsiders = system.outsiders + beyond(errors, stated, system.scenario.declared.least_inertia)
     lost = losses(system, state.arm.views.holding)
-    waiting = kept.periods > 0 and state.steps == 0
-    return Standing(table, kept, state.stopped, outsiders, system.units, lost, waiting)
+    return Standing(table, kept, state.stopped, outsiders, system.units, lost, waiting=state.steps == 0)
 
 
 class ClosedLoop:
@@ -113,6 +112,7 @@ class ClosedLoop:
         self._arm = ControlledArm(system, state, settings)
         self._watch = PremiseWatch(system, state, self._arm)
         self._h = system.scenario.controller.period
+        self._look_every = periods_between_looks.py_func(self._h)
         self._stage, self._share = "the beginning", 0.0
         if system.blend is not None and self.blending:
             self._follow(system.blend)
@@ -189,7 +189,8 @@ class ClosedLoop:
 
     def _become(self, other: ClosedLoop) -> None:
         self.recording, self.system, self.state = other.recording, other.system, other.state
-        self._arm, self._watch, self._h, self._share = other._arm, other._watch, other._h, other._share
+        self._arm, self._watch, self._share = other._arm, other._watch, other._share
+        self._h, self._look_every = other._h, other._look_every
 
     def reset(self) -> None:
         """Begin the same scenario anew."""
@@ -275,7 +276,7 @@ class ClosedLoop:
         self._stage = "the control law"
         if not arm.control(F, row):
             self.leave_unsolved()
-        if state.steps % WATCH == 0:
+        if state.steps % self._look_every == 0:
             self._watch.look()
         self._stage = "the plant"
         arm.move()
@@ -315,8 +316,15 @@ class ClosedLoop:
         blend = self.system.blend
         if blend is None:
             return most
-        steps, most = self.state.steps, min(most, WATCH)
+        steps, most = self.state.steps, min(most, self._look_every)
         return next((k for k in range(1, most) if self._blend_acts(blend, self._time(steps + k))), most)
+
+    @property
+    def judged_station(self) -> int:
+        """Station along the reference where the sampled loops were judged last, -1 where they are to be judged anew at
+        the next look wherever the arm is."""
+        station = self.state.judged.station
+        return -1 if station is None or self._watch.model_has_moved else station
 
     def leave_unsolved(self) -> None:
         """Stop because an ideal sensor has no reading."""
@@ -403,7 +411,7 @@ class ClosedLoop:
         """Let the law follow the target model of the present instant."""
         self._share = blend.share(self.t)
         self.system = self.system.with_controller(self.system.controller.following(blend.at(self.t)))
-        self._watch.system = self.system
+        self._watch.follow(self.system, self._share)
         self._arm.follow(self.system.controller.gains)
 
     def _evaluated(self) -> Record[Evaluation]:

@@ -18,7 +18,7 @@ from app.simulation.control_period import Alarm
 from app.simulation.controlled_arm import PeriodAddresses
 from app.simulation.implicit_force import FORCE_ITERATIONS, better_guess, force_found, improve_inverse
 from app.simulation.stations import APART
-from controllers.premises import DOMAIN, WATCH
+from controllers.premises import DOMAIN, periods_between_looks
 from environments.integrators import (
     STAGES,
     Integrator,
@@ -321,7 +321,7 @@ def _run(
             else:
                 _evaluate(data, setting, evaluation, arm, t[k], row)
             data.moving = True
-            if (data.steps + k) % WATCH == 0:
+            if (data.steps + k) % periods_between_looks(data.period) == 0:
                 nearest = ask_integer(data.period_kernels.watch, (setting, evaluation, centres))
                 if evaluation[0].table.value[DOMAIN] > data.close or stations[nearest] != data.station:
                     data.nearest = nearest
@@ -436,9 +436,8 @@ class CompiledRun:
 
     @property
     def _station(self) -> int:
-        """Station where the sampled loops were judged last, -1 off the reference."""
-        station = self._loop.state.judged.station
-        return -1 if station is None else station
+        """Station where the sampled loops were judged last, -1 where they are to be judged anew wherever the arm is."""
+        return self._loop.judged_station
 
     def _call(self, ahead: ReadingsAhead, read: int, periods: int) -> None:
         """Call the compiled function for at most `periods` periods. read: number of readings of `ahead` that earlier

@@ -22,12 +22,15 @@ UNSTATED = Function.constant(np.nan)
 class ErrorModel(NamedTuple):
     """Errors of a model.
     turning: whether `nominal_model.turning` is needed.
-    stated: whether any of the four bounds is stated.
+    states_M, states_C, states_G, states_f: which of the four bounds are stated.
     M, C, G, f: the stated bounds, as functions of away (rad), speed (rad/s), t (s).
     q_0: (n,) rad, from which `away` counts."""
 
     turning: bool
-    stated: bool
+    states_M: bool
+    states_C: bool
+    states_G: bool
+    states_f: bool
     M: Function
     C: Function
     G: Function
@@ -37,7 +40,7 @@ class ErrorModel(NamedTuple):
     @classmethod
     def none(cls, n: int) -> ErrorModel:
         """Model without doubts, of an arm with n joints."""
-        return cls(False, False, UNSTATED, UNSTATED, UNSTATED, UNSTATED, np.zeros(n))
+        return cls(False, False, False, False, False, UNSTATED, UNSTATED, UNSTATED, UNSTATED, np.zeros(n))
 
     @classmethod
     def of(cls, scenario: Scenario, q_0: np.ndarray) -> ErrorModel:
@@ -45,13 +48,16 @@ class ErrorModel(NamedTuple):
         declared, duration = scenario.declared, scenario.simulation.duration
         M, C, G, f = (_function(declared, name, duration) for name in STATED_IN)
         return cls(
-            declared.link_centre > 0.0 or declared.link_shape > 0.0,
-            any(getattr(declared, name) is not None for name in STATED_IN),
-            M,
-            C,
-            G,
-            f,
-            q_0,
+            turning=declared.link_centre > 0.0 or declared.link_shape > 0.0,
+            states_M=declared.delta_M is not None,
+            states_C=declared.delta_C is not None,
+            states_G=declared.delta_G is not None,
+            states_f=declared.delta_f is not None,
+            M=M,
+            C=C,
+            G=G,
+            f=f,
+            q_0=q_0,
         )
 
 
@@ -92,14 +98,17 @@ def doubt(model, links, placements, q, q_dot, t, estimate):
     if model.turning:
         turning(links, placements, estimate)
     stated, away, speed = estimate.stated, 0.0, 0.0
-    if not model.stated:
-        stated.delta_M = stated.delta_C = stated.delta_G = stated.delta_f = np.nan
-        return
     for i in range(q.shape[0]):
         away += (q[i] - model.q_0[i]) ** 2
         speed += q_dot[i] ** 2
     away, speed = np.sqrt(away), np.sqrt(speed)
-    stated.delta_M = value_of(model.M, away, 0.0, 0.0, 0.0)
-    stated.delta_C = value_of(model.C, away, speed, 0.0, 0.0)
-    stated.delta_G = value_of(model.G, away, 0.0, 0.0, 0.0)
-    stated.delta_f = value_of(model.f, speed, t, 0.0, 0.0)
+    stated.delta_M = _usable(value_of(model.M, away, 0.0, 0.0, 0.0)) if model.states_M else np.nan
+    stated.delta_C = _usable(value_of(model.C, away, speed, 0.0, 0.0)) if model.states_C else np.nan
+    stated.delta_G = _usable(value_of(model.G, away, 0.0, 0.0, 0.0)) if model.states_G else np.nan
+    stated.delta_f = _usable(value_of(model.f, speed, t, 0.0, 0.0)) if model.states_f else np.nan
+
+
+@inline
+def _usable(bound):
+    """A stated bound; 0 where its formula has no finite value >= 0, which only an arm without that error keeps."""
+    return bound if 0.0 <= bound < np.inf else 0.0

@@ -17,11 +17,12 @@ from app.simulation.state import Flag, Judged, State, epoch_at
 from app.simulation.stations import APART
 from app.simulation.system import System
 from app.simulation.verdict import sentence
-from controllers.premises import Kept, Premise
+from controllers.premises import Kept, Premise, judge
 from controllers.switching import Switching
 from environments.contact import Holding
 
 Loop = TypeVar("Loop", bound=SampledLoop)
+SHARE = 0.02  # of a blend, between two judgements of the sampled loops
 
 
 class PremiseWatch:
@@ -38,6 +39,16 @@ class PremiseWatch:
         self._table = state.evaluation.views.table
         self._sampled: SampledLoop | None = None
         self._loops = SampledLoops(system)
+        self._share = 0.0
+
+    def follow(self, system: System, share: float) -> None:
+        """Follow a blend of the target model: the system with the model in force, and the share of the blend."""
+        self.system, self._share = system, share
+
+    @property
+    def model_has_moved(self) -> bool:
+        """Whether the target model has moved on in a blend since the sampled loops were judged."""
+        return abs(self._share - self._state.judged.share) >= SHARE
 
     def begin(self) -> None:
         """Begin an epoch: the theorem promises anew, from the present s."""
@@ -48,6 +59,8 @@ class PremiseWatch:
         self._arm.look(begun)
         state.evaluation.data["watched"] = begun.data["watched"]
         found = begun.views.table
+        judge.py_func(found, state.t)  # once more: the look has found what the period before it did not know
+        self._table.now[:] = found.now
         for premise in (Premise.LAYER, Premise.GAIN_BY_CHATTER):
             self._state_premise(premise, found.value[premise], found.limit[premise])
         if not found.now.any():
@@ -79,7 +92,7 @@ class PremiseWatch:
         if self._arm.settings.views.limits.pushes_only.any():
             absent = state.arm.views.holding.held[: len(system.surfaces)] == 0
             self._state_premise(Premise.CONTACT, float(absent.sum()), 0.0)
-        state.judged = Judged(None, np.full(system.robot.n, np.nan), state.t)
+        state.judged = Judged(None, np.full(system.robot.n, np.nan), state.t, self._share)
         self.heed_posture(nearest)
 
     def _state_premise(self, premise: Premise, value: float, limit: float) -> None:
@@ -93,20 +106,22 @@ class PremiseWatch:
         self.heed_posture(self._arm.look(self._state.evaluation))
 
     def heed_posture(self, nearest: int) -> None:
-        """Flag the run when q has left Omega, and judge the sampled loops when the arm has moved: near the reference at
-        a station, off the reference at the present posture. nearest: number of the nearest centre of Omega."""
+        """Flag the run when q has left Omega, and judge the sampled loops when the arm or the target model has moved:
+        near the reference at a station, off the reference at the present posture. nearest: number of the nearest centre
+        of Omega."""
         state, distance = self._state, self._table.value[Premise.DOMAIN]
         if distance > self.system.constants.radius:
             self.left("flag", f"q has left Ω, over which the constants of (19) were computed{self._outlasted}")
         station, judged, q = int(self._stations.of[nearest]), state.judged, state.arm.views.q
         if distance > APART:
-            if judged.station is None and np.abs(q - judged.q).max() <= APART:
+            if not self.model_has_moved and judged.station is None and np.abs(q - judged.q).max() <= APART:
                 return
-            state.judged = Judged(None, q.copy(), state.t)
-        elif station == judged.station:
+            state.judged = Judged(None, q.copy(), state.t, self._share)
+        elif station == judged.station and not self.model_has_moved:
             return
         else:
-            state.judged = Judged(station, self._stations.q[station], float(self._stations.t[station]))
+            at = self._stations.q[station], float(self._stations.t[station])
+            state.judged = Judged(station, *at, self._share)
         self._sampled = None
         for premise, value in self._judged_loop.premises.items():
             self._state_premise(premise, value, 1.0)
@@ -157,6 +172,11 @@ class PremiseWatch:
         if not controller.law.robust:
             return
         chatter, force = table.value[Premise.GAIN_BY_CHATTER], table.value[Premise.GAIN_BY_FORCE]
+        if controller.d is None and chatter == np.inf:
+            raise UnboundedGain(
+                f"{self._largest_doubt()}: with what is declared no inertia is left at this posture, M_hat - E of (6) "
+                "is not positive definite, so no gain by (17) suffices; allowed: a smaller one"
+            )
         others = "bounds = 'tight', " if controller.bounds == "paper" else ""
         others += f"controller.gain = 'constant', or a smaller {self._largest_doubt()}"
         if controller.d is None and chatter >= 1.0:

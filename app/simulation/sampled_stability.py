@@ -219,6 +219,11 @@ def _in_contact(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, np
     if kind.springs:
         B = B + felt @ environment.B_e[:k, :k] @ a.T
         K = K + felt @ environment.K_e[:k, :k] @ a.T
+    moved = at.estimate.J_v @ at.task.J_q_inv  # velocity of the tool point by that of r
+    for surface, contact in zip(system.surfaces, system.plant.contacts if kind.touches else (), strict=False):
+        normal = surface.chart(at.estimate.p, at.t).G[0]
+        along = moved - np.outer(normal, normal @ moved) / (normal @ normal)
+        B = B + contact.friction_viscous * (model.K_f @ (system.controller.controlled[:, None] * (moved.T @ along)))
     first, K_t = system.plant.contacts[0], system.scenario.face.K_t
     for a in at.turning.T:
         felt = model.K_f @ np.outer(system.controller.controlled * a, a)

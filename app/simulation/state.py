@@ -28,11 +28,13 @@ from kernels.records import Record
 class Judged(NamedTuple):
     """Posture at which the sampled loops were judged last.
     station: along the reference, None off it.
-    q, t: (n,) rad and s."""
+    q, t: (n,) rad and s.
+    share: of a blend of the target model, at that instant."""
 
     station: int | None
     q: np.ndarray
     t: float
+    share: float
 
 
 class Flag(NamedTuple):
@@ -92,7 +94,7 @@ class State:
             along=None,
             grip=None,
             epoch=Epoch(t, system.scenario, system.controller.model, UNPROMISED, blend=system.blend),
-            judged=Judged(None, np.full(system.robot.n, np.nan), t),
+            judged=Judged(None, np.full(system.robot.n, np.nan), t, 0.0),
             stopped=None,
             flagged=None,
         )

@@ -85,12 +85,13 @@ class Standing:
             return self._promise("broken", self._broken())
         if self.stopped is not None:
             return self._promise("nothing promised", f"the run has stopped: {self.stopped}")
-        if self.waiting:
-            return self._promise("nothing promised", "the next control period judges what was changed")
         failing = [p for p in Premise if self.table.now[p]]
         if failing:
             return self._promise("nothing promised", self._said(failing[0]))
-        if not self.kept.standing and self.kept.periods:
+        if self.waiting:
+            what = " what was changed" if self.kept.periods else ""
+            return self._promise("nothing promised", f"the next control period judges{what}")
+        if not self.kept.standing:
             return self._promise("nothing promised", "a premise failed a control period ago")
         return self._promise(
             "holds", f"all premises hold, and ‖s‖ is under (20) and the band, since t = {self.kept.since:.4g} s"
@@ -101,9 +102,9 @@ class Standing:
         """Reason of the verdict on this instant, in a few words."""
         if self.stopped is not None:
             return "stopped"
-        if self.waiting:
-            return "judged with the next control period"
         usual = f"all premises hold since t = {self.kept.since:.4g} s" if self.kept.standing else ""
+        if self.waiting:
+            usual = "judged with the next control period"
         return next((f"premise not met: {STATEMENTS[p].title}" for p in Premise if self.table.now[p]), usual)
 
     @property
@@ -121,6 +122,8 @@ class Standing:
             )
         if self.stopped is not None:
             return self._promise("nothing promised", f"the run has stopped: {self.stopped}")
+        if not self.kept.periods:
+            return self._promise("nothing promised", "no control period has been computed")
         return self._promise("holds", "all premises held, and ‖s‖ stayed under (20) and the band")
 
     def _broken(self) -> str:

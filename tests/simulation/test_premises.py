@@ -15,7 +15,7 @@ from app.cli.status import BROKEN, DONE, UNPROMISED
 from app.dashboard.widgets.premise_table import premises_html
 from app.scenario.caption import promised
 from app.scenario.data import edited, shipped
-from app.scenario.errors import ScenarioError
+from app.scenario.errors import ScenarioError, UnboundedGain
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
@@ -25,7 +25,8 @@ from app.simulation.compiled_run import CompiledRun
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.sampled_stability import sampled_loop
 from app.simulation.stations import APART
-from controllers.premises import STATEMENTS, Premise
+from controllers.bounds import inertia_spread
+from controllers.premises import STATEMENTS, Premise, periods_between_looks
 from tests.support.arms import random_spd
 
 pytestmark = pytest.mark.slow  # long or many simulations
@@ -269,6 +270,32 @@ def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
     assert judged_value(loop) != before
 
 
+@pytest.mark.parametrize("compiled", [False, True], ids=["pinocchio", "compiled"])
+def test_during_a_blend_the_sampled_loops_are_those_of_the_model_in_force(*, compiled: bool) -> None:
+    """The force loop of the model at the end diverges, and that is said as soon as the one in force does."""
+    still = edited(changed("ur5-constrained"), "motion", {"kind": "hold"})
+    blend = {"to": {"M_m": [2.0, *5 * [10.0]]}, "at": 0.0, "over": 4.0}
+    loop, begun, factors = ClosedLoop(edited(still, "blend", blend)), 0.0, list[float]()
+    while loop.t < 3.9 and loop.stopped is None:
+        if compiled:
+            CompiledRun(loop).advance(20)
+        else:
+            for _ in range(20):
+                loop.advance()
+        judged = loop.state.judged
+        fresh = sampled_loop(loop.system, judged.q, judged.t)
+        value = loop.state.evaluation.part("table").value[Premise.FORCE_LOOP]
+        assert value == pytest.approx(fresh.premises[Premise.FORCE_LOOP], abs=0.15)
+        factors.append(fresh.force_factor)
+        if not begun and value >= 1.0:
+            begun = loop.t
+    assert factors[0] > 0.3
+    assert min(factors) < -1.0
+    assert 1.0 < begun < 3.0
+    failed = loop.state.evaluation.part("table").failed[Premise.FORCE_LOOP]
+    assert failed == pytest.approx(begun, abs=0.05)
+
+
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-corner", "ur5-constrained", "ur5-corner-rigid"])
 def test_sampled_loops_are_judged_anew_but_for_another_force(name: str) -> None:
     """What is asked of the force changes no sampled loop, so that a slider that moves it need not wait for them."""
@@ -399,3 +426,81 @@ def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> No
     whole = ClosedLoop(shipped()["ur5-hybrid"])
     CompiledRun(whole).advance(3000)
     assert whole.warning is None
+
+
+def test_before_the_first_period_nothing_is_promised() -> None:
+    sound = ClosedLoop(changed("ur5-hybrid")).standing
+    assert (sound.now.verdict, sound.now.because) == ("nothing promised", "the next control period judges")
+    assert (sound.run.verdict, sound.run.because) == ("nothing promised", "no control period has been computed")
+    assert all(finding.holds for finding in sound.findings)
+    for fields, said in (
+        ({"controller__law": "computed-torque"}, "the law is not the robust one"),
+        ({"truth__link_scaling": 1.3}, "the true arm is outside the declared set"),
+    ):
+        standing = ClosedLoop(changed("ur5-hybrid", **fields)).standing
+        assert said in standing.now.because
+        assert [finding.holds for finding in standing.findings].count(False) == 1
+
+
+def test_a_layer_that_is_too_thin_leaves_no_promised_instant_and_one_that_is_mended_has_one() -> None:
+    loop = ClosedLoop(changed("ur5-motion", controller__layer=0.001))
+    assert loop.state.epoch.banded_by is None
+    loop.advance()
+    loop.edit(edited(loop.system.scenario, "controller.layer", 0.01))
+    assert loop.state.epoch.banded_by is not None
+    loop.edit(edited(loop.system.scenario, "controller.layer", 0.001))
+    assert loop.state.epoch.banded_by is None
+
+
+def test_without_a_layer_the_robust_terms_have_a_limit_too() -> None:
+    """From (λ_max(K_s) + ¼ λ_min(K_s)) T = 2 λ_min(H) on, s may grow each period, and (c) of docs/theory.md has no
+    value."""
+    given = {"controller__switching": "discontinuous", "controller__gain": "constant", "controller__d": 50.0}
+    watched = ClosedLoop(changed("ur5-motion", **given)).state.evaluation.part("watched")
+    limit = 2.0 * watched.low / 1.25e-3
+    for share, holds in ((0.98, True), (1.02, False)):
+        loop = ClosedLoop(changed("ur5-motion", **given, controller__K_s=[share * limit] * 6))
+        table, watched = loop.state.evaluation.part("table"), loop.state.evaluation.part("watched")
+        assert bool(table.now[Premise.LAYER]) is not holds
+        assert np.isfinite(watched.radius) == holds
+
+
+def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> None:
+    """M_hat - E is positive definite at some postures of Omega only."""
+    given = {"declared__link_centre": 0.06, "controller__gain": "constant", "controller__d": 5.0}
+    system = ClosedLoop(changed("planar3r-hybrid", **given)).system
+    random, found = np.random.default_rng(0), set[bool]()
+    loop = ClosedLoop(system.scenario)
+    for _ in range(40):
+        loop.state.arm.views.q[:] = system.q_0 + random.uniform(-0.1, 0.1, 3)
+        evaluated = loop._arm.evaluated()
+        loop._arm.look(evaluated)
+        estimate, u = evaluated.part("seen").estimate, system.controller.gains.uncertainty
+        E = np.zeros((3, 3))
+        inertia_spread.py_func(u, estimate, E)
+        definite = bool(np.linalg.eigvalsh(estimate.M_hat - E)[0] > 0.0)
+        found.add(definite)
+        assert (evaluated.part("watched").low > 0.0) == definite
+        assert (evaluated.part("table").value[Premise.LAYER] < np.inf) == definite
+    assert found == {False, True}
+    doubted = ClosedLoop(changed("ur5-hybrid"))
+    doubted.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER] = np.inf
+    with pytest.raises(
+        UnboundedGain, match=r"declared\.link_scaling: .* no inertia is left .*; allowed: a smaller one"
+    ):
+        doubted._watch.require_bounded_gain()
+
+
+def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:
+    """The formula is tried up to simulation.duration; later it is the root of a negative number."""
+    loop = ClosedLoop(changed("ur5-motion", declared__delta_f="1 + sqrt(0.31 - t)", truth__disturbance=0.5))
+    CompiledRun(loop).advance(300)
+    assert loop.standing.run.verdict == "holds"
+    CompiledRun(loop).advance(100)
+    table = loop.state.evaluation.part("table")
+    assert table.failed[Premise.DECLARED] == pytest.approx(0.311, abs=0.0015)
+    assert "‖f̃‖ = 0.5 N·m > declared 0 N·m" in loop.standing.now.because
+
+
+def test_a_long_control_period_does_not_space_out_the_looks() -> None:
+    assert [periods_between_looks.py_func(T) for T in (2e-4, 1e-3, 4e-3, 0.05)] == [40, 40, 10, 1]

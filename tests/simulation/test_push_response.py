@@ -75,6 +75,20 @@ def test_a_known_arm_has_the_targets_impedance_as_sampling_becomes_fine() -> Non
     assert apart[2] < 0.01
 
 
+def test_viscous_friction_along_a_surface_is_in_the_target_beside_the_sampled_loop() -> None:
+    """(8) with its measured force: friction damps the two directions along the surface, and not that across."""
+    pressed = edited(known_arm(period=0.0005), "contact", {"kind": "elastic", "K_e": 1e4, "friction_viscous": 90.0})
+    system = assemble(pressed)
+    loop = sampled_loop(system, system.q_0, 0.0)
+    along, across = np.roots([8.0, 120.0 + 90.0, 700.0]), np.roots([8.0, 120.0, 700.0 + 1e4])
+    for poles, times in ((along, 2), (across, 1)):
+        for pole in poles:
+            assert (np.abs(loop.model - pole) < 1e-6 * abs(pole)).sum() == times
+            assert np.abs(loop.sampled - pole).min() < 0.04 * abs(pole)
+    free = assemble(edited(pressed, "contact.friction_viscous", 0.0))
+    assert np.abs(sampled_loop(free, free.q_0, 0.0).model - along[0]).min() > 1.0
+
+
 @pytest.mark.slow  # long simulations
 @pytest.mark.parametrize(
     ("scenario", "sensor"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,7 +14,7 @@ from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.errors import ScenarioError
 from app.scenario.field_info import field_info
 from app.scenario.schema import Scenario
-from app.session.changes import in_coordinates, in_mode, on_robot, possible, told
+from app.session.changes import in_coordinates, in_mode, on_robot, possible, told, with_robot
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
@@ -112,6 +114,22 @@ def test_the_angle_error_is_that_of_the_planar_arms_sum_of_joints() -> None:
     assert found is not None
     assert (found.path_rms, found.path_max) == (None, None)
     assert found.angle_max == pytest.approx(largest, rel=1e-6)
+
+
+@pytest.mark.parametrize("roll", [0.6, 0.5 * np.pi, np.pi])
+def test_the_angle_of_a_planar_arm_is_about_the_worlds_axis_whatever_the_frame_of_its_tool(
+    roll: float, tmp_path: Path
+) -> None:
+    text = (Path(__file__).parents[2] / "static" / "robots" / "planar3r.urdf").read_text()
+    path = tmp_path / "rolled.urdf"
+    path.write_text(text.replace('<origin xyz="0.15 0 0"/>', f'<origin xyz="0.15 0 0" rpy="{roll} 0 0"/>', 1))
+    system = assemble(with_robot(edited(load("planar3r-hybrid"), "truth", {}), {"urdf": str(path)}))
+    random, l = np.random.default_rng(3), system.layout.l
+    for _ in range(5):
+        moved, q_dot = random.uniform(-0.4, 0.4, 3), random.uniform(-1.0, 1.0, 3)
+        task = system.observe(system.q_0 + moved, q_dot, 0.0)[1]
+        assert task.r[2] / l == pytest.approx(-moved.sum(), abs=1e-9)  # every joint turns about -y
+        assert task.r_dot[2] / l == pytest.approx(-q_dot.sum(), abs=1e-9)
 
 
 def test_joints_and_planar_tools_that_only_move_have_no_angle_error() -> None:

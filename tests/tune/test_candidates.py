@@ -30,7 +30,7 @@ def test_a_candidate_is_as_good_as_its_worst_arm() -> None:
     ("run", "badge"),
     [
         ({"failed": "held, gain", "verdict": "nothing promised"}, "over its limit: d covers (17)"),
-        ({"failed": "layer"}, "over its limit: boundary layer, sampled"),
+        ({"failed": "layer"}, "over its limit: robust terms, sampled"),
         ({"failed": "force_loop"}, "over its limit: force loop, sampled"),
         ({"failed": "sampled_loop"}, "over its limit: closed loop, sampled"),
         ({"verdict": "broken"}, "the promise was broken"),

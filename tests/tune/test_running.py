@@ -94,7 +94,7 @@ def test_a_candidate_that_changes_nothing_is_not_offered_and_one_that_changes_on
 def test_a_candidate_over_a_limit_is_kept_with_its_badge_and_not_offered(found: Found) -> None:
     badges = {each.number: each.badge for each in found.candidates if each.badge}
     assert len(found.candidates) == TUNING.points
-    assert any("boundary layer, sampled" in badge for badge in badges.values())
+    assert any("robust terms, sampled" in badge for badge in badges.values())
     assert not badges.keys() & outcome.files_of(TUNING, found).keys()
 
 

@@ -156,7 +156,7 @@ def loops_html(snapshot: Snapshot) -> str:
     if math.isfinite(factor := live.get("force_loop_factor", math.nan)):
         rows.append(("sampled force loop, |factor| &lt; 1", judged(factor, low=-1.0, high=1.0)))
     if math.isfinite(factor := live.get("layer_loop_factor", math.nan)):
-        rows.append(("boundary layer, loop factor &lt; 2", judged(factor, high=2.0)))
+        rows.append(("robust terms, loop factor &lt; 2", judged(factor, high=2.0)))
     rows += _margins(snapshot.sampled.force_loop)
     body = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in rows)
     return (f'<table class="vs-facts">{body}</table>' if rows else "") + _sampled_poles(snapshot)
