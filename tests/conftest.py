@@ -43,11 +43,14 @@ def no_fault(request: pytest.FixtureRequest, logged_faults: list[EventDict]) -> 
 
 
 @pytest.fixture(scope="session")
-def known_constants() -> object:
-    """What this process has searched for over Omega. Never on a disk: there it would outlive a change of the search."""
+def known_constants(tmp_path_factory: pytest.TempPathFactory) -> object:
+    """What the processes of this test run have searched for over Omega, in a folder of the run."""
     from app.simulation.search_memory import Memory
+    from app.storage.constants_store import ConstantsStore
 
-    return Memory()
+    own = tmp_path_factory.getbasetemp()
+    run = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+    return Memory(ConstantsStore(run / "constants", kept=100_000))
 
 
 @pytest.fixture(autouse=True)

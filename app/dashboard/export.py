@@ -24,6 +24,7 @@ from app.session.snapshot import snapshot_of
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
+from app.storage.constants_store import kept_memory
 from app.storage.recording_files import TooLarge, table, write_csv, write_npz
 from parameters import allowed
 
@@ -102,7 +103,7 @@ def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Pat
 
 def _figure(stretch: ExportedStretch, choice: FigureChoice) -> Figure:
     """Figure of the stretch. Raises ScenarioError, and ValueError for an empty stretch."""
-    snapshot = snapshot_of(ClosedLoop(stretch.scenario, history=1))
+    snapshot = snapshot_of(ClosedLoop(stretch.scenario, history=1, memory=kept_memory()))
     if not stretch.recording.epochs:  # files of earlier versions do not hold the changes during the run
         stretch.recording.epochs.extend(snapshot.recording.epochs)
     snapshot = replace(snapshot, recording=stretch.recording)

@@ -30,6 +30,7 @@ from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
 from app.session.timeline import NAME, Pinned
 from app.simulation.closed_loop import ClosedLoop
+from app.storage.constants_store import kept_memory
 from app.storage.recording_files import read_npz, table, write_npz
 from app.storage.session_index import OFFER, SESSION, Index, SavedRun, StateError, decoded, occupied
 
@@ -101,7 +102,7 @@ class StateFolder:
         It takes seconds. The offer stays until a session is saved that goes on with it. Raises ScenarioError where the
         offer's scenario cannot run now.
         """
-        ClosedLoop(offer.scenario, history=1)
+        ClosedLoop(offer.scenario, history=1, memory=kept_memory())
         runs, problems = [], []
         for saved in offer.runs:
             try:
@@ -283,7 +284,7 @@ def _read(path: Path) -> Index:
 
 def _pinned(saved: SavedRun, path: Path) -> Pinned:
     scenario, recording = read_npz(path)
-    loop = ClosedLoop(scenario, history=1)
+    loop = ClosedLoop(scenario, history=1, memory=kept_memory())
     if recording.n != loop.system.layout.n or not len(recording):
         raise StateError(f"{path} does not fit its own scenario")
     if not recording.epochs:  # files of earlier versions do not hold the changes during the run

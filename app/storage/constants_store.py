@@ -36,10 +36,10 @@ def _checksum(name: str, numbers: Numbers) -> str:
 
 class ConstantsStore:
     """Constants kept on disk, a `search_memory.AnswerStore`: in a folder, by default that of the kernels. Disk errors
-    are ignored."""
+    are ignored. kept: number of files from which on half of them are removed."""
 
-    def __init__(self, folder: Path | None = None) -> None:
-        self._folder = folder if folder is not None else cache_folder() / "constants"
+    def __init__(self, folder: Path | None = None, kept: int = KEPT) -> None:
+        self._folder, self._kept = folder if folder is not None else cache_folder() / "constants", kept
 
     def read(self, key: str, count: int) -> Numbers | None:
         """See `search_memory.AnswerStore`."""
@@ -76,9 +76,9 @@ class ConstantsStore:
         return self._folder / (hashlib.sha256(f"{self._version} {key}".encode()).hexdigest() + ".json")
 
     def _make_room(self) -> None:
-        files = list(islice(self._folder.iterdir(), KEPT))
-        if len(files) == KEPT:
-            for file in files[: KEPT // 2]:
+        files = list(islice(self._folder.iterdir(), self._kept))
+        if len(files) == self._kept:
+            for file in files[: self._kept // 2]:
                 file.unlink(missing_ok=True)
 
     @cached_property

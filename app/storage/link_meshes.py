@@ -61,11 +61,18 @@ def link_meshes(robot: Robot) -> Meshes:
     try:
         if not robot.shipped and next(urdf.read(robot.urdf).iter("mesh"), None) is not None:
             return _read_apart(robot.urdf, robot.urdf.stat().st_mtime_ns)
-        here.set_result(tuple(read(robot.urdf)))
+        here.set_result(_read_here(robot.urdf) if robot.shipped else tuple(read(robot.urdf)))
     except Exception as error:  # whatever readers of meshes raise: the arm can be shown without meshes
         log.warning("visuals not shown", urdf=str(robot.urdf), reason=str(error))
         here.set_result(())
     return here
+
+
+# the arm, its ghost and pinned runs of it look alike
+@lru_cache(maxsize=4)
+def _read_here(path: Path) -> tuple[LinkMesh, ...]:
+    """Meshes of a shipped arm, read in this process and only once. Raises whatever their readers raise."""
+    return tuple(read(path))
 
 
 def read(path: Path) -> Iterator[LinkMesh]:

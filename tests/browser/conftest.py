@@ -144,10 +144,16 @@ def own_session(browser: Browser) -> Iterator[PageSession]:
 
 
 @pytest.fixture
-def own_page(shared: tuple[SharedPage, Pages]) -> Iterator[None]:
-    """For a test whose page must be a new one, or which leaves something in it that nothing else takes away."""
+def new_page(shared: tuple[SharedPage, Pages]) -> None:
+    """For a test whose page must be a new one, or which opens the only page itself."""
     page, _ = shared
     page.discard()
+
+
+@pytest.fixture
+def spent_page(shared: tuple[SharedPage, Pages]) -> Iterator[None]:
+    """For a test that leaves something in its page that nothing else takes away."""
+    page, _ = shared
     yield
     page.discard()
 
@@ -157,7 +163,7 @@ def session(
     shared: tuple[SharedPage, Pages], served: tuple[Dashboard, Runner], request: pytest.FixtureRequest
 ) -> Iterator[PageSession]:
     """A page of a loop that has just begun, its console free of errors; it rests between such tests. The page may be
-    that of the test before, put back in order: see `own_page`."""
+    that of the test before, put back in order: see `new_page` and `spent_page`."""
     page, pages = shared
     _, runner = served
     yield page.begin_anew()

@@ -18,7 +18,7 @@ from app.session.snapshot import Snapshot
 from drivers.pages import CHARTS, SHOWN, PageSession
 
 
-@pytest.mark.usefixtures("own_page")
+@pytest.mark.usefixtures("new_page", "spent_page")
 def test_the_page_comes_up_and_shows_the_running_loop(session: PageSession):
     page = session.page
     page.locator("canvas[data-engine]").wait_for()

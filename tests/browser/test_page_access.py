@@ -16,7 +16,7 @@ from app.dashboard.plots.charts import ChartLine, Drawing, Setup
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.theme.colors import RUNS, css
 from app.scenario.data import shipped
-from app.session.commands import Edit
+from app.session.commands import Edit, Pause
 from app.session.runner import Runner
 from drivers.pages import PageSession, wait_without_notice
 from tests.support.axe import violations
@@ -50,6 +50,8 @@ def test_axe_finds_nothing_on_a_phone_and_every_target_is_as_large_as_a_finger(
     page = open_page(served[0].url, **PHONE)
     page.locator("main, [role=main]").wait_for()
     page.locator(".uplot").first.wait_for()
+    served[1].post(Pause())
+    page.locator(".vs-status[data-phase=paused]").wait_for(state="attached")
     assert lasting(page, violations) == []
     wait_without_notice(page)
     assert not page.evaluate(SMALL)
@@ -58,6 +60,7 @@ def test_axe_finds_nothing_on_a_phone_and_every_target_is_as_large_as_a_finger(
 def test_the_keyboard_reaches_every_control_and_shows_where_it_is(session: PageSession):
     page = session.page
     page.get_by_role("button", name="ψ₁", exact=True).wait_for()
+    session.runner.post(Pause())  # what moves makes a look slow
     page.locator("canvas[data-engine]").click(position={"x": 20, "y": 200})
     reached = []
     for _ in range(200):
@@ -141,7 +144,7 @@ def test_the_keyboard_leads_from_event_to_event(session: PageSession):
     session.wait(lambda now: not now.looking_back)
 
 
-@pytest.mark.usefixtures("own_page")
+@pytest.mark.usefixtures("new_page")
 def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
 ):

@@ -8,7 +8,7 @@ from drivers.pages import PageSession
 from tests.support.layout import lasting_faults
 
 
-@pytest.mark.usefixtures("own_page")
+@pytest.mark.usefixtures("new_page", "spent_page")
 def test_a_second_surface_is_put_beside_the_tool_pressed_and_taken_away(session: PageSession):
     page = session.page
     session.tab("World")

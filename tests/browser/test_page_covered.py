@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import expect
 
+from app.session.commands import Pause
 from drivers.pages import PageSession
 
 # Controls that something else would take the press of, each after it was scrolled into view: name and what lies there.
@@ -48,9 +49,10 @@ def drag_dock(session: PageSession, side: str, to: float) -> None:
     session.page.mouse.up()
 
 
-@pytest.mark.usefixtures("own_page")
+@pytest.mark.usefixtures("spent_page")
 def test_no_control_is_covered_at_any_size_and_dock_width(session: PageSession):
     page = session.page
+    session.runner.post(Pause())  # what moves makes a look slow
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
         require_nothing_covered(session, f"{width} x {height}")
@@ -61,7 +63,7 @@ def test_no_control_is_covered_at_any_size_and_dock_width(session: PageSession):
         require_nothing_covered(session, f"docks to {left} and {right} of 1280")
 
 
-@pytest.mark.usefixtures("own_page")
+@pytest.mark.usefixtures("spent_page")
 def test_controls_that_are_folded_away_leave_timeline_buttons_and_style(session: PageSession):
     """viser takes down what it collapses. By mouse and by key; a plot is then enlarged over the whole window."""
     page = session.page
@@ -82,7 +84,7 @@ def test_controls_that_are_folded_away_leave_timeline_buttons_and_style(session:
         session.wait(lambda now: now.phase == "paused")
         plot.hover()
         plot.get_by_role("button", name="enlarge").click()
-        page.wait_for_function("document.querySelector('[data-large]').getBoundingClientRect().width > 1150")
+        page.wait_for_function("document.querySelector('[data-large]')?.getBoundingClientRect().width > 1150")
         page.keyboard.press("Escape")
         page.mouse.click(1268, 400)  # the strip that is left of them
         expect(page.get_by_role("tab", name="Task", exact=True)).to_be_visible()
@@ -90,11 +92,12 @@ def test_controls_that_are_folded_away_leave_timeline_buttons_and_style(session:
     expect(scene).to_be_visible()
 
 
-@pytest.mark.usefixtures("own_page")
+@pytest.mark.usefixtures("spent_page")
 def test_the_presentation_has_the_sliders_moved_last_of_any_tab_and_covers_nothing(session: PageSession):
     page = session.page
     session.choose("Scenario", "Panda presses, elbow angle added (Remark 5)")
     session.wait(lambda now: len(now.coordinates) == 7)
+    session.runner.post(Pause())
     for tab, label in (
         ("Task", "F_d [N]"),
         ("Controller", "K_s [N·s/m]"),

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, expect
 
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.plot_table import CAUSES, TABS
-from app.session.commands import Edit, Pause, Reset
+from app.session.commands import Edit, Pause, Play, Reset
 from drivers.pages import CHARTS, SHOWN, PageSession
 
 FULL = f"{SHOWN}.length && {SHOWN}.every((c) => c.data[0].length > 20 && c.data.length > 1)"
@@ -27,6 +27,8 @@ def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: PageSess
     page = session.page
     setup = Setup.of(session.runner.snapshot, 0, 0)
     drawn = {name: [plot for plot in tab.plots if plot.draw(setup) is not None] for name, tab in TABS.items()}
+    page.wait_for_function(FULL)
+    session.runner.post(Pause())  # what moves makes a look slow
     for name in TABS:
         session.tab(name)
         page.wait_for_function(f"{SHOWN}.length === {len(drawn[name])} && {FULL}")
@@ -35,11 +37,12 @@ def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: PageSess
         )
         assert all(spread), (name, spread)
     assert page.evaluate(f"{CHARTS}.length") == sum(len(plots) for plots in drawn.values())
+    session.runner.post(Play())
     # not at once: what was on its way to the tab before is drawn
     session.wait(lambda _: page.evaluate(DRAWN, 1500) == [len(TABS["Residual"].plots), 0])
 
 
-@pytest.mark.usefixtures("own_page")
+@pytest.mark.usefixtures("spent_page")
 def test_the_chosen_window_moves_the_axes_and_builds_no_chart_anew(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 4.5)
@@ -191,7 +194,6 @@ def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: P
     assert [page.evaluate(value, name) for name in ("reaching", "sliding", "t_r ≤ (18)", "t_r")] == 4 * [""]
 
 
-@pytest.mark.usefixtures("own_page")
 def test_two_cursors_measure_a_step(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 2.0)
@@ -252,13 +254,14 @@ def test_an_axis_has_three_numbers_that_stand_apart_however_low_its_plot(browser
     ends = [(6, 100), (4, 70), (30, 40), (3, 9), (0.004, 0.01), (0.1, 100), (0.001, 10), (1, 10), (2, 3), (8, 20)]
     cases = [("decades", *pair) for pair in ends] + [("three", 0, high / 10) for high in range(11, 120)]
     cases += [("three", -1.1, 3.0), ("three", 0, 3.95), ("three", 1.9, 5.85)]
-    for kind, low, high in cases:
-        for tall in (51, 77, 182):
-            asked = {"kind": kind, "low": low, "high": high, "tall": tall}
-            numbers = page.evaluate(NUMBERS, asked)
-            places = sorted(place for _, place, _ in numbers)
-            assert len(numbers) >= 3, asked
-            assert min(b - a for a, b in pairwise(places)) > 12.0, (asked, numbers)
-            assert all(low - 1e-9 <= value <= high + 1e-9 for value, _, _ in numbers), (asked, numbers)
-            assert all(abs(value - at) < 1e-6 * (high - low) for value, _, at in numbers), (asked, numbers)
+    each = [
+        {"kind": kind, "low": low, "high": high, "tall": tall} for kind, low, high in cases for tall in (51, 77, 182)
+    ]
+    for asked, numbers in zip(each, page.evaluate(f"(each) => each.map({NUMBERS})", each), strict=True):
+        low, high = asked["low"], asked["high"]
+        places = sorted(place for _, place, _ in numbers)
+        assert len(numbers) >= 3, asked
+        assert min(b - a for a, b in pairwise(places)) > 12.0, (asked, numbers)
+        assert all(low - 1e-9 <= value <= high + 1e-9 for value, _, _ in numbers), (asked, numbers)
+        assert all(abs(value - at) < 1e-6 * (high - low) for value, _, at in numbers), (asked, numbers)
     page.close()

@@ -185,7 +185,6 @@ def test_camera_and_switches_are_the_pages_and_not_the_runs(scene: Scene):
     assert session.now.phase == "running"
 
 
-@pytest.mark.usefixtures("own_page")
 def test_legend_and_labels_lie_over_nothing_whatever_the_window(session: PageSession):
     page = session.page
     page.locator(".vs-legend-button").click()
@@ -209,6 +208,8 @@ def test_legend_and_labels_lie_over_nothing_whatever_the_window(session: PageSes
             arg=parts,
             polling=300,
         )
+    page.locator(".vs-legend-button").click()
+    page.locator(".vs-legend").wait_for(state="hidden")
 
 
 # Colour of the scene at a place of the page, 0 to 255: the last picture is kept.

@@ -7,7 +7,7 @@ from playwright.sync_api import expect
 
 from app.dashboard.widgets.chosen_sliders import MOST
 from app.dashboard.widgets.guided_minute import steps
-from app.session.commands import Edit, PushNow
+from app.session.commands import Edit, Pause, PushNow
 from controllers.modes import MODES
 from drivers.pages import SHOWN, PageSession
 
@@ -43,8 +43,8 @@ def test_the_timeline_has_a_tick_for_what_has_happened_and_leads_there(session: 
     session.wait(lambda now: now.phase == "running" and now.t > pushed + 0.2)
 
 
-@pytest.mark.usefixtures("own_page")
 def test_nothing_lies_over_the_timeline_whatever_the_window(session: PageSession):
+    session.runner.post(Pause())  # what moves makes a look slow
     parts = [".vs-timeline button", "div:has(> .vs-timeline) + div input", "div:has(> .vs-ticks) + form input"]
     scenario = session.page.get_by_label("Scenario", exact=True)
     for width, height in ((1024, 768), (1280, 720), (1920, 1080), (390, 844)):
@@ -75,6 +75,7 @@ def test_the_guided_minute_leads_through_the_five_modes(session: PageSession):
 
 def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: PageSession):
     page = session.page
+    session.runner.post(Pause())
     font = "Number(getComputedStyle(document.querySelector('.vs-title')).fontSize.replace('px', ''))"
     small = page.evaluate(font)
     rows = page.locator("form:has(.mantine-Slider-root):visible")

@@ -142,7 +142,7 @@ def test_no_unstable_blend_is_certified() -> None:
     assert counts["wrong"] == 0
     assert counts["refused"] > 5
     assert counts["eigenvalues"] > 50
-    of_axes = section.decoupled(3, 2000)
+    of_axes = section.decoupled(3, 800)
     assert of_axes["wrong"] == 0
     assert of_axes["theorem 4"] > 200
 

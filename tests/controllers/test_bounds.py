@@ -24,7 +24,7 @@ from environments.truth import Truth
 from tests.support.arms import CERTAIN, ROBOTS, State, charted, random_law, random_reference
 
 CHART = "sphere outside"  # moves, and is curved
-PLANTS = 250  # per arm: 1,500 in all
+PLANTS = 100  # per arm: 600 in all
 DECLARED = Uncertainty(0.25, 0.3, 1.5, 0.08, 0.6, 0.4, 3.0, 2.0, 0.4, k_C=np.nan, rho_centre=0.01, rho_shape=0.2)
 CAUSES = (
     "rho", "rho_rotor", "rho_centre", "rho_shape", "payload_mass", "coulomb", "viscous", "disturbance", "force_error",

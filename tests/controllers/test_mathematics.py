@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 import pytest
-from numba import njit
 from scipy.linalg import expm
 
 from app.simulation.system import System
@@ -18,7 +17,8 @@ from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain, TargetModel, require_spd
 from controllers.task_space import TaskSpace
-from environments.contact import Contact, ContactKinematics, Contacts, Face, ToolContacts, World, add_drift, touch_at
+from environments.acceleration import Arm, PlantWorkspace, accelerate_heavy
+from environments.contact import Contact, ContactKinematics, Contacts, Face, World
 from environments.coupled_surfaces import EnvironmentMatrices
 from environments.force_profiles import table as forces
 from environments.force_profiles.sinusoid import ForceSinusoid
@@ -188,12 +188,6 @@ def test_gravity_link_by_link(robot: str, random: np.random.Generator) -> None:
         np.testing.assert_allclose(G_links[link - 1], gravity, atol=1e-10)
 
 
-@njit(error_model="numpy")
-def touch_of_point(world, J, J_dot, axes, p, p_dot, t, touch):
-    touch_at(world[0], J, axes, p, p_dot, t, touch[0])
-    add_drift(world[0], J, J_dot, p_dot, touch[0])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("chart", CHARTS[2:])
 def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.Generator) -> None:
@@ -203,14 +197,17 @@ def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.
     u, v = random.standard_normal((2, 3))
     contacts = Contacts.of((Contact(0.0, 0.0, 1.0, False, 0.0, 0.0),))
     environment = EnvironmentMatrices.apart(*np.zeros((3, shapes.number)))
-    world = Record(World(np.zeros(3), Face.point(), shapes, contacts, False, environment)).data
+    world = World(np.zeros(3), Face.point(), shapes, contacts, False, environment)
+    around = Record(PlantWorkspace.of(world, charted("ur5", chart).plant.truth.resistance, 3))
+    state, M, turned, still = Record.zeros(Arm, 3), np.eye(3), np.eye(3, order="F"), np.zeros(3)
 
     def touch(time: float, p: np.ndarray, p_dot: np.ndarray, p_ddot: np.ndarray) -> ContactKinematics:
         """Of three orthogonal sliders whose directions turn just so that p_ddot follows without their acceleration."""
-        J, J_dot, at = np.eye(6, 3), np.zeros((6, 3)), Record(ToolContacts.zeros(3))
+        J, J_dot = np.eye(6, 3, order="F"), np.zeros((6, 3), order="F")
         J_dot[:3] = np.outer(p_ddot, p_dot) / max(p_dot @ p_dot, 1e-9)
-        touch_of_point(world, J, J_dot, np.eye(3), p, p_dot, time, at.data)
-        return at.read().first
+        state.views.q_dot[:] = p_dot
+        accelerate_heavy(around.data, M, still, J, J_dot, turned, p, state.data, still, time)
+        return around.read().touch.first
 
     def phi(time: float) -> float:
         p = middle + swing * (u * np.sin(2 * time) + v * np.cos(3 * time))

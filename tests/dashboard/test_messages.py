@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from html import escape
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -21,7 +22,7 @@ from app.dashboard.transport.visible_tabs import AWAY, VisibleTabs
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.scene_buttons import reaching
-from app.scenario.data import load
+from app.scenario.data import load, shipped
 from app.scenario.errors import ScenarioError
 from app.session.autosave import Offer
 from app.session.commands import Edit, Reset, ToEnd
@@ -63,6 +64,25 @@ def test_a_run_at_rest_sends_nothing_and_a_moving_one_does(dashboard: Dashboard)
     runner._newest = runner._publish()
     assert frame() > 10
     assert frame() == 0
+
+
+@pytest.mark.parametrize("name", list(shipped()))
+def test_every_shipped_scenario_is_shown_under_its_title_without_a_complaint(dashboard: Dashboard, name: str) -> None:
+    scenario = load(name)
+    runner = Runner(scenario)
+    dashboard.attach(runner)
+    view = dashboard._content
+    assert view is not None
+    for steps in (0, 50):
+        for _ in range(steps):
+            runner._commanded.step()
+        runner._newest = runner._publish()
+        view._controls_due = view._symbols._due = -math.inf
+        view.draw(1e9 + steps)
+        status = view._status.content
+        assert f">{escape(scenario.title)}</span>" in status
+        assert '"vs-message vs-bad"' not in status
+    runner.close()
 
 
 def test_of_a_path_only_the_newest_piece_is_sent(dashboard: Dashboard) -> None:

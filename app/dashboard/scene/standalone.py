@@ -26,6 +26,7 @@ from app.process.redaction import new_secret
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System
+from app.storage.constants_store import kept_memory
 from app.storage.link_meshes import link_meshes
 from app.storage.recording_files import Tell, TooLarge
 
@@ -107,7 +108,7 @@ def _server() -> Iterator[viser.ViserServer]:
 
 def snapshots(frames: PlaybackFrames) -> Iterator[Snapshot]:
     """Snapshots of the frames, with no more than the 3-D view shows."""
-    loop = ClosedLoop(frames.scenario, history=1)
+    loop = ClosedLoop(frames.scenario, history=1, memory=kept_memory())
     system, start = loop.system, snapshot_of(loop)
     for number in range(len(frames)):
         yield _at(start, system, {name: values[number] for name, values in frames.signals.items()})
