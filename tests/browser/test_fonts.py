@@ -9,11 +9,9 @@ import matplotlib
 import pytest
 from playwright.sync_api import Browser, Page
 
-from app.dashboard.theme.fonts import FACES
 from app.session.commands import Pause
 from drivers.browser import LAUNCH_ARGS, find_or_install
 from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, PageSession, wait_without_notice
-from drivers.visitors import serving
 from tests.support.fonts import TEXTS
 from tests.support.layout import lasting
 
@@ -25,11 +23,6 @@ PLACES = f"""() => {TEXTS}.filter((e) => !e.closest(".vs-status, .vs-facts, .vs-
   const {{ x, y, width, height }} = e.getBoundingClientRect();
   return [e.textContent, ...[x, y, width, height].map(Math.round)].join(" ");
 }})"""
-LOADED = """async (families) => {
-  for (const family of families) await document.fonts.load(`12px "${family}"`);
-  const loaded = [...document.fonts].filter((font) => font.status === "loaded").map((font) => font.family).join();
-  return families.every((family) => loaded.includes(family));
-}"""
 
 
 @pytest.fixture
@@ -64,14 +57,3 @@ def test_the_page_is_laid_out_alike_whatever_fonts_a_machine_has(session: PageSe
         for one in (page, session.page):
             one.get_by_role("tab", name=title, exact=True).click()
         assert lasting(page, lambda poor: sorted({*poor.evaluate(PLACES)} ^ {*session.page.evaluate(PLACES)})) == []
-
-
-def test_fonts_come_through_the_gateway_under_its_rules(open_page):
-    with serving("--shared", "--max-sessions", "1", lines=2, fps=4) as server:
-        page = open_page(server.url, viewport=VIEWPORT, console_errors_allowed=True)  # at the end nobody answers
-        asked: list[str] = []
-        page.on("request", lambda request: asked.append(request.url))
-        page.get_by_text("real time").wait_for(timeout=PATIENCE * 1e3)
-        page.wait_for_function(LOADED, arg=[face.family for face in FACES])
-        assert [url for url in asked if "127.0.0.1" not in url and not url.startswith(("data:", "blob:"))] == []
-        page.close()  # before its server ends

@@ -17,13 +17,13 @@ from controllers.modes import MODES
 from drivers.pages import PATIENCE, VIEWPORT, PageSession, wait_without_notice
 from environments.robots import CATALOGUE
 
-ARMS = ("ur10", "planar3r", "ur3", "panda", "ur5")
+ARMS = ("planar3r", "panda", "ur5")
 
 
 def test_a_slider_is_dragged_over_its_whole_range_while_the_loop_runs(session: PageSession):
     before = session.now
     move, text = session.grip("F_d [N]")
-    positions = [i / 10 for i in range(11)]
+    positions = [i / 5 for i in range(6)]
     for position in (*positions, *reversed(positions), 0.5):
         move(position)
     held = session.now
@@ -40,7 +40,7 @@ def test_a_slider_is_dragged_over_its_whole_range_while_the_loop_runs(session: P
     assert max(b - a for a, b in itertools.pairwise(t)) == pytest.approx(held.scenario.controller.period)
 
 
-def test_fifty_hurried_changes_of_mode_and_arm_leave_a_loop_that_runs_and_a_page_that_agrees(session: PageSession):
+def test_thirty_hurried_changes_of_mode_and_arm_leave_a_loop_that_runs_and_a_page_that_agrees(session: PageSession):
     for arm in ARMS:
         session.tab("Robot")
         session.choose("Arm", CATALOGUE[arm].title)
