@@ -199,7 +199,8 @@ def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.
     environment = EnvironmentMatrices.apart(*np.zeros((3, shapes.number)))
     world = World(np.zeros(3), Face.point(), shapes, contacts, False, environment)
     around = Record(PlantWorkspace.of(world, charted("ur5", chart).plant.truth.resistance, 3))
-    state, M, turned, still = Record.zeros(Arm, 3), np.eye(3), np.eye(3, order="F"), np.zeros(3)
+    M = turned = np.eye(3, order="F")  # as Pinocchio has them, for which the kernel is compiled already
+    state, still = Record.zeros(Arm, 3), np.zeros(3)
 
     def touch(time: float, p: np.ndarray, p_dot: np.ndarray, p_ddot: np.ndarray) -> ContactKinematics:
         """Of three orthogonal sliders whose directions turn just so that p_ddot follows without their acceleration."""
