@@ -108,8 +108,7 @@ def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
 
     asked = question.read(folder / question.FILE)
     if asked.program != question.fingerprint(asked):
-        by = f"another version of the program{question.or_of_the_arm(asked)}"
-        say(f"this sweep was computed by {by}: digits may differ")
+        say(f"this sweep was computed by {question.another_program(asked)}: digits may differ")
     whole = question.SweepQuestion(asked)
     return whole.scenario(whole.row(row)), asked.engine, asked.until
 

@@ -107,8 +107,9 @@ def sweep(
             )
         asked = question.read(Path(scenario))
         if asked.program != question.fingerprint(asked):
-            other = f"another version of the program{question.or_of_the_arm(asked)}"
-            raise ScenarioError(f"sweep: {scenario} was asked of {other}; allowed: ask it anew")
+            raise ScenarioError(
+                f"sweep: {scenario} was asked of {question.another_program(asked)}; allowed: ask it anew"
+            )
     else:
         chosen = configured(scenario, settings, duration)
         asked = question.Sweep(
@@ -170,7 +171,7 @@ def _plot_sweep(
     from app.export.formats import Format
     from app.process.atomic_write import write_whole
     from app.sweep import charts, points
-    from app.sweep.question import fingerprint, or_of_the_arm
+    from app.sweep.question import another_program, fingerprint
     from app.sweep.run_store import table_of
 
     if folder is None:
@@ -190,8 +191,7 @@ def _plot_sweep(
     )
     asked, columns = table_of(folder)
     if asked.program != fingerprint(asked):
-        by = f"another version of the program{or_of_the_arm(asked)}"
-        say(f"this sweep was computed by {by}: a figure may have had another meaning")
+        say(f"this sweep was computed by {another_program(asked)}: a figure may have had another meaning")
     path, drawn = out or folder / f"{of}.{form}", charts.chart(asked, columns, view, form)
     with written_to(path):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -86,14 +86,13 @@ class ForkServer:
                 async with asyncio.timeout(PATIENCE):
                     socket.send_fds(control, [b"session"], [file])
                     answer = await asyncio.get_running_loop().sock_recv(control, 100)
+            if not answer:
+                raise ConnectionResetError("the fork server has ended")
         except BaseException as error:  # an answer that comes later would be taken for that to the next question
             self.close()
             if isinstance(error, TimeoutError):
                 raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT)) from error
             raise
-        if not answer:
-            self.close()
-            raise ConnectionResetError("the fork server has ended")
         if (number := int(answer)) < 0:
             raise OSError(-number, os.strerror(-number))
         return ForkedProcess(number)

@@ -59,9 +59,10 @@ def link_meshes(robot: Robot) -> Meshes:
     is logged."""
     here: Meshes = Future()
     try:
+        changed = robot.urdf.stat().st_mtime_ns
         if not robot.shipped and next(urdf.read(robot.urdf).iter("mesh"), None) is not None:
-            return _read_apart(robot.urdf, robot.urdf.stat().st_mtime_ns)
-        here.set_result(_read_here(robot.urdf) if robot.shipped else tuple(read(robot.urdf)))
+            return _read_apart(robot.urdf, changed)
+        here.set_result(_read_here(robot.urdf, changed))
     except Exception as error:  # whatever readers of meshes raise: the arm can be shown without meshes
         log.warning("visuals not shown", urdf=str(robot.urdf), reason=str(error))
         here.set_result(())
@@ -70,8 +71,10 @@ def link_meshes(robot: Robot) -> Meshes:
 
 # the arm, its ghost and pinned runs of it look alike
 @lru_cache(maxsize=4)
-def _read_here(path: Path) -> tuple[LinkMesh, ...]:
-    """Meshes of a shipped arm, read in this process and only once. Raises whatever their readers raise."""
+def _read_here(path: Path, changed: int) -> tuple[LinkMesh, ...]:
+    """Meshes of a URDF, read in this process; a file that has not changed is read only once. Raises whatever their
+    readers raise."""
+    del changed
     return tuple(read(path))
 
 
@@ -97,7 +100,6 @@ def read(path: Path) -> Iterator[LinkMesh]:
             yield LinkMesh(link, _color(mesh), np.asarray(placed.vertices), np.asarray(placed.faces))
 
 
-# the arm, its ghost and pinned runs of it look alike
 @lru_cache(maxsize=4)
 def _read_apart(path: Path, changed: int) -> Meshes:
     """Meshes of a URDF, read in a process of its own; a file that has not changed is read only once, also where that

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import Figures, SweepRunner
-from app.sweep.question import Sweep, fingerprint, or_of_the_arm
+from app.sweep.question import Sweep, fingerprint, own_arms
 
 # A runner is for one thread, and a worker may have several: a second one waits.
 _alone = threading.Lock()
@@ -29,7 +29,7 @@ def _runner(asked: bytes) -> SweepRunner:
     sweep: Sweep = pickle.loads(asked)  # Dask has unpickled what it came with already
     ours = fingerprint(sweep)
     if ours != sweep.program:
-        arm = ", and the same file as robot.urdf" if or_of_the_arm(sweep) else ""
+        arm = ", and the same file as robot.urdf" if own_arms(sweep) else ""
         raise ScenarioError(
             f"program {ours} on this worker, {sweep.program} asked; allowed: the same versions of vsmrc-lab, numba, "
             f"numpy, pin, scipy and example-robot-data everywhere{arm}"

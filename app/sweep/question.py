@@ -387,19 +387,19 @@ def fingerprint(asked: Sweep | None = None, packages: tuple[str, ...] = (), libr
     files = [file for package in (*COMPUTED, *packages) for file in sorted((root / package).rglob("*.py"))]
     for file in (*files, *sorted((root / ARMS).glob("*.urdf"))):
         digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
-    for urdf in _urdfs(asked) if asked else ():
+    for urdf in own_arms(asked) if asked else ():
         digest.update(hashlib.sha256(_content(urdf)).digest())
     computing = ("example-robot-data", "numba", "numpy", "pin", "scipy", *libraries)
     digest.update(" ".join(f"{name} {version(name)}" for name in computing).encode())
     return digest.hexdigest()[:16]
 
 
-def or_of_the_arm(asked: Sweep) -> str:
-    """End of a sentence on another fingerprint, which for a sweep of a user's own arm may be that of the arm."""
-    return f" or with another file as {URDF}" if _urdfs(asked) else ""
+def another_program(asked: Sweep) -> str:
+    """Words for the cause of another fingerprint, which for a sweep of a user's own arm may be the arm's file."""
+    return "another version of the program" + (f" or with another file as {URDF}" if own_arms(asked) else "")
 
 
-def _urdfs(asked: Sweep) -> list[str]:
+def own_arms(asked: Sweep) -> list[str]:
     """Paths of the files that are the arms of a sweep, of those that do not come with the program."""
     varied = [value for axis in asked.vary if axis.path == URDF for value in axis.values]
     return [str(path) for path in (asked.scenario.robot.urdf, *varied) if path is not None]

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from app.process.atomic_write import write_whole
 from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import COLUMNS, Figures
-from app.sweep.question import FILE, Sweep, SweepQuestion, differences, or_of_the_arm, read, to_toml
+from app.sweep.question import FILE, Sweep, SweepQuestion, another_program, differences, read, to_toml
 from app.sweep.titles import title_of, unit_of
 
 PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"
@@ -110,8 +110,7 @@ class RunStore:
             write_whole(path, lambda file: file.write(text))
             return
         if other := differences(read(path, type(sweep)), sweep):
-            program = f"made by another version of the program{or_of_the_arm(sweep)}"
-            what = program if other == ["program"] else f"another {', '.join(other)}"
+            what = f"made by {another_program(sweep)}" if other == ["program"] else f"another {', '.join(other)}"
             raise ScenarioError(
                 f"--out {self._folder}: holds another {sweep.noun} ({what}); allowed: a folder of its own"
             )
