@@ -96,6 +96,15 @@ def wait_without_notice(page: Page) -> None:
     page.locator("#webgl-software-rendering").wait_for(state="detached")
 
 
+def type_over(field: Locator, text: str) -> None:
+    """Type a text in place of that of a field, and press Enter."""
+    field.fill(text)
+    while field.input_value() != text:  # a late answer came between the field's selection and its text, which is added
+        field.page.wait_for_timeout(200)
+        field.fill(text)
+    field.press("Enter")
+
+
 @dataclass(frozen=True)
 class PageSession:
     """Session of a test: a page, and the runner behind it."""
@@ -125,6 +134,10 @@ class PageSession:
 
     def number(self, label: str) -> Locator:
         return self.row(label).locator(".mantine-TextInput-input")
+
+    def enter(self, label: str, text: str) -> None:
+        """Type a text in place of a row's number, and press Enter."""
+        type_over(self.number(label), text)
 
     def grip(self, label: str, at: float = 0.33) -> tuple[Callable[[float], None], Locator]:
         """Press the mouse on a row's slider. Returns a function that moves the slider (0 to 1), and the row's text

@@ -15,7 +15,7 @@ from app.dashboard.widgets.matrix_text import read_back, written
 from app.scenario.data import shipped
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
-from drivers.pages import CHARTS, SHOWN, PageSession
+from drivers.pages import CHARTS, SHOWN, PageSession, type_over
 
 UNOPENED = (
     "panda-align", "planar2r-semicircle", "planar3r-corner", "ur5-corner-rigid", "ur5-groove-moving", "ur5-joint",
@@ -218,8 +218,7 @@ def test_an_invalid_gain_shows_its_reason_and_the_run_goes_on(session: PageSessi
     session.tab("Model")
     before = session.now
     field = session.number("M_m φ")
-    field.fill("0")
-    field.press("Enter")
+    type_over(field, "0")
     session.wait(lambda now: now.refusal_number == before.refusal_number + 1)
     session.page.locator(".vs-message", has_text="M_m").wait_for()
     expect(field).to_have_value(written(before.matrices["M_m"][0, 0]))
@@ -231,28 +230,21 @@ def test_a_surface_too_stiff_is_refused_with_its_remedy_which_helps(session: Pag
     session.runner.post(Load(shipped()["planar3r-hybrid"]))
     session.wait(lambda now: now.scenario.name == "planar3r-hybrid")
     session.tab("World")
-
-    def enter(label: str, text: str) -> None:
-        field = session.number(label)
-        field.fill(text)
-        field.press("Enter")
-
-    enter("K_e [N/m]", "1e7")
+    session.enter("K_e [N/m]", "1e7")
     message = session.page.locator(".vs-message", has_text="too stiff")
     message.wait_for()
     enough = re.search(r"simulation.substeps >= (\d+)", message.inner_text())
     assert enough is not None
-    enter("substeps", enough[1])
+    session.enter("substeps", enough[1])
     session.wait(lambda now: now.scenario.simulation.substeps == int(enough[1]))
-    enter("K_e [N/m]", "1e7")
+    session.enter("K_e [N/m]", "1e7")
     session.wait(lambda now: now.scenario.contact.K_e == 1e7)
 
 
 def test_text_that_is_no_number_is_refused_on_the_page(session: PageSession):
     before = session.now
     field = session.number("F_d [N]")
-    field.fill("<b>twenty</b>")
-    field.press("Enter")
+    type_over(field, "<b>twenty</b>")
     session.page.locator(".vs-message", has_text="<b>twenty</b>").wait_for()
     expect(field).to_have_value("20")
     assert session.now.revision == before.revision

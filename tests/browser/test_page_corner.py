@@ -28,18 +28,15 @@ def test_a_second_surface_is_put_beside_the_tool_pressed_and_taken_away(session:
     assert session.now.standing.run.verdict == "holds"
     session.tab("World")
     page.get_by_text("Coupling", exact=True).click()
-    session.number("K_e 12,13,23 [N/m]").fill("9000, 0, 0")
-    page.keyboard.press("Enter")
+    session.enter("K_e 12,13,23 [N/m]", "9000, 0, 0")
     session.wait(lambda now: now.scenario.coupling.K_e == (9000.0, 0.0, 0.0))
-    session.number("K_e 12,13,23 [N/m]").fill("11000, 0, 0")
-    page.keyboard.press("Enter")
+    session.enter("K_e 12,13,23 [N/m]", "11000, 0, 0")
     session.wait(lambda now: "symmetric positive definite" in (now.refusal or ""))
     assert session.now.system.plant.environment.coupled
     session.choose("Controlled", "the distance from it")
     session.wait(lambda now: now.system.plan.followed.sets == 0 and now.system.pressed == 1)  # believed apart
     expect(page.get_by_label("Force", exact=True).locator("visible=true")).to_have_count(0)
-    session.number("K̂_e 12,13,23 [N/m]").fill("2000, 0, 0")
-    page.keyboard.press("Enter")
+    session.enter("K̂_e 12,13,23 [N/m]", "2000, 0, 0")
     session.wait(lambda now: now.system.plan.followed.sets == 1)
     expect(page.get_by_text("not controlled ₂").first).to_be_attached()
     session.choose("Controlled", "its normal force")

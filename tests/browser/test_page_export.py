@@ -16,7 +16,7 @@ from app.scenario.data import edited, from_toml, shipped, to_toml
 from app.session.commands import Pause
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
-from drivers.pages import PATIENCE, VIEWPORT, PageSession
+from drivers.pages import PATIENCE, VIEWPORT, PageSession, type_over
 from tests.support.svg import letters_of
 
 
@@ -40,12 +40,10 @@ def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: 
         ("two", "height: 'two'; allowed: a number of mm"),
         ("9", "height: 9 mm; allowed: 20 to"),
     ):
-        height.fill(given)
-        height.press("Enter")
+        type_over(height, given)
         session.page.get_by_role("button", name="SVG", exact=True).click()
         session.page.get_by_text(sentence).wait_for()
-    height.fill("321")
-    height.press("Enter")
+    type_over(height, "321")
     svg = taken(session, "SVG", tmp_path).read_bytes()
     assert "tracking error" in letters_of(svg)
     assert "hybrid mode" in letters_of(svg)
@@ -54,8 +52,7 @@ def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: 
     assert session.now.t > before.t
     session.runner.post(Pause())
     session.wait(lambda now: now.phase == "paused")
-    height.fill("")
-    height.press("Enter")
+    type_over(height, "")
     session.choose("Figure of", "all plots")
     with np.load(taken(session, "NPZ", tmp_path)) as saved:
         rows = session.now.recording.signals(("q",), saved["t"][0], saved["t"][-1])

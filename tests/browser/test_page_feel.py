@@ -8,7 +8,7 @@ from app.dashboard.widgets.help import KEYS
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause, Play
 from drivers.pages import CHARTS, PageSession, wait_without_notice
-from tests.support.layout import faults, lasting_faults
+from tests.support.layout import lasting_faults
 
 _THEME = "document.documentElement.dataset.mantineColorScheme"
 # the equation's window leaves the docks free
@@ -188,7 +188,8 @@ def test_the_target_model_stays_within_the_scene_of_a_small_window(session: Page
     session.runner.post(Pause())
     for width, height in ((1024, 768), (853, 480), (1024, 768)):  # the second is 1280 x 720 at 150 %
         session.page.set_viewport_size({"width": width, "height": height})
-        session.wait(lambda _: session.page.evaluate(WITHIN) and not faults(session.page))
+        session.page.wait_for_function(WITHIN)
+        assert not lasting_faults(session.page)
 
 
 def test_everything_has_a_name_and_a_slider_its_value_with_unit(session: PageSession):

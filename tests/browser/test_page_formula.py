@@ -4,7 +4,7 @@ import numpy as np
 
 from app.scenario.data import shipped
 from app.session.commands import Load
-from drivers.pages import PageSession
+from drivers.pages import PageSession, type_over
 
 RUNNING = "z - 0.165 - 0.01*sin(20*x - 2*t)"
 
@@ -23,8 +23,7 @@ def test_a_formula_is_typed_refused_mended_and_pressed_upon(session: PageSession
     assert session.now.run == before.run
     session.page.wait_for_timeout(500)
     assert "sine" in field.input_value()  # to be mended
-    field.fill("z - 0.165 - 0.01*sin(8*x - 2*t)")
-    field.press("Enter")
+    type_over(field, "z - 0.165 - 0.01*sin(8*x - 2*t)")
     session.wait(lambda now: now.scenario.surface.text.startswith("z - 0.165 - 0.01*sin("))
     session.wait(lambda now: now.t > 2.0 and abs(np.linalg.norm(now.force) - 20.0) < 0.5)
     assert session.now.phase == "running"

@@ -5,7 +5,7 @@ import json
 from playwright.sync_api import expect
 
 from app.session.commands import SetSpeed
-from drivers.pages import SHOWN, PageSession
+from drivers.pages import SHOWN, PageSession, type_over
 from tests.support.layout import lasting_faults
 
 EMPTY = f"{SHOWN}.every((chart) => chart.data[0].length <= 2)"
@@ -41,12 +41,10 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     page.keyboard.press("j")
     at_step(session, 2)
     field = page.locator("form:has(label:text('your answer')) input")
-    field.fill("thirty")
-    field.press("Enter")
+    type_over(field, "thirty")
     press(session, "Lock my answer")
     expect(page.locator(".vs-strip")).to_contain_text("'thirty' is not a number")
-    field.fill("29,5")
-    field.press("Enter")
+    type_over(field, "29,5")
     press(session, "Lock my answer")
     expect(field).to_be_disabled()
 
@@ -104,8 +102,7 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     page.keyboard.press("1")
     expect(page.locator(".vs-strip")).to_contain_text("locked by the goal of a lesson")
     damping = session.number("B_m along y [N·s/m]")
-    damping.fill("290")
-    damping.press("Enter")
+    type_over(damping, "290")
     session.wait(lambda now: now.matrices["B_m"][1, 1] == 290.0)
     # a run that was changed on its way is never judged, however calm it has become
     expect(page.locator(".vs-note", has_text="try it anew")).to_be_visible()

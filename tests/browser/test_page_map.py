@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.sweep.question import FILE
-from drivers.pages import PATIENCE, PageSession
+from drivers.pages import PATIENCE, PageSession, type_over
 from tests.support.layout import lasting_faults
 
 SAID = re.compile(
@@ -60,8 +60,7 @@ def pick(page: Page, menu: str, option: str) -> None:
 
 def write(session: PageSession, label: str, text: str, number: int = 0) -> None:
     field = session.page.get_by_label(label, exact=True).locator("visible=true").nth(number)
-    field.fill(text)
-    field.press("Enter")
+    type_over(field, text)
 
 
 def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens_its_run(

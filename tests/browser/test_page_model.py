@@ -3,21 +3,17 @@
 import numpy as np
 
 from app.dashboard.theme.style import MARKS
+from app.dashboard.widgets.controls import FINE, SliderScale
 from drivers.pages import PageSession
 
 COUPLED = "0 0 0 0 0 0\n0 4000 900 0 0 0\n0 900 4000 0 0 0\n0 0 0 4000 0 0\n0 0 0 0 4000 0\n0 0 0 0 0 4000"
-
-
-def enter(session: PageSession, label: str, text: str) -> None:
-    session.number(label).fill(text)
-    session.number(label).press("Enter")
 
 
 def test_omega_dragged_and_typed_sets_damping_and_stiffness(session: PageSession):
     before = session.now.matrices
     session.tab("Model")
     session.choose("Edit by", "ω and ζ per axis")
-    enter(session, "ω ψ₁", "30")
+    session.enter("ω ψ₁", "30")
     session.wait(lambda now: now.matrices["K_m"][1, 1] == 9000.0)
     np.testing.assert_allclose(session.now.matrices["B_m"][1, 1], 600.0)
     np.testing.assert_array_equal(session.now.matrices["M_m"], before["M_m"])
@@ -33,7 +29,7 @@ def test_omega_dragged_and_typed_sets_damping_and_stiffness(session: PageSession
     session.wait(lambda now: now.matrices["K_m"][2, 2] != before["K_m"][2, 2])
     session.wait(lambda now: abs(now.matrices["K_m"][2, 2] - 10.0 * shown() ** 2) < 1e-6)
     np.testing.assert_allclose(session.now.matrices["B_m"][2, 2], 20.0 * shown())
-    enter(session, "ω ψ₁", "-2")
+    session.enter("ω ψ₁", "-2")
     session.page.locator(".vs-message", has_text="ω ψ₁: -2; allowed: a number > 0").wait_for()
     session.choose("Edit by", "diagonals")
     assert session.now.phase == "running"
@@ -78,12 +74,12 @@ def test_the_controller_as_far_as_it_has_a_meaning(session: PageSession):
     session.row("layer s_b [m/s]").wait_for(state="detached")
     assert session.row("constant d [N]").count() == 0
     session.choose("Gain d", "constant")
-    enter(session, "constant d [N]", "40")
+    session.enter("constant d [N]", "40")
     session.wait(lambda now: (now.scenario.controller.d, now.live["d"]) == (40.0, 40.0))
-    enter(session, "K_s [N·s/m]", "100, 100, 100, 50, 50, 50")
+    session.enter("K_s [N·s/m]", "100, 100, 100, 50, 50, 50")
     session.wait(lambda now: now.scenario.controller.K_s == (100.0, 100.0, 100.0, 50.0, 50.0, 50.0))
     session.row("K_s [N·s/m]").locator(".mantine-Slider-root").wait_for(state="detached")
-    enter(session, "K_s [N·s/m]", "100, 50")
+    session.enter("K_s [N·s/m]", "100, 50")
     page.locator(".vs-status", has_text="controller.K_s: 2 entries; allowed: 6 diagonal entries").wait_for()
     session.choose("Law", "computed torque")
     session.wait(lambda now: now.scenario.controller.law == "computed-torque")
@@ -115,13 +111,13 @@ def test_the_simplest_baseline_with_weak_drives(session: PageSession):
     session.wait(lambda now: now.scenario.controller.law == "pd-gravity" and now.live["d"] == 0.0)
     session.page.get_by_text("PD + gravity, the simplest baseline").wait_for()
     session.tab("Robot")
-    enter(session, "torque limit ×", "0.05")
+    session.enter("torque limit ×", "0.05")
     session.wait(lambda now: now.scenario.truth.torque_limit == 0.05)
     session.page.locator(".vs-status", has_text="torque at its limit: joint").wait_for()
 
 
 def test_with_shift_a_slider_moves_a_tenth_as_far_by_mouse_and_key(session: PageSession):
-    page, slider = session.page, session.row("F_d [N]").get_by_role("slider")
+    page, slider, scale = session.page, session.row("F_d [N]").get_by_role("slider"), SliderScale(0.0, 60.0)
 
     def at() -> float:
         return float(slider.get_attribute("aria-valuenow") or "nan")
@@ -156,15 +152,15 @@ def test_with_shift_a_slider_moves_a_tenth_as_far_by_mouse_and_key(session: Page
         for key in reversed(keys):
             page.keyboard.up(key)
         page.locator("form[data-held]").wait_for(state="detached")
-        session.wait(lambda now: abs(now.scenario.force.value - 60.0 * at()) < 0.06)  # of three or four digits
+        # in its place once the answer, of three or four digits, has come
+        session.wait(lambda now: abs(scale.position(now.scenario.force.value) - at()) <= 0.6 * FINE)
 
 
 def test_linked_axes_move_together(session: PageSession):
     session.tab("Model")
     session.page.get_by_label("Link equal axes").first.check()
     session.tab("K_m")
-    session.number("K_m ψ₁").fill("3000")
-    session.number("K_m ψ₁").press("Enter")
+    session.enter("K_m ψ₁", "3000")
     session.wait(lambda now: now.matrices["K_m"].diagonal().tolist() == [0.0, 3000.0, 3000.0, 4000.0, 4000.0, 4000.0])
     session.page.get_by_label("Link equal axes").first.uncheck()
 
@@ -264,6 +260,6 @@ def test_a_push_measures_the_impedance_beside_the_running_loop(session: PageSess
     with open(download.value.path(), encoding="utf-8") as file:
         assert sum(line.startswith("measured,") for line in file) == 14
     session.choose("Edit by", "ω and ζ per axis")
-    enter(session, "ω ψ₁", "30")
+    session.enter("ω ψ₁", "30")
     page.locator("circle.measured").first.wait_for(state="detached")
     session.choose("Edit by", "diagonals")

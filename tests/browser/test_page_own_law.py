@@ -36,11 +36,9 @@ def test_a_law_of_one_s_own_stands_in_the_menu_with_its_parameter(own: PageSessi
     own.page.get_by_text("with the integral of the error so that no weight leaves one behind").wait_for()
     own.row("K_s [N·s/m]").wait_for(state="detached")
 
-    own.number("k_i [N/(m·s)]").fill("800")
-    own.number("k_i [N/(m·s)]").press("Enter")
+    own.enter("k_i [N/(m·s)]", "800")
     own.wait(lambda now: now.scenario.controller.own == {"pid-gravity": {"k_i": 800.0}})
-    own.number("k_i [N/(m·s)]").fill("-1")
-    own.number("k_i [N/(m·s)]").press("Enter")
+    own.enter("k_i [N/(m·s)]", "-1")
     own.page.locator(
         ".vs-status", has_text="controller.own.pid-gravity.k_i: -1 N/(m·s); allowed: 0 to 50000"
     ).wait_for()
@@ -53,15 +51,13 @@ def test_a_law_of_one_s_own_stands_in_the_menu_with_its_parameter(own: PageSessi
 
     own.tab("Task")
     own.choose("Path", "Figure of eight")
-    own.number("height [m]").fill("0.01")
-    own.number("height [m]").press("Enter")
+    own.enter("height [m]", "0.01")
     own.wait(lambda now: to_plain(now.scenario)["motion"]["parameters"] == {"height": 0.01})
     own.row("radius [m]").wait_for(state="detached")
     own.tab("World")
     own.choose("Shape", "Cone")
     own.wait(lambda now: kind_of(now.scenario.surface) == "own:cone")
-    own.number("angle [rad]").fill("0.1")
-    own.number("angle [rad]").press("Enter")
+    own.enter("angle [rad]", "0.1")
     own.page.locator(".vs-status", has_text="surface.parameters.angle: 0.1 rad; allowed: 0.3 to 1.5 rad").wait_for()
     assert own.now.phase == "running"
     own.choose("Shape", "plane")

@@ -16,12 +16,6 @@ def tab(session: PageSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     return session
 
 
-def enter(session: PageSession, label: str, text: str) -> None:
-    field = session.number(label)
-    field.fill(text)
-    field.press("Enter")
-
-
 def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_for(tab: PageSession):
     upload = tab.page.locator("input[type=file][accept*='.urdf']")
     tab.choose("Arm", "own URDF")
@@ -33,12 +27,12 @@ def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_fo
     assert tab.now.phase == "running", tab.now.reason
     assert Path(tab.now.scenario.robot.urdf or "").read_bytes() == BENT.read_bytes()
     tab.page.get_by_text("bent3r: 3 joints").wait_for()
-    enter(tab, "posture", "0.3, 0.9, 1.9")
+    tab.enter("posture", "0.3, 0.9, 1.9")
     tab.wait(lambda now: now.scenario.robot.posture == (0.3, 0.9, 1.9))
     tab.choose("Tool frame", "flange")
     tab.wait(lambda now: now.robot.tool_frame == "flange")
     before = tab.now
-    enter(tab, "posture", "0, 3, 1")
+    tab.enter("posture", "0, 3, 1")
     tab.page.locator(".vs-message", has_text="3 for joint 'shoulder'; allowed: -1.8 to 1.8").wait_for()
     evil = {"name": "<b>evil.urdf", "mimeType": "text/xml", "buffer": b"<!DOCTYPE a><robot/>"}
     upload.set_input_files(evil)
@@ -47,7 +41,7 @@ def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_fo
     assert tab.now.scenario == before.scenario
     tab.choose("Arm", "Universal Robots UR5")
     tab.wait(lambda now: now.robot.name == "ur5" and now.scenario.robot.urdf is None and now.phase == "running")
-    enter(tab, "path", str(BENT))
+    tab.enter("path", str(BENT))
     tab.wait(lambda now: now.scenario.robot.urdf == str(BENT))
 
 
@@ -56,15 +50,15 @@ def test_the_verdict_turns_red_names_the_inequality_and_turns_green_again(tab: P
     red = tab.page.locator(".vs-status").get_by_text("truth outside the declared bounds")
     green.wait_for()
     run = tab.now.run
-    enter(tab, "link by link ×", "1.1, 1, 0.8, 1, 1, 1")
+    tab.enter("link by link ×", "1.1, 1, 0.8, 1, 1, 1")
     tab.page.get_by_text("link scaling of link 3 |0.8 − 1| = 0.2 > declared 0.15").wait_for()
     red.wait_for()
-    enter(tab, "links 1 ±", "0.2")
+    tab.enter("links 1 ±", "0.2")
     green.wait_for()
     red.wait_for(state="hidden")
     assert tab.now.scenario.truth.link_scaling == (1.1, 1.0, 0.8, 1.0, 1.0, 1.0)
     assert not tab.row("links ×").is_visible()
-    enter(tab, "link by link ×", "1.1")
+    tab.enter("link by link ×", "1.1")
     tab.wait(lambda now: now.scenario.truth.link_scaling == 1.1)
     tab.row("links ×").wait_for()
     assert tab.now.run == run

@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 
 from app.session.commands import Edit
-from drivers.pages import PageSession
+from drivers.pages import PageSession, type_over
 
 
 def press(session: PageSession, button: str) -> None:
@@ -17,8 +17,7 @@ def test_looking_back_shows_what_was_and_a_fork_goes_on_from_there(session: Page
     session.runner.post(Edit("force.value", 35.0))
     session.wait(lambda now: now.scenario.force.value == 35.0 and now.t > 2.5)
     field = session.number("time t [s]")
-    field.fill("0.8")
-    field.press("Enter")
+    type_over(field, "0.8")
     session.wait(lambda now: now.looking_back)
     now = session.now
     assert (now.phase, now.t) == ("paused", pytest.approx(0.8))
@@ -88,8 +87,7 @@ def test_runs_are_pinned_compared_and_forgotten(session: PageSession):
     table = session.page.locator("table.vs-runs")
     table.get_by_role("columnheader", name=f"run {number}", exact=True).wait_for()
     name = session.number(f"run {number}")
-    name.fill("<b>soft</b>")
-    name.press("Enter")
+    type_over(name, "<b>soft</b>")
     table.get_by_role("columnheader", name="<b>soft</b>", exact=True).wait_for()
     session.page.locator(".u-series", has_text="<b>soft</b>").first.wait_for()
     session.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
