@@ -43,10 +43,11 @@ setInterval(() => {
   sized = `${canvas.width} x ${canvas.height}`;
   sendCamera();
 }, 300);
-// The equation stays between the docks when one is pulled: viser places its window before that has its new width.
+// The equation stays between the docks when one is pulled: viser places its window before that has its new width. A pull
+// by docks.js is no press: its end is told to the window only.
 let pressed = false;
 for (const [kind, is] of [["pointerdown", true], ["pointerup", false], ["pointercancel", false]])
-  document.addEventListener(kind, () => { pressed = is; }, true);
+  document.addEventListener(kind, (e) => { if (e.isTrusted) pressed = is; }, true);
 setInterval(() => {
   const equation = document.querySelector("[data-floating-window]:has(.vs-equation)");
   const scene = document.querySelector("canvas[data-engine]")?.getBoundingClientRect();
