@@ -85,6 +85,8 @@ def export(
     }
     _require_kinds(kinds, (*ON_PAPER, "html"), shown)
     _require_kinds(kinds, ON_PAPER, printed)
+    stretch = {"--start": {"start": start}, "--end": {"end": end}}
+    _require_kinds(kinds, tuple(kind for kind in KINDS_OF_FILES if kind != "toml"), stretch)
     plots_of(plots)  # before the simulation, which would be in vain
     with scenario_errors():
         wide, high = _inches("--width", width), _inches("--height", height)

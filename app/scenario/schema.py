@@ -2,7 +2,7 @@
 
 Every field has its bounds, unit and meaning beside it; `app.scenario.field_info` gives them to the page and the
 documentation.
-Lengths of vectors depend on the robot and are checked where the objects are built (`app.simulation.system`).
+Lengths of vectors depend on the robot and are checked where the objects are built (`app.simulation.assembly`).
 """
 
 from __future__ import annotations

@@ -379,6 +379,7 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
         ),
         ((saved, "--engine", "compiled", "--out", str(again)), "--engine compiled: a recording is not computed again"),
         ((saved, "--to", "csv", "--letters", "--out", str(again)), "--letters: with --to csv; allowed: with --to svg,"),
+        ((saved, "--to", "toml", "--end", "0.1", "--out", str(again)), "--end: with --to toml; allowed: with --to svg"),
         ((saved, "--to", "html", "--width", "single", "--out", str(again)), "--width: with --to html; allowed: with"),
         ((saved, "--to", "npz", "csv", "--series", "d", "--out", str(again)), "--series: with --to npz csv; allowed"),
         ((saved, "--out", "/dev/null/x"), "--out /dev/null/x: cannot be written: Not a directory"),

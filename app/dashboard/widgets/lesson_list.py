@@ -64,8 +64,8 @@ class LessonList:
         state, label = "", "Begin"
         if done is not None:
             scores = [answer.score for answer in done.answers.values() if answer.score is not None]
-            told = f"{sum(scores):g} of {len(scores)} answers right" if scores else "begun"
-            state = f"<p>{chip('done', 'vs-good') if done.finished else chip('begun', 'vs-warn')} {told}</p>"
+            told = f" {sum(scores):g} of {len(scores)} answers right" if scores else ""
+            state = f"<p>{chip('done', 'vs-good') if done.finished else chip('begun', 'vs-warn')}{told}</p>"
             label = "Take it again" if done.finished else f"Continue at step {done.step}"
         content = (
             f'<div class="vs-lesson vs-prose"><p class="vs-dim">{lesson.head.minutes:g} minutes. '

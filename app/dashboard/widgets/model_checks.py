@@ -172,8 +172,8 @@ def _margins(loop: ForceLoop | None) -> list[tuple[str, str]]:
 
 
 def _sampled_poles(snapshot: Snapshot) -> str:
-    """Table of ω and ζ of the target model's poles, and of the poles of the sampled loop, as HTML. The loop is
-    discretized exactly, for a torque that is constant in each period."""
+    """Table of ω and ζ of the target model's poles, and of the poles of the sampled loop, those of the matrix of
+    `app.simulation.sampled_stability`, as HTML."""
     found = oscillations(snapshot.sampled)
     if not found:
         return ""
