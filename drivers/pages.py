@@ -60,6 +60,12 @@ ROWS = """
     form.querySelector("[role=slider]")?.ariaValueNow, "held" in form.dataset ? "held" : "",
   ].join(" | ")).concat(window.vsmrcSent ?? [])
 """
+# Script that notes whether the next click is one on an option of a menu.
+_NOTE_CHOICE = """() => {
+  window.optionClicked = false;
+  addEventListener("click", (e) => { window.optionClicked = Boolean(e.target.closest?.("[role=option]")); },
+    { capture: true, once: true });
+}"""
 PATIENCE = 240.0  # s: a busy machine may take long to start the process for previews
 
 
@@ -119,12 +125,18 @@ class PageSession:
     def choose(self, label: str, option: str) -> None:
         menu = self.page.get_by_label(label, exact=True).locator("visible=true")
         chosen = self.page.get_by_role("option", name=option, exact=True)
-        for _ in range(5):  # a row may move out of sight, as in a folder that is being opened, which closes the menu
-            menu.click()
-            self.page.wait_for_timeout(100)
-            if chosen.is_visible():
-                break
-        chosen.click()
+        for _ in range(10):
+            for _ in range(5):  # a row that moves out of sight closes its menu, as in a folder that is being opened
+                if chosen.is_visible():
+                    break
+                menu.click()
+                self.page.wait_for_timeout(100)
+            self.page.evaluate(_NOTE_CHOICE)
+            chosen.click()
+            # an answer that comes between press and release draws the options anew, and then nothing has been clicked
+            if self.page.evaluate("window.optionClicked"):
+                return
+        raise AssertionError(f"{option} cannot be chosen for {label}")
 
     def tab(self, name: str) -> None:
         self.page.get_by_role("tab", name=name, exact=True).click()
