@@ -127,10 +127,10 @@ class PageSession:
         chosen = self.page.get_by_role("option", name=option, exact=True)
         for _ in range(10):
             for _ in range(5):  # a row that moves out of sight closes its menu, as in a folder that is being opened
-                if chosen.is_visible():
-                    break
                 menu.click()
                 self.page.wait_for_timeout(100)
+                if chosen.is_visible():
+                    break
             self.page.evaluate(_NOTE_CHOICE)
             chosen.click()
             # an answer that comes between press and release draws the options anew, and then nothing has been clicked
