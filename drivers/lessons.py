@@ -28,7 +28,7 @@ from app.session.commands import SetSpeed
 from app.session.runner import Runner
 from app.simulation.search_memory import Memory
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, wait_without_notice
+from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, type_over, wait_without_notice
 
 Means = Literal["keyboard", "mouse", "phone"]
 SIZES = {"keyboard": (1280, 720), "mouse": (1280, 720), "phone": (390, 844)}
@@ -89,8 +89,7 @@ class Taker:
         field = row.locator("input[type=text]:visible, .mantine-TextInput-input:visible").last
         if self.means != "keyboard":
             field.click()
-        field.fill(text)
-        field.press("Enter")
+        type_over(field, text)
 
     def draw(self, course: list[tuple[float, float]]) -> None:
         """Draw a curve of `POINTS` points. course: its points, shares of the axes from the left and from below."""

@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 
 from app.session.commands import Edit
-from drivers.pages import PageSession, type_over
+from drivers.pages import PageSession
 
 
 def press(session: PageSession, button: str) -> None:
@@ -16,8 +16,7 @@ def test_looking_back_shows_what_was_and_a_fork_goes_on_from_there(session: Page
     session.wait(lambda now: now.t > 1.5)
     session.runner.post(Edit("force.value", 35.0))
     session.wait(lambda now: now.scenario.force.value == 35.0 and now.t > 2.5)
-    field = session.number("time t [s]")
-    type_over(field, "0.8")
+    session.enter("time t [s]", "0.8")
     session.wait(lambda now: now.looking_back)
     now = session.now
     assert (now.phase, now.t) == ("paused", pytest.approx(0.8))
@@ -86,8 +85,7 @@ def test_runs_are_pinned_compared_and_forgotten(session: PageSession):
     session.runner.post(Edit("controller.K_s", 33.0))
     table = session.page.locator("table.vs-runs")
     table.get_by_role("columnheader", name=f"run {number}", exact=True).wait_for()
-    name = session.number(f"run {number}")
-    type_over(name, "<b>soft</b>")
+    session.enter(f"run {number}", "<b>soft</b>")
     table.get_by_role("columnheader", name="<b>soft</b>", exact=True).wait_for()
     session.page.locator(".u-series", has_text="<b>soft</b>").first.wait_for()
     session.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
