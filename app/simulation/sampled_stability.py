@@ -31,6 +31,7 @@ from controllers.task_space import TaskSpace
 from environments.step_resolution import ROUNDING
 
 NOISE = 1e-6  # of an eigenvalue
+SLIPS = 36  # directions of slip on one surface: the worst one of all is missed by at most 0.4 % of friction's part
 LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
 
 
@@ -122,7 +123,8 @@ class SampledLoops:
         system = self.system
         try:
             at = Posture.of(system, q, t)
-            factor, (given_back, added) = force_factor(system, at), gain_by_force(system, at)
+            factor, given_back = force_factor(system, at), gain_by_force(system, at)
+            force_loop = _force_loop(system, at)
             growth, A, C = math.nan, None, None
             if _judged(system):
                 A, C = self._map(at, touching=True).linearised()
@@ -132,7 +134,7 @@ class SampledLoops:
         except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
             return SampledLoop(math.nan, {}, None, None)
         premises = {
-            Premise.FORCE_LOOP: abs(factor) + added,
+            Premise.FORCE_LOOP: force_loop,
             Premise.GAIN_BY_FORCE: given_back,
             Premise.SAMPLED_LOOP: growth - ROUNDING,
         }
@@ -284,12 +286,46 @@ def _push_axes(system: System, at: Posture) -> tuple[PushAxis, ...]:
 
 
 def force_factor(system: System, at: Posture) -> float:
-    """Force loop factor, see `controllers.force_loop`; nan where no force is fed back through a loop that sampling
-    closes."""
+    """Force loop factor, see `controllers.force_loop`, with Coulomb friction in the direction of slip that makes it
+    largest; nan where no force is fed back through a loop that sampling closes."""
+    return max((_factor(system, at, load) for load in _unit_loads(system, at)), key=abs)
+
+
+def _force_loop(system: System, at: Posture) -> float:
+    """Value of `Premise.FORCE_LOOP`: the factor's size and what d adds to it, in the worst direction of slip."""
+    return max(abs(_factor(system, at, each)) + _added_by_gain(system, at, each) for each in _unit_loads(system, at))
+
+
+def _factor(system: System, at: Posture, load: np.ndarray) -> float:
     if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
         return math.nan
-    felt = system.controller.controlled[:, None] * at.across
-    return force_loop_factor(at.H_hat, at.H_hat, system.controller.model, at.across, felt, _surface_mass(system))
+    H_hat, felt = at.H_hat, _felt(system, at, load)
+    return force_loop_factor(H_hat, H_hat, system.controller.model, at.across, load, felt, _surface_mass(system))
+
+
+def _unit_loads(system: System, at: Posture) -> list[np.ndarray]:
+    """F_r (n, k) per unit of the multiplier of each of k surfaces: without Coulomb friction, and with that of a slip in
+    each direction along all surfaces."""
+    normals = np.array([each.chart(at.estimate.p, at.t).G[0] for each in system.surfaces])
+    contacts = system.plant.contacts[: len(normals)]
+    drag = [each.friction_coulomb * np.linalg.norm(row) for each, row in zip(contacts, normals, strict=True)]
+    if not system.plant.kind.heavy or not any(drag):
+        return [at.across]
+    across_plane = [[0.0, 1.0, 0.0]] if system.layout.positions == 2 else np.zeros((0, 3))
+    held = np.vstack([normals, across_plane])
+    along = np.linalg.svd(held)[2][len(held) :]
+    angles = np.linspace(0.0, 2 * np.pi, SLIPS, endpoint=False)
+    around = {0: [], 1: [[1.0], [-1.0]], 2: np.column_stack([np.cos(angles), np.sin(angles)])}[len(along)]
+    by_slip = at.task.J_q_inv.T @ at.estimate.J_v.T @ along.T
+    return [at.across, *(at.across + np.outer(by_slip @ slip, drag) for slip in around)]
+
+
+def _felt(system: System, at: Posture, load: np.ndarray) -> np.ndarray:
+    """Part (n, k) of `load` in F_c, see `controllers.sliding.controlled_force`: friction along a surface whose force
+    is controlled is not counted as its normal force."""
+    felt = load.copy()
+    felt[: system.controller.surfaces] = at.across[: system.controller.surfaces]
+    return system.controller.controlled[:, None] * felt
 
 
 def _surface_mass(system: System) -> np.ndarray:
@@ -298,18 +334,43 @@ def _surface_mass(system: System) -> np.ndarray:
     return np.diag(np.full(k, math.inf)) if system.plant.kind.rigid else system.plant.environment.M_e[:k, :k]
 
 
-def gain_by_force(system: System, at: Posture) -> tuple[float, float]:
+def gain_by_force(system: System, at: Posture) -> float:
     """Gain of the loop from the force on rigid or heavy surfaces through d by (17) back to the force, when the loop
-    through the multiplier is solved; and the part that d adds to `force_factor`. nan and 0 where d does not depend on
-    the force. Of several surfaces, changes of all their forces add up."""
-    controller = system.controller
-    if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
-        return math.nan, 0.0
-    masses, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
-    asked = np.linalg.solve(controller.model.M_m, controller.model.K_f @ (controller.controlled[:, None] * at.across))
-    slopes = np.array([_slope_of_gain(system, at, each) for each in asked.T])
-    yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ at.across, at.across.T @ asked))
-    return _largest(Y @ solved.T, slopes), _largest(Y @ yielding.T, slopes)
+    through the multiplier is solved, with Coulomb friction in the worst direction of slip; nan where d does not depend
+    on the force. Of several surfaces, changes of all their forces add up."""
+    return max(_gain_through(system, at, _felt(system, at, each)) for each in _unit_loads(system, at))
+
+
+def _gain_through(system: System, at: Posture, felt: np.ndarray) -> float:
+    if not _raised_by_force(system):
+        return math.nan
+    asked = _asked(system, felt)
+    solved = _by_acceleration(_surface_mass(system), at.across.T @ asked)
+    return _largest(np.linalg.solve(at.H_hat, at.across) @ solved.T, _slopes(system, at, asked))
+
+
+def _added_by_gain(system: System, at: Posture, load: np.ndarray) -> float:
+    """What d by (17), which depends on the force, adds to the size of the force loop's factor."""
+    if not _raised_by_force(system):
+        return 0.0
+    Y = np.linalg.solve(at.H_hat, at.across)
+    yielding = _by_acceleration(_surface_mass(system), Y.T @ load)
+    return _largest(Y @ yielding.T, _slopes(system, at, _asked(system, _felt(system, at, load))))
+
+
+def _raised_by_force(system: System) -> bool:
+    """Whether d depends on the force of a surface that the arm's acceleration changes at once."""
+    return system.plant.kind.heavy and system.controller.d is None and system.controller.law.robust
+
+
+def _asked(system: System, felt: np.ndarray) -> np.ndarray:
+    """Acceleration (n, k) that (8) asks for per unit of each multiplier."""
+    model = system.controller.model
+    return np.linalg.solve(model.M_m, model.K_f @ felt)
+
+
+def _slopes(system: System, at: Posture, asked: np.ndarray) -> np.ndarray:
+    return np.array([_slope_of_gain(system, at, each) for each in asked.T])
 
 
 def _by_acceleration(masses: np.ndarray, mobility: np.ndarray) -> np.ndarray:

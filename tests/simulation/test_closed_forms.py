@@ -182,7 +182,7 @@ def on_a_mass(mode: str, factor: float, M_e: float, *, ideal: bool) -> tuple[Clo
     )
     loop = ClosedLoop(scenario)
     felt = loop.system.controller.controlled * normal
-    columns = normal[:, None], felt[:, None], np.array([[M_e]])
+    columns = normal[:, None], normal[:, None], felt[:, None], np.array([[M_e]])
     assert force_loop_factor(H, H, loop.system.controller.model, *columns) == pytest.approx(factor, rel=1e-6)
     assert loop.view().live["force_loop_factor"] == pytest.approx(np.nan if ideal else factor, rel=1e-6, nan_ok=True)
     for _ in range(400):

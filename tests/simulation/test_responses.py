@@ -10,13 +10,18 @@ import pytest
 from scipy.linalg import expm
 
 from app.evidence.closed_forms import certain, changed, pressed
-from app.scenario.data import edited, from_plain, shipped, to_plain
+from app.scenario.data import edited, from_plain, shipped, to_plain, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.period_map import Posture
+from app.simulation.sampled_stability import force_factor
+from app.simulation.state import State
+from app.simulation.system import System
 from controllers.force_loop import force_loop_factor
+from controllers.premises import Premise
 from environments.truth import Truth
 from tests.support.cases import scenario_of
 
@@ -100,7 +105,7 @@ def test_sampled_force_loop_diverges_where_its_factor_says() -> None:
     assert H[0, 0] > 1.1 * h
     model, normal = system.controller.model, np.eye(6)[0]
     one = normal[:, None]
-    assert force_loop_factor(H, H, model, one, one, np.array([[np.inf]])) == pytest.approx(1 - h / model.M_m[0, 0])
+    assert force_loop_factor(H, H, model, one, one, one, np.array([[np.inf]])) == pytest.approx(1 - h / model.M_m[0, 0])
     stable, error = on_rigid(h / 1.9)
     assert stable.warning is None
     assert error < 1e-3
@@ -311,3 +316,62 @@ def test_sensor_errors_show_up_in_the_force() -> None:
     assert 0.05 < np.std((record["F"] - record["F_true"])[-500:]) < 0.3
     other = simulate(edited(noisy, "simulation.seed", 1))[0].recording.signals(("F",))
     assert not np.array_equal(other["F"], record["F"])
+
+
+def after_a_reading(system: System, q_dot: np.ndarray) -> float:
+    """Change of the force in the period after a reading, per change of that reading, at a velocity of the arm."""
+    found, size = [], 1e-3
+    for share in (-size, size):
+        loop = ClosedLoop.continuing(system, State.at(system, system.q_0, q_dot, 0.0))
+        loop.step()
+        load = loop.state.arm.views.load
+        before = load.multiplier[0]
+        load.wrench[:] *= 1.0 + share
+        loop.step()
+        found.append(load.multiplier[0])
+    return float((found[1] - found[0]) / (2 * size * before))
+
+
+@pytest.mark.parametrize(("mode", "contact"), [("constrained", "rigid"), ("hybrid", "mass-damper-spring")])
+def test_friction_moves_the_factor_of_the_force_loop_by_the_direction_of_slip(mode: str, contact: str) -> None:
+    friction = 0.8
+    scenario = changed(
+        certain(scenario_of("ur5", mode, contact, "plane")),
+        contact={"M_e": 5.0, "B_e": 50.0, "K_e": 5000.0, "unilateral": False, "friction_coulomb": friction},
+        motion={"kind": "hold"},
+        sensor={"noise": 0.0},
+    )
+    system = assemble(scenario)
+    at = Posture.of(system, system.q_0, 0.0)
+    e, normal, one = at.estimate, system.surface.chart(at.estimate.p, 0.0).G[0], np.eye(6)[:, :1]
+    mass = np.array([[np.inf if contact == "rigid" else 5.0]])
+    found = []
+    for angle in np.linspace(0.0, 2 * np.pi, 8, endpoint=False):
+        slip = np.array([np.cos(angle), np.sin(angle), 0.0])
+        load = at.task.J_q_inv.T @ (e.J_v.T @ (normal + friction * slip))
+        columns = one, load[:, None], one, mass
+        factor = force_loop_factor(at.H_hat, at.H_hat, system.controller.model, *columns)
+        moving = np.linalg.solve(np.vstack([e.J_v, e.J_w]), np.concatenate([0.1 * slip, np.zeros(3)]))
+        found.append(after_a_reading(system, moving))
+        assert found[-1] == pytest.approx(factor, abs=2e-3)
+    assert np.ptp(found) > 0.15
+    assert force_factor(system, at) == pytest.approx(max(found, key=abs), rel=0.05)
+    assert abs(force_factor(system, at)) >= max(np.abs(found)) - 2e-3
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.8])
+def test_friction_breaks_a_force_loop_that_holds_without_it(friction: float) -> None:
+    base = changed(
+        certain(scenario_of("ur5", "constrained", "rigid", "plane")),
+        contact={"unilateral": False, "friction_coulomb": friction},
+        sensor={"noise": 0.0},
+        motion={"kind": "line", "displacement": [0.1]},
+        simulation={"duration": 0.2},
+    )
+    model = {"target_model.M_m": [3.5] + [10.0] * 5, "target_model.B_m": [100.0] + [400.0] * 5}
+    loop, _ = simulate(with_values(base, model))
+    factor = loop.sampled.premises[Premise.FORCE_LOOP]
+    force = loop.recording.signals(("multiplier",))["multiplier"]
+    swings = np.abs(np.diff(force[-50:])).max()
+    assert (swings > 5.0) == (factor > 1.0) == (friction > 0.0)
+    assert swings > 5.0 or swings < 1e-5
