@@ -7,6 +7,7 @@ request it leaves pictures of each step in a folder.
 
 from __future__ import annotations
 
+import contextlib
 import re
 import sys
 import threading
@@ -17,7 +18,8 @@ from pathlib import Path
 from typing import Literal
 
 import tyro
-from playwright.sync_api import Error, Page, sync_playwright
+from playwright.sync_api import Error, Page, expect, sync_playwright
+from playwright.sync_api import TimeoutError as PageTimeout
 
 from app.dashboard.page import Dashboard
 from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Explain, Goal, LessonRun, NumberQuestion, StartScenario
@@ -28,11 +30,23 @@ from app.session.commands import SetSpeed
 from app.session.runner import Runner
 from app.simulation.search_memory import Memory
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, type_over, wait_without_notice
+from drivers.pages import (
+    NO_HINTS,
+    PATIENCE,
+    UNDRAWN,
+    choose_from,
+    let_send,
+    open_tab,
+    press_by_key,
+    resting_box,
+    type_over,
+    wait_without_notice,
+)
 
 Means = Literal["keyboard", "mouse", "phone"]
 SIZES = {"keyboard": (1280, 720), "mouse": (1280, 720), "phone": (390, 844)}
 POINTS = 25  # of a drawn curve
+READY = re.compile("^(Next|Finish)$")  # names of the button where nothing is left to be done in a step
 # Script that returns the parts of the lesson's text that stick out of the panel or are cut.
 LOOKS = """() => {
   const faults = [];
@@ -60,8 +74,7 @@ class Taker:
         begins = re.compile(rf"^{re.escape(name)}(\s|$)")
         button = self.page.get_by_role("button", name=begins).filter(visible=True).last
         if self.means == "keyboard":
-            button.focus()
-            self.page.keyboard.press("Enter")
+            press_by_key(button)
         elif self.means == "mouse":
             button.click()
         else:
@@ -69,19 +82,13 @@ class Taker:
 
     def next(self) -> None:
         """Go to the next step."""
+        self.page.locator(".vs-lesson[data-step]").wait_for()
+        button = self.page.get_by_role("button", name=READY)
+        expect(button).to_be_enabled(timeout=PATIENCE * 1e3)
         if self.means == "keyboard":
             self.page.keyboard.press("j")
         else:
-            self.page.locator(".vs-lesson[data-step]").wait_for()
-            names = ("Next", "Finish")
-            for _ in range(int(PATIENCE * 10)):
-                for name in names:
-                    button = self.page.get_by_role("button", name=name, exact=True)
-                    if button.count() and button.is_enabled():
-                        self.press(name)
-                        return
-                self.page.wait_for_timeout(100)
-            raise TimeoutError("there is no next step")
+            self.press(button.inner_text())
 
     def fill(self, label: str, text: str) -> None:
         """Write into the field with this label."""
@@ -107,8 +114,7 @@ class Taker:
                 if number < len(course) - 1:
                     self.page.keyboard.press("ArrowRight")
             return
-        box = pad.bounding_box()
-        assert box is not None
+        box = resting_box(pad)
         ends = {name: float(pad.get_attribute(f"data-{name}") or 0) for name in ("left", "right", "top", "bottom")}
         scale = box["width"] / 336
         for number, (x, y) in enumerate(course):
@@ -130,8 +136,8 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[LessonSte
             case ChoiceQuestion() as question:
                 for _ in range(3):  # the widgets of the step may still be moving under the mouse
                     taker.press("ABCDE"[question.right - 1])
-                    page.wait_for_timeout(1000)
-                    if page.get_by_role("button", name=re.compile("^(Next|Finish|computing)")).count():
+                    with contextlib.suppress(PageTimeout):
+                        page.get_by_role("button", name=READY).wait_for(timeout=20e3)
                         break
             case NumberQuestion() as question:
                 unit = told[question.measure].unit
@@ -141,6 +147,7 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[LessonSte
                 run = next(each for each in runs(lesson) if each.number > step.number)
                 trace = next(each for each in outcomes[run.number].traces if each.line.shows(question.line))
                 taker.draw(_course(question, trace.t, trace.values))
+                let_send(page)
                 taker.press("Lock my line")
                 page.locator(".vs-pad[data-locked='1']").wait_for()
             case LessonRun():
@@ -212,14 +219,14 @@ def main(
         page.goto(dashboard.url)
         page.get_by_text("real time").wait_for()
         wait_without_notice(page)
-        page.get_by_role("tab", name="Lessons").click()
+        open_tab(page, "Lessons")
         runner.post(SetSpeed(speed))
         for name, lesson in shipped_lessons().items():
             if lessons and name not in lessons:
                 continue
-            page.get_by_label("Lesson", exact=True).filter(visible=True).last.click()
             number, title = name.partition("-")[0].lstrip("0"), lesson.head.title
-            page.get_by_role("option", name=f"{number}. {title}").click()
+            menu = page.get_by_label("Lesson", exact=True).filter(visible=True).last
+            choose_from(menu, f"{number}. {title}", exact=False)
             page.get_by_role("button", name="Begin").wait_for()
             taker, began = Taker(page, means), time.monotonic()
             taker.press("Begin")

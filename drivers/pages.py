@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from playwright.sync_api import Locator, Page
+from playwright.sync_api import FloatRect, Locator, Page, TimeoutError, expect
 
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -60,12 +60,38 @@ ROWS = """
     form.querySelector("[role=slider]")?.ariaValueNow, "held" in form.dataset ? "held" : "",
   ].join(" | ")).concat(window.vsmrcSent ?? [])
 """
-# Script that notes whether the next click is one on an option of a menu.
-_NOTE_CHOICE = """() => {
-  window.optionClicked = false;
-  addEventListener("click", (e) => { window.optionClicked = Boolean(e.target.closest?.("[role=option]")); },
-    { capture: true, once: true });
+# Script that notes the user's next clicks, and one that says whether the last of them was on such an element.
+_NOTE_CLICKS = """() => {
+  window.lastClick = null;
+  window.notesClicks ??= (addEventListener("click", (e) => { if (e.isTrusted) lastClick = e.target; }, true), true);
 }"""
+_CLICKED = "(selector) => Boolean(window.lastClick?.closest(selector))"
+# Scripts that return when viser's client has sent what waits (one message in 50 ms, of those that wait the last only),
+# when the place of the mouse has come to a slider before that, and when the page has reported a tab that was opened.
+_SENT = "new Promise((done) => setTimeout(() => setTimeout(done, 60), 60))"
+_MOVED = f"new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))).then(() => {_SENT})"
+_REPORTED = f"new Promise((done) => setTimeout(done, 220)).then(() => {_SENT})"
+# Script that returns the place of an element that has stayed there for longer than any script of the page rests between
+# two looks at the layout, null where the element has gone.
+_RESTING = """async (element) => {
+  const place = () => (({ x, y, width, height }) => ({ x, y, width, height }))(element.getBoundingClientRect());
+  let box = place();
+  for (let same = 0; same < 7; same++) {
+    await new Promise((done) => setTimeout(done, 100));
+    const now = place();
+    if (!element.isConnected) return null;
+    if (JSON.stringify(now) !== JSON.stringify(box)) [box, same] = [now, -1];
+  }
+  return box;
+}"""
+# Script that returns text and place of the slider of each of these rows, as they are at one moment.
+_ROWS = """(labels) => labels.map((label) => {
+  const named = (form) => [...form.querySelectorAll("label")].some((each) => each.textContent.trim() === label);
+  const row = [...document.querySelectorAll("form")].find((form) => form.checkVisibility() && named(form));
+  const text = row?.querySelector("input.mantine-TextInput-input")?.value ?? "";
+  const place = row?.querySelector("[role=slider]")?.ariaValueNow ?? NaN;
+  return [text.replace(/[\u200b-\u200d\u2060\u2061]/g, ""), Number(place)];
+})"""
 PATIENCE = 240.0  # s: a busy machine may take long to start the process for previews
 
 
@@ -88,12 +114,11 @@ def _each(page: Page, rows: Sequence[Locator]) -> Iterator[str]:
     # the last one first, since the tabs within the tab that was just opened come behind the others
     while titles := [unseen[-1] for tabs in rows if (unseen := [t for t in tabs.all_inner_texts() if t not in seen])]:
         for title in titles:
-            page.get_by_role("tab", name=title, exact=True).click()
-        page.wait_for_timeout(400)
+            open_tab(page, title)
         yield " + ".join(titles)
         seen.update(titles)
     for title in first:
-        page.get_by_role("tab", name=title, exact=True).click()
+        open_tab(page, title)
 
 
 def wait_without_notice(page: Page) -> None:
@@ -102,13 +127,77 @@ def wait_without_notice(page: Page) -> None:
     page.locator("#webgl-software-rendering").wait_for(state="detached")
 
 
-def type_over(field: Locator, text: str) -> None:
-    """Type a text in place of that of a field, and press Enter."""
-    field.fill(text)
-    while field.input_value() != text:  # a late answer came between the field's selection and its text, which is added
-        field.page.wait_for_timeout(200)
+def open_tab(page: Page, title: str) -> None:
+    """Open a tab. Returns when the page has told the server, which shows the present values there from then on."""
+    tab = page.get_by_role("tab", name=title, exact=True)
+    tab.click()
+    expect(tab).to_have_attribute("aria-selected", "true", timeout=PATIENCE * 1e3)
+    page.evaluate(_REPORTED)
+
+
+def let_send(page: Page) -> None:
+    """Wait until the page has sent what the user has done: of several inputs at once viser's client sends the last one
+    only."""
+    page.evaluate(_SENT)
+
+
+def fill_in(field: Locator, text: str) -> None:
+    """Type a text in place of that of a field. Returns when the page has sent it."""
+    for _ in range(20):
         field.fill(text)
+        let_send(field.page)
+        if field.input_value() == text:
+            return
+        # a late answer came between the field's selection and its text, which is added then, or behind it
+    raise AssertionError(f"{text} cannot be typed: {field.input_value()}")
+
+
+def type_over(field: Locator, text: str) -> None:
+    """Type a text in place of that of a field, and press Enter. Returns when the page has sent it."""
+    fill_in(field, text)
     field.press("Enter")
+    let_send(field.page)
+
+
+def choose_from(menu: Locator, option: str, *, exact: bool = True) -> None:
+    """Choose an option of a menu, again where a late answer has closed the menu, or drawn its options anew between
+    press and release, which is no click then. Returns when the page has sent it."""
+    page, until = menu.page, time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        if menu.get_attribute("aria-expanded") != "true":
+            menu.click()
+        page.evaluate(_NOTE_CLICKS)
+        try:
+            listed = menu.and_(page.locator("[aria-expanded=true]")).get_attribute("aria-controls", timeout=5e3)
+            options = page.locator(f"[id='{listed}']").get_by_role("option", name=option, exact=exact)
+            options.first.click(timeout=5e3)
+        except TimeoutError:  # as where the row moved out of sight, in a folder that was being opened
+            continue
+        let_send(page)
+        if page.evaluate(_CLICKED, "[role=option]"):
+            return
+    raise AssertionError(f"{option} cannot be chosen")
+
+
+def press_by_key(button: Locator) -> None:
+    """Press a button by keyboard alone, again where it was drawn anew between focus and key. Returns when the page has
+    sent it."""
+    page, until = button.page, time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        page.evaluate(_NOTE_CLICKS)
+        button.press("Enter")
+        let_send(page)
+        if page.evaluate(_CLICKED, "button"):
+            return
+    raise AssertionError(f"{button} cannot be pressed by a key")
+
+
+def resting_box(element: Locator) -> FloatRect:
+    """Place of an element once it rests there: rows and docks move while a page is being laid out."""
+    for _ in range(20):
+        if box := element.evaluate(_RESTING):
+            return box
+    raise AssertionError(f"{element} is drawn anew again and again")
 
 
 @dataclass(frozen=True)
@@ -122,24 +211,24 @@ class PageSession:
     def now(self) -> Snapshot:
         return self.runner.snapshot
 
-    def choose(self, label: str, option: str) -> None:
-        menu = self.page.get_by_label(label, exact=True).locator("visible=true")
-        chosen = self.page.get_by_role("option", name=option, exact=True)
-        for _ in range(10):
-            for _ in range(5):  # a row that moves out of sight closes its menu, as in a folder that is being opened
-                menu.click()
-                self.page.wait_for_timeout(100)
-                if chosen.is_visible():
-                    break
-            self.page.evaluate(_NOTE_CHOICE)
-            chosen.click()
-            # an answer that comes between press and release draws the options anew, and then nothing has been clicked
-            if self.page.evaluate("window.optionClicked"):
-                return
-        raise AssertionError(f"{option} cannot be chosen for {label}")
+    def choose(self, label: str, option: str, *, exact: bool = True) -> None:
+        choose_from(self.page.get_by_label(label, exact=True).locator("visible=true"), option, exact=exact)
 
     def tab(self, name: str) -> None:
-        self.page.get_by_role("tab", name=name, exact=True).click()
+        open_tab(self.page, name)
+
+    def check(self, label: str, *, on: bool = True) -> None:
+        """Check a box, or take its mark away."""
+        self.page.get_by_label(label).locator("visible=true").first.set_checked(on)
+        self.sent()
+
+    def sent(self) -> None:
+        """Wait until the page has sent what the user has done."""
+        let_send(self.page)
+
+    def moved(self) -> None:
+        """Wait until a held slider is where the mouse is, and the page has sent it."""
+        self.page.evaluate(_MOVED)
 
     def row(self, label: str) -> Locator:
         return self.page.locator("form:visible", has=self.page.get_by_text(label, exact=True))
@@ -157,15 +246,15 @@ class PageSession:
         slider = self.row(label).locator(".mantine-Slider-root")
         held = self.page.locator("form[data-held]", has=self.page.get_by_text(label, exact=True))
         for _ in range(5):  # rows move while the page is being built, and a press may land beside one
-            box = slider.bounding_box()
-            assert box is not None
+            box = resting_box(slider)
             x, y, width = box["x"], box["y"] + box["height"] / 2, box["width"]
             self.page.mouse.move(x + at * width, y)
             self.page.mouse.down()
             if held.count():
                 break
+            if self.page.locator("form[data-held]").count():  # that of another row
+                self.page.keyboard.press("Escape")
             self.page.mouse.up()
-            self.page.wait_for_timeout(500)
         else:
             raise AssertionError(f"the slider of {label} cannot be held")
 
@@ -174,9 +263,13 @@ class PageSession:
 
         return move, self.number(label)
 
+    def rows(self, *labels: str) -> list[tuple[str, float]]:
+        """Text and place of the slider, 0 to 1, of each of these rows, all as they are at one moment."""
+        return [(text, place) for text, place in self.page.evaluate(_ROWS, labels)]
+
     def ahead(self) -> float:
-        """Time from now to the right end of the lines of the first plot on the screen, s."""
-        return self.page.evaluate(f"{SHOWN}[0].data[0].at(-1)")
+        """Time from now to the right end of the lines of the first plot on the screen, s; nan while none is drawn."""
+        return self.page.evaluate(f"{SHOWN}[0]?.data?.[0]?.at(-1) ?? NaN")
 
     def wait(self, condition: Callable[[Snapshot], bool], seconds: float = PATIENCE) -> None:
         """Wait until the loop fulfils the condition. A failure shows the loop's state, the numbers on the page and the

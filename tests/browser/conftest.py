@@ -144,6 +144,13 @@ def own_session(browser: Browser) -> Iterator[PageSession]:
 
 
 @pytest.fixture
+def messages_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a test of messages, and of what else goes by itself after some seconds, which a busy machine may need."""
+    monkeypatch.setattr("app.dashboard.page_content.COMPLAINT_SHOWN", PATIENCE)
+    monkeypatch.setattr("app.dashboard.widgets.whatif_panel._SHOWN", PATIENCE)
+
+
+@pytest.fixture
 def new_page(shared: tuple[SharedPage, Pages]) -> None:
     """For a test whose page must be a new one, or which opens the only page itself."""
     page, _ = shared

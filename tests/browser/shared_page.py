@@ -12,12 +12,12 @@ from playwright.sync_api import Page
 from app.scenario.data import shipped
 from app.session.commands import Load, Pause, Play, Reset, SetSpeed, Unpin
 from app.session.runner import Runner
-from drivers.pages import VIEWPORT, PageSession
+from drivers.pages import VIEWPORT, PageSession, resting_box
 
 SCENARIO = shipped()["ur5-hybrid"]
 SETTLED = 20.0  # s until a page that was put back in order shows it; then another one is opened
 
-# What can be left behind on a page: values, open tabs and folders, what lies over it or is scrolled, size and theme.
+# What can be left behind on a page: values, open tabs and folders, what lies over it or is scrolled, widths, theme.
 # That a busy machine slows the loop is said by itself.
 _APPEARANCE = """() => {
   const shown = (selector) => [...document.querySelectorAll(selector)]
@@ -29,6 +29,8 @@ _APPEARANCE = """() => {
     tabs: shown("[role=tab]").map((e) => `${e.textContent} ${e.ariaSelected}`),
     over: shown("[data-floating-window], .vs-help, .vs-message:not(.vs-warn), [role=dialog], [role=listbox], "
       + "[role=alert], [data-large], form[data-held], .vs-values").map((e) => e.className),
+    docks: [...document.querySelectorAll("[data-dock-region], canvas[data-engine]")]
+      .map((e) => Math.round(e.getBoundingClientRect().width)),
     scrolled: [...document.querySelectorAll("*")].filter((e) => e.scrollTop || e.scrollLeft).map((e) => e.className),
     page: [innerWidth, innerHeight, document.documentElement.dataset.mantineColorScheme, window.undrawn],
   };
@@ -95,6 +97,8 @@ class SharedPage:
             self._runner.post(Play())
         self._page.wait_for_function(_SHOWS, arg=[SCENARIO.title, "running"])
         if not self._first:
+            for side in ("left", "right"):  # docks.js gives them another width than the server
+                resting_box(self._page.locator(f"[data-dock-region={side}]"))
             self._first = self._page.evaluate(_APPEARANCE)
         return session
 

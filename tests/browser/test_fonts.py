@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page
 
 from app.session.commands import Pause
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, PageSession, wait_without_notice
+from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, PageSession, open_tab, wait_without_notice
 from tests.support.fonts import TEXTS
 from tests.support.layout import lasting
 
@@ -55,5 +55,5 @@ def test_the_page_is_laid_out_alike_whatever_fonts_a_machine_has(session: PageSe
     page = opened(poor, session.page.url)
     for title in ("Sliding", "View", "Model", "Task"):
         for one in (page, session.page):
-            one.get_by_role("tab", name=title, exact=True).click()
+            open_tab(one, title)
         assert lasting(page, lambda poor: sorted({*poor.evaluate(PLACES)} ^ {*session.page.evaluate(PLACES)})) == []

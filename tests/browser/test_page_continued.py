@@ -17,7 +17,7 @@ from app.session.runner import Runner
 from app.session.timeline import Timeline
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.session_index import OFFER, SESSION
-from drivers.pages import PATIENCE, VIEWPORT, wait_without_notice
+from drivers.pages import PATIENCE, VIEWPORT, open_tab, resting_box, wait_without_notice
 from drivers.waiting import until
 from tests.support.drawn import drawn
 
@@ -48,8 +48,8 @@ def test_a_page_continues_where_it_was_left_off(tmp_path: Path, open_page: Calla
         offer = page.get_by_text("with 2 pinned runs, saved")
         offer.wait_for()
         run = page.get_by_role("button", name="play / pause")
-        places = [place.bounding_box() for place in (page.get_by_text("real time"), offer, run)]
-        heights = [place["y"] for place in places if place is not None]
+        places = [resting_box(place) for place in (page.get_by_text("real time"), offer, run)]
+        heights = [place["y"] for place in places]
         assert heights == sorted(heights)  # below the status, above the controls
         if where := os.environ.get("VSMRC_SCREENSHOTS"):
             wait_without_notice(page)
@@ -61,5 +61,5 @@ def test_a_page_continues_where_it_was_left_off(tmp_path: Path, open_page: Calla
         until(lambda: runner.snapshot.scenario == CHANGED and len(runner.snapshot.pinned) == 2)
         offer.wait_for(state="hidden")
         until(lambda: (tmp_path / SESSION).exists() and not (tmp_path / OFFER).exists())
-        page.get_by_role("tab", name="Runs", exact=True).click()
+        open_tab(page, "Runs")
         page.get_by_role("button", name="Forget run 2").wait_for()

@@ -13,13 +13,7 @@ def test_a_second_surface_is_put_beside_the_tool_pressed_and_taken_away(session:
     page = session.page
     session.tab("World")
     page.get_by_text("Second surface", exact=True).click()
-    contact = page.get_by_label("Contact", exact=True).locator("visible=true")
-
-    def touch(kind: str) -> None:
-        contact.click()
-        page.get_by_role("option", name=kind, exact=True).locator("visible=true").click()
-
-    touch("elastic")
+    session.choose("Contact", "elastic")
     session.wait(lambda now: len(now.surfaces) == 2 and now.phase == "running")
     session.wait(lambda now: float(np.linalg.norm(now.force)) > 28.0)  # 20 N on each of two planes
     session.tab("Overview")
@@ -41,7 +35,7 @@ def test_a_second_surface_is_put_beside_the_tool_pressed_and_taken_away(session:
     expect(page.get_by_text("not controlled ₂").first).to_be_attached()
     session.choose("Controlled", "its normal force")
     session.wait(lambda now: now.system.pressed == 2)
-    touch("none")
+    session.choose("Contact", "none")
     session.wait(lambda now: len(now.surfaces) == 1 and now.phase == "running")
     session.tab("Task")  # at its top: what is scrolled away lies below the status
     assert not lasting_faults(page)

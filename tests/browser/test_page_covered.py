@@ -6,7 +6,8 @@ import pytest
 from playwright.sync_api import expect
 
 from app.session.commands import Pause
-from drivers.pages import PageSession
+from drivers.pages import PageSession, resting_box
+from tests.support.layout import lasting
 
 # Controls that something else would take the press of, each after it was scrolled into view: name and what lies there.
 COVERED = """() => {
@@ -31,17 +32,12 @@ SIZES = ((1024, 768), (1280, 720), (1920, 1080), (853, 480), (390, 844))  # 853 
 
 def require_nothing_covered(session: PageSession, where: str) -> None:
     """Nothing is covered once the page has been laid out."""
-    for _ in range(40):
-        if not (found := session.page.evaluate(COVERED)):
-            return
-        session.page.wait_for_timeout(150)
-    pytest.fail(f"{where}: {found}")
+    assert lasting(session.page, lambda page: page.evaluate(COVERED)) == [], where
 
 
 def drag_dock(session: PageSession, side: str, to: float) -> None:
     """Pull the edge of a dock to this place of the window, px."""
-    box = session.page.locator(f"[data-dock-region-resize={side}]").bounding_box()
-    assert box is not None
+    box = resting_box(session.page.locator(f"[data-dock-region-resize={side}]"))
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] * 0.7
     session.page.mouse.move(x, y)
     session.page.mouse.down()
@@ -107,6 +103,7 @@ def test_the_presentation_has_the_sliders_moved_last_of_any_tab_and_covers_nothi
         session.tab(tab)
         session.row(label).first.locator(".mantine-Slider-root").click(position={"x": 30, "y": 4})
         page.locator("div:has(> .vs-chosen) ~ form", has=page.get_by_text(label, exact=True)).wait_for(state="attached")
+        page.locator("form[data-held]").wait_for(state="detached")
     session.tab("View")
     page.keyboard.press("v")
     chosen = page.locator("form[data-staged]:visible label:not(:empty)")
@@ -116,13 +113,11 @@ def test_the_presentation_has_the_sliders_moved_last_of_any_tab_and_covers_nothi
         page.set_viewport_size({"width": width, "height": height})
         require_nothing_covered(session, f"the presentation at {width} x {height}")
         page.wait_for_function("""() => {
-          const math = document.querySelector(".vs-equation math"), box = math.getBoundingClientRect();
+          const math = document.querySelector(".vs-equation math"), box = math?.getBoundingClientRect();
           const scene = document.querySelector("canvas[data-engine]").getBoundingClientRect();
-          return math.scrollWidth <= math.clientWidth + 1 && math.scrollHeight <= math.clientHeight + 1
+          return box && math.scrollWidth <= math.clientWidth + 1 && math.scrollHeight <= math.clientHeight + 1
             && box.left >= 0 && box.top >= scene.bottom - 1 && box.bottom <= innerHeight && scene.height > 150
             && document.querySelector(".vs-equation").textContent.includes("q3");
         }""")  # the equation is whole and beside the scene
-    row = session.row("Coulomb [N·m]")
-    row.locator(".mantine-TextInput-input").fill("2.5")
-    page.keyboard.press("Enter")
+    session.enter("Coulomb [N·m]", "2.5")
     session.wait(lambda now: now.scenario.truth.coulomb == 2.5)

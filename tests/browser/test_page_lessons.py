@@ -1,11 +1,12 @@
 """Lessons in a real browser: every kind of step, by keyboard and by mouse, and what a phone shows of it."""
 
 import json
+import re
 
 from playwright.sync_api import expect
 
 from app.session.commands import SetSpeed
-from drivers.pages import SHOWN, PageSession, type_over
+from drivers.pages import SHOWN, PageSession, press_by_key, resting_box, type_over
 from tests.support.layout import lasting_faults
 
 EMPTY = f"{SHOWN}.every((chart) => chart.data[0].length <= 2)"
@@ -17,9 +18,13 @@ def at_step(session: PageSession, number: int) -> None:
 
 def press(session: PageSession, name: str) -> None:
     """Press a button by keyboard alone."""
-    button = session.page.get_by_role("button", name=name)
-    button.focus()
-    session.page.keyboard.press("Enter")
+    press_by_key(session.page.get_by_role("button", name=name))
+
+
+def go_on(session: PageSession) -> None:
+    """Go to the next step by key, once nothing is left to be done or computed in this one."""
+    expect(session.page.get_by_role("button", name=re.compile("^(Next|Finish)$"))).to_be_enabled()
+    session.page.keyboard.press("j")
 
 
 def run_through(session: PageSession) -> None:
@@ -38,7 +43,7 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     session.wait(lambda now: now.scenario.contact.kind == "free")
     assert not lasting_faults(page)
 
-    page.keyboard.press("j")
+    go_on(session)
     at_step(session, 2)
     field = page.locator("form:has(label:text('your answer')) input")
     type_over(field, "thirty")
@@ -48,7 +53,7 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     press(session, "Lock my answer")
     expect(field).to_be_disabled()
 
-    page.keyboard.press("j")
+    go_on(session)
     at_step(session, 3)
     press(session, "Lock my line")
     expect(page.locator(".vs-strip")).to_contain_text("nothing is drawn yet")
@@ -58,13 +63,14 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
         page.keyboard.press(key)
     drawn = page.locator(".vs-pad .vs-drawn").get_attribute("d") or ""
     assert drawn.count("L") == 24
+    session.sent()
     hidden = page.locator("div:has(> .vs-pad) + div input")
     points = json.loads(hidden.input_value())
     assert [round(points[0][1], 6), round(points[3][1], 6)] == [32.0, 32.0]  # of −20 to 80, the middle and 2 % more
     press(session, "Lock my line")
     page.locator(".vs-pad[data-locked='1']").wait_for()
 
-    page.keyboard.press("j")
+    go_on(session)
     at_step(session, 4)
     session.wait(lambda now: now.phase == "paused" and now.end == 0.0)
     page.wait_for_function(EMPTY)  # no lines of the run before
@@ -77,27 +83,27 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     assert download.value.suggested_filename == "01-target-model-4-10-kg.svg"
     assert "predicted" in download.value.path().read_text(encoding="utf-8")
 
-    page.keyboard.press("j")
+    go_on(session)
     at_step(session, 5)
     scored = page.locator(".vs-prose .vs-scored")
     expect(scored).to_have_count(2)
     expect(scored.first).to_contain_text("measured 30 mm: right within 2 mm")
     expect(page.locator(".vs-prose")).to_contain_text("as far as 46.1 mm")
-    assert page.locator(".vs-prose msqrt").count() == 1
+    expect(page.locator(".vs-prose msqrt")).to_have_count(1)
 
-    page.keyboard.press("j")
+    go_on(session)
     press(session, "B swings further")
-    page.keyboard.press("j")
+    go_on(session)
     at_step(session, 7)
     run_through(session)
-    page.keyboard.press("j")
+    go_on(session)
     at_step(session, 8)
     press(session, "B how fast")
-    page.keyboard.press("j")
+    go_on(session)
     at_step(session, 9)
     expect(scored).to_have_count(2)
 
-    page.keyboard.press("j")
+    go_on(session)
     at_step(session, 10)
     page.keyboard.press("1")
     expect(page.locator(".vs-strip")).to_contain_text("locked by the goal of a lesson")
@@ -108,7 +114,7 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     expect(page.locator(".vs-note", has_text="try it anew")).to_be_visible()
     page.keyboard.press("r")
     page.get_by_text("reached", exact=True).wait_for()
-    page.keyboard.press("j")  # the last step: the lesson is done
+    go_on(session)  # the last step: the lesson is done
     expect(page.locator(".vs-prose .vs-chip", has_text="done")).to_be_visible()
     with page.expect_download() as download:
         page.get_by_role("button", name="CSV").last.click()
@@ -120,8 +126,7 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
 def test_a_line_is_drawn_by_mouse_and_playing_freely_is_undone(session: PageSession):
     page = session.page
     session.tab("Lessons")
-    page.get_by_role("combobox", name="Lesson").or_(page.get_by_label("Lesson", exact=True)).first.click()
-    page.get_by_role("option", name="8. Reaching").click()
+    session.choose("Lesson", "8. Reaching", exact=False)
     page.get_by_role("button", name="Begin").click()
     at_step(session, 1)
     page.get_by_role("button", name="Next").click()
@@ -129,14 +134,17 @@ def test_a_line_is_drawn_by_mouse_and_playing_freely_is_undone(session: PageSess
     page.get_by_role("button", name="Skip: predict").click()
     at_step(session, 3)
     pad = page.locator(".vs-pad svg")
-    pad.scroll_into_view_if_needed()
-    box = pad.bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 0.15 * box["width"], box["y"] + 0.2 * box["height"])
-    page.mouse.down()
-    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.6 * box["height"], steps=3)
-    page.mouse.move(box["x"] + 0.95 * box["width"], box["y"] + 0.8 * box["height"], steps=3)
-    page.mouse.up()
+    for _ in range(5):  # the page scrolls to the top of a new step, and may be laid out while it is drawn on
+        pad.scroll_into_view_if_needed()
+        box = resting_box(pad)
+        page.mouse.move(box["x"] + 0.15 * box["width"], box["y"] + 0.2 * box["height"])
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.6 * box["height"], steps=3)
+        page.mouse.move(box["x"] + 0.95 * box["width"], box["y"] + 0.8 * box["height"], steps=3)
+        page.mouse.up()
+        session.sent()
+        if resting_box(pad) == box:
+            break
     values = [value for _, value in json.loads(page.locator("div:has(> .vs-pad) + div input").input_value())]
     assert len(values) == 25
     assert values == sorted(values, reverse=True)
@@ -154,9 +162,9 @@ def test_a_line_is_drawn_by_mouse_and_playing_freely_is_undone(session: PageSess
     page.keyboard.press("2")
     session.wait(lambda now: now.scenario.mode == "impedance")
     # by key: the panel moves while the page is drawn for the other mode
-    page.get_by_role("button", name="Return to the lesson's scene").press("Enter")
+    press(session, "Return to the lesson's scene")
     session.wait(lambda now: now.scenario.mode == "hybrid")
-    page.get_by_role("button", name="Back", exact=True).press("Enter")
+    press_by_key(page.get_by_role("button", name="Back", exact=True))
     at_step(session, 2)
     page.get_by_role("button", name="Leave the lesson").click()
     page.get_by_role("button", name="Continue at step 2").wait_for()

@@ -43,6 +43,7 @@ def test_everything_is_seen_on_any_tab_and_in_the_presentation(
     session.runner.post(Load(shipped()[name]))
     session.wait(lambda now: now.scenario.name == name and now.t > 0.3)
     session.runner.post(Pause())  # what moves makes a look slow
+    page.locator(".vs-status[data-phase=paused]").wait_for()
     if theme == "light":
         page.locator('[data-key="t"]').click()
     page.wait_for_function(f"{_THEME} === '{theme}'")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from app.process import own_code
 from app.scenario.data import kind_of, load, to_plain
@@ -30,7 +30,7 @@ def own(open_page: Callable[..., Page]) -> Iterator[PageSession]:
 
 def test_a_law_of_one_s_own_stands_in_the_menu_with_its_parameter(own: PageSession) -> None:
     own.tab("Controller")
-    assert own.row("k_i [N/(m·s)]").count() == 0
+    expect(own.row("k_i [N/(m·s)]")).to_have_count(0)
     own.choose("Law", "PID + gravity")
     own.wait(lambda now: now.scenario.controller.law == "pid-gravity" and now.live["d"] == 0.0)
     own.page.get_by_text("with the integral of the error so that no weight leaves one behind").wait_for()

@@ -8,12 +8,15 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
+from app.dashboard.page import Dashboard
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.plot_table import CAUSES, TABS
-from app.session.commands import Edit, Pause, Play, Reset
-from drivers.pages import CHARTS, SHOWN, PageSession
+from app.session.commands import Edit, Pause, Play, Reset, Seek
+from app.session.runner import Runner
+from app.session.snapshot import Snapshot
+from drivers.pages import CHARTS, SHOWN, PageSession, resting_box
 
-FULL = f"{SHOWN}.length && {SHOWN}.every((c) => c.data[0].length > 20 && c.data.length > 1)"
+FULL = f"{SHOWN}.length && {SHOWN}.every((c) => c.data?.[0]?.length > 20 && c.data.length > 1)"
 # how many charts on the screen, and how many of the others, get data within a while
 DRAWN = f"""async (wait) => {{
   const before = {CHARTS}.map((c) => [c, c.data]), shown = new Set({SHOWN});
@@ -32,11 +35,10 @@ def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: PageSess
     for name in TABS:
         session.tab(name)
         page.wait_for_function(f"{SHOWN}.length === {len(drawn[name])} && {FULL}")
-        spread = page.evaluate(
-            f"{SHOWN}.map((c) => c.data.slice(1).some((y) => y.length > 20 && y.every(Number.isFinite)))"
+        page.wait_for_function(
+            f"{SHOWN}.every((c) => c.data.slice(1).some((y) => y.length > 20 && y.every(Number.isFinite)))"
         )
-        assert all(spread), (name, spread)
-    assert page.evaluate(f"{CHARTS}.length") == sum(len(plots) for plots in drawn.values())
+    page.wait_for_function(f"{CHARTS}.length === {sum(len(plots) for plots in drawn.values())}")
     session.runner.post(Play())
     # not at once: what was on its way to the tab before is drawn
     session.wait(lambda _: page.evaluate(DRAWN, 1500) == [len(TABS["Residual"].plots), 0])
@@ -51,8 +53,11 @@ def test_the_chosen_window_moves_the_axes_and_builds_no_chart_anew(session: Page
     before = page.evaluate(created)
     session.choose("window", "4 s")
     page.wait_for_function(f"{SHOWN}.every((c) => c.scales.x.min === -4 && c.data[0][0] > -4.1 && c.data[0][0] < -3.9)")
-    page.evaluate(f"{SHOWN}[0].setScale('x', {{ min: -3, max: -1 }})")
-    page.wait_for_timeout(1500)
+    for _ in range(5):  # a zoom while the axes of new data are just being set is lost, and made again
+        page.evaluate(f"{SHOWN}[0].setScale('x', {{ min: -3, max: -1 }})")
+        page.wait_for_timeout(1500)
+        if page.evaluate(f"{SHOWN}[0].scales.x.min") == -3:
+            break
     assert page.evaluate(f"{SHOWN}.map((c) => c.scales.x.min)") == [-3, -4, -4, -4]  # a zoom stays
     assert page.evaluate(created) == before
     session.choose("window", "8 s")
@@ -64,10 +69,13 @@ def test_a_line_that_begins_with_what_does_not_exist_has_an_axis(session: PageSe
     session.wait(lambda now: now.scenario.controller.law == "computed-torque" and now.recording.first == 0.0)
     session.wait(lambda now: now.t > 0.3)
     session.runner.post(Edit("controller.law", "vsmrc"))
-    gain = f"{SHOWN}.find((c) => c.root.querySelector('.u-title').textContent.includes('(17)'))"
+    session.wait(lambda now: now.scenario.controller.law == "vsmrc" and now.t > 0.8)
+    session.runner.post(Pause())  # with the beginning in the window, however long the page takes
+    gain = f"{SHOWN}.find((c) => c.root.querySelector('.u-title')?.textContent.includes('(17)'))"
     session.page.wait_for_function(f"""() => {{
       const gain = {gain}, {{ min, max }} = gain?.scales.y ?? {{}};
-      return gain && Number.isNaN(gain.data[1][0]) && min === 0 && max >= gain.data[1].at(-1) && gain.axes[1]._splits;
+      const line = gain?.data?.[1];
+      return line && Number.isNaN(line[0]) && min === 0 && max >= line.at(-1) && gain.axes[1]._splits;
     }}""")
 
 
@@ -76,8 +84,9 @@ def test_a_run_that_has_just_been_reset_keeps_the_axes_of_its_plots(session: Pag
     for command in (Pause(), Reset()):
         session.runner.post(command)
     session.wait(lambda now: now.t == 0.0 and now.phase == "paused")
-    numbers = "c.axes[1]._values.filter((v) => v !== '').length"
-    session.page.wait_for_function(f"{SHOWN}.every((c) => c.data[0].length < 20 && c.bbox.left > 30 && {numbers} > 1)")
+    numbers = "c.axes[1]._values?.filter((v) => v !== '').length"
+    laid_out = f"c.data?.[0]?.length < 20 && c.bbox.left > 30 && {numbers} > 1"
+    session.page.wait_for_function(f"{SHOWN}.every((c) => {laid_out})")
 
 
 def test_the_chosen_joint_is_drawn_and_a_paused_run_is_not_drawn_again(session: PageSession):
@@ -88,14 +97,12 @@ def test_the_chosen_joint_is_drawn_and_a_paused_run_is_not_drawn_again(session: 
     # also while it is hidden, each of the two choices of a row has a name of its own
     page.wait_for_function("document.querySelectorAll('input[aria-label=joint]').length > 0")
     session.tab("Torque")
-    page.get_by_label("joint", exact=True).click()
-    page.get_by_role("option", name="2", exact=False).first.click()
+    session.choose("joint", "2 ", exact=False)
     page.locator(".u-title", has_text="terms of τ₂ (25)").wait_for()
     session.runner.post(Pause())
     session.wait(lambda now: now.phase == "paused")
     session.wait(lambda _: page.evaluate(DRAWN, 1500) == [0, 0])  # not at once: what was on its way is drawn
-    page.get_by_label("joint", exact=True).click()
-    page.get_by_role("option", name="1", exact=False).first.click()
+    session.choose("joint", "1 ", exact=False)
     page.locator(".u-title", has_text="terms of τ₁ (25)").wait_for()
     page.wait_for_function(FULL)
 
@@ -112,13 +119,23 @@ def test_nothing_is_drawn_for_a_page_that_nobody_sees(session: PageSession):
     page.wait_for_function(f"(window.vsOld ??= {SHOWN}[0].data) !== {SHOWN}[0].data")
 
 
-def test_points_that_came_one_after_the_other_are_the_whole_data(session: PageSession):
-    page = session.page
+def test_points_that_came_one_after_the_other_are_the_whole_data(
+    session: PageSession, served: tuple[Dashboard, Runner]
+):
+    page, view = session.page, served[0]._content  # pyright: ignore[reportPrivateUsage]
+    assert view is not None
+
+    def all_sent(now: Snapshot) -> bool:
+        """Whether the plots have been drawn up to the last instant, also on a machine that rests in between."""
+        drawn = view._plots._drawn["Overview"]  # pyright: ignore[reportPrivateUsage]
+        return drawn[:3] == (now.run, now.revision, now.t)
+
     page.wait_for_function(FULL)
     began = session.now.t
     session.wait(lambda now: now.t > began + 3.0)
     session.runner.post(Pause())
     session.wait(lambda now: now.phase == "paused")
+    session.wait(all_sent)
     session.wait(lambda _: page.evaluate(DRAWN, 800) == [0, 0])
     page.evaluate(f"window.vsCame = {SHOWN}.map((c) => c.data)")
     page.evaluate("window.dispatchEvent(new Event('vsmrc-behind'))")  # all of them at once
@@ -134,18 +151,17 @@ def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: PageSess
     session.runner.post(Pause())
     session.wait(lambda now: now.phase == "paused")
     plot = page.locator(".uplot-container:visible").nth(1)
-    small, values = plot.bounding_box(), page.locator(".vs-values")
+    small, values = resting_box(plot), page.locator(".vs-values")
     plot.locator(".u-over").hover()
     values.get_by_text("measured normal").wait_for()
-    idx = page.evaluate(f"{SHOWN}[1].cursor.idx")
-    told = page.evaluate(f"String(+{SHOWN}[1].data[2][{idx}].toPrecision(4))")
-    session.wait(lambda _: told in values.inner_text().split("\n"))
+    page.wait_for_function(f"""() => {{
+      const {{ data, cursor }} = {SHOWN}[1], value = data[2][cursor.idx], told = document.querySelector(".vs-values");
+      return told.innerText.split("\\n").includes(String(+value?.toPrecision(4)));
+    }}""")
 
     plot.locator(".mantine-ActionIcon-root").click()
     page.wait_for_function(f"{SHOWN}[1].height > 400")
-    enlarged = plot.bounding_box()
-    assert small
-    assert enlarged
+    enlarged = resting_box(plot)
     assert enlarged["width"] > 1.5 * small["width"]
     # nothing lies over it
     for share in (0.1, 0.5, 0.9):
@@ -153,7 +169,7 @@ def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: PageSess
         assert page.evaluate("([x, y]) => !!document.elementFromPoint(x, y).closest('[data-large]')", [x, y])
     page.keyboard.press("Escape")
     page.wait_for_function(f"{SHOWN}[1].height < 200")
-    session.wait(lambda _: plot.bounding_box() == small)
+    session.wait(lambda _: resting_box(plot) == small)
     page.wait_for_function(f"{SHOWN}[1].axes[0]._splits?.length <= 10")  # no longer those of the large one
 
 
@@ -163,12 +179,13 @@ def test_the_legend_has_the_values_of_now_and_hides_a_line(session: PageSession)
     session.runner.post(Pause())
     session.wait(lambda now: now.phase == "paused")
     page.mouse.move(700, 300)  # over no plot
-    told = "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.innerText.startsWith(name)).innerText"
+    told = "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.innerText.startsWith(name))?.innerText"
     desired = session.now.scenario.force.value
-    page.wait_for_function(f"({told})('desired normal').endsWith('{desired:g}')")
+    page.wait_for_function(f"({told})('desired normal')?.endsWith('{desired:g}')")
     measured = float(session.now.recording.signals(("F_c",))["F_c"][-1, 0])
     page.wait_for_function(
-        f"(value) => Math.abs(({told})('measured normal').match(/[-\\d.]+$/)[0] - value) <= 0.01 * value", arg=measured
+        f"(value) => Math.abs(({told})('measured normal')?.match(/[-\\d.]+$/)?.[0] - value) <= 0.01 * value",
+        arg=measured,
     )
     line = page.locator(".u-series", has_text="measured normal").locator("th")
     line.click()
@@ -191,32 +208,38 @@ def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: P
         page.wait_for_function(f"([name, part]) => Math.abs(({value})(name) - part) <= 0.1", arg=[cause, float(part)])
     session.tab("Sliding")
     page.wait_for_function(f"+({value})('‖s‖') > 0")
-    assert [page.evaluate(value, name) for name in ("reaching", "sliding", "t_r ≤ (18)", "t_r")] == 4 * [""]
+    unmeasured = ("reaching", "sliding", "t_r ≤ (18)", "t_r")
+    session.wait(lambda _: [page.evaluate(value, name) for name in unmeasured] == 4 * [""])
 
 
 def test_two_cursors_measure_a_step(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 2.0)
+    session.runner.post(Pause())  # so that the step comes, and the window ends, at an instant that is known
+    session.wait(lambda now: now.phase == "paused")
     step = {"kind": "step", "start": 20.0, "value": 30.0, "time": session.now.t + 0.5, "rise": 0.1}
     session.runner.post(Edit("force", step))
-    session.wait(lambda now: now.t > step["time"] + 1.5)
-    session.runner.post(Pause())
-    session.wait(lambda now: now.phase == "paused")
+    session.runner.post(Play())
+    session.wait(lambda now: now.t > step["time"] + 1.6)
+    session.runner.post(Seek(step["time"] + 1.6))
+    session.wait(lambda now: now.t == pytest.approx(step["time"] + 1.6))
+    session.page.get_by_text("looking back", exact=True).wait_for()
     page.locator(".uplot-container").nth(1).hover()
     page.locator(".vs-measure").nth(1).click()
     table = page.locator(".vs-measured")
     table.wait_for()
     expect(page.locator(".uplot-container[data-large] .u-over")).to_be_visible()
     expect(page.locator(".vs-cursor")).to_have_count(2)
-    over = page.locator(".uplot-container[data-large] .u-over").bounding_box()
-    assert over is not None
-    for cursor, share in ((0, 0.76), (1, 0.99)):
-        box = page.locator(".vs-cursor").nth(cursor).bounding_box()
-        assert box is not None
-        page.mouse.move(box["x"] + 1, box["y"] + 200)
-        page.mouse.down()
-        page.mouse.move(over["x"] + share * over["width"], over["y"] + 200, steps=5)
-        page.mouse.up()
+    for _ in range(5):  # the plot may get another size while a cursor is dragged
+        over = resting_box(page.locator(".uplot-container[data-large] .u-over"))
+        for cursor, share in ((0, 0.76), (1, 0.99)):
+            box = resting_box(page.locator(".vs-cursor").nth(cursor))
+            page.mouse.move(box["x"] + 1, box["y"] + 200)
+            page.mouse.down()
+            page.mouse.move(over["x"] + share * over["width"], over["y"] + 200, steps=5)
+            page.mouse.up()
+        if "Δt = 1.84 s" in table.inner_text():
+            break
     assert "Δt = 1.84 s" in table.inner_text()  # of a window of 8 s
     row = table.locator("tr", has_text="desired normal").locator("td").all_inner_texts()
     now = session.now

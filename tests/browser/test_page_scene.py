@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from playwright.sync_api import Locator
+from playwright.sync_api import Locator, expect
 from viser import ClientHandle
 from viser import transforms as tf
 
@@ -20,7 +20,7 @@ from app.scenario.data import shipped, with_values
 from app.session.commands import Load, Reset
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
-from drivers.pages import PageSession
+from drivers.pages import PageSession, resting_box
 from tests.browser.test_page_stage import OVER
 
 
@@ -106,8 +106,7 @@ def test_dragging_the_tool_pushes_it_and_letting_go_ends_that(scene: Scene):
     assert scene.pushed()[2] > 0.0  # upwards on the page is upwards in the world
     assert np.linalg.norm(scene.pushed()) <= 60.0 + 1e-6
     scene.page.mouse.up()
-    session.wait(lambda now: now.state.grip is None and not now.push.any())
-    assert not scene.pushed().any()
+    session.wait(lambda now: now.state.grip is None and not now.push.any() and not scene.pushed().any())
     assert session.now.scenario.shift.by == (0.0,)
     session.wait(lambda now: bool(np.linalg.norm(now.tool - home) < 5e-4))
 
@@ -115,19 +114,17 @@ def test_dragging_the_tool_pushes_it_and_letting_go_ends_that(scene: Scene):
 def test_the_drag_turns_the_tool_where_that_is_chosen(scene: Scene):
     session = scene.session
     scene.view("side")
-    scene.page.get_by_label("Dragging").click()
-    scene.page.get_by_role("option", name="turns it (Shift: pushes)").click()
-    session.wait(lambda _: scene.page.get_by_label("Dragging").input_value() == "turns it (Shift: pushes)")
+    session.choose("Dragging", "turns it (Shift: pushes)")
+    expect(scene.page.get_by_label("Dragging", exact=True)).to_have_value("turns it (Shift: pushes)")
     scene.drag_tool(60, 0)
-    session.wait(lambda now: bool(np.linalg.norm(now.push_moment) > 0.5))
+    session.wait(lambda now: bool(np.linalg.norm(now.recording.signals(("moment_push",))["moment_push"][-1]) > 0.5))
     record = session.now.recording.signals(("F_push", "moment_push"))
     assert not record["F_push"][-1].any()
     assert 0.5 < np.linalg.norm(record["moment_push"][-1]) <= 5.0 + 1e-9
     scene.page.locator(".vs-note", has_text="turned: 100 mm = 2.5 N·m").wait_for()
     scene.page.mouse.up()
     session.wait(lambda now: now.state.grip is None and not now.push_moment.any())
-    scene.page.get_by_label("Dragging").click()
-    scene.page.get_by_role("option", name="pushes it (Shift: moves the target)").click()
+    session.choose("Dragging", "pushes it (Shift: moves the target)")
 
 
 def test_a_page_that_closes_while_it_pushes_lets_go(scene: Scene):
@@ -167,11 +164,13 @@ def test_camera_and_switches_are_the_pages_and_not_the_runs(scene: Scene):
     assert "ghost" not in legend.inner_text()
     scene.turn("ghost", on=True)
     scene.page.locator(".vs-note", has_text="mm away").wait_for()
+    resting_box(scene.switch(tuple(SWITCHES)[-1]))
     places = [scene.switch(field).bounding_box() for field in SWITCHES]
     for field in SWITCHES:
         scene.turn(field, on=False)
     legend.wait_for(state="hidden")
-    assert [scene.switch(field).bounding_box() for field in SWITCHES] == places  # under the mouse, whatever the legend
+    # under the mouse, whatever the legend
+    session.wait(lambda _: [scene.switch(field).bounding_box() for field in SWITCHES] == places)
     for field in SWITCHES:
         scene.turn(field, on=getattr(Look(), field))
     session.choose("Force arrows", "100 mm = 5 N")

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.dashboard.theme.fonts import FACES
-from drivers.pages import PATIENCE, VIEWPORT, wait_without_notice
+from drivers.pages import PATIENCE, VIEWPORT, open_tab, wait_without_notice
 from drivers.visitors import Server, serving
 
 RUNNING = "promise holds"
@@ -20,6 +20,13 @@ LOADED = """async (families) => {
   const loaded = [...document.fonts].filter((font) => font.status === "loaded").map((font) => font.family).join();
   return families.every((family) => loaded.includes(family));
 }"""
+
+
+def links_of(page: Page) -> list[str]:
+    """Links of the card that the button Share opens: to watch, and to steer."""
+    fields = page.locator(".vg-card input")
+    expect(fields).to_have_count(2)
+    return [field.input_value() for field in fields.all()]
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +52,7 @@ def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
     lecturer.wait_for_function(LOADED, arg=[face.family for face in FACES])
     assert not [url for url in asked if "127.0.0.1" not in url and not url.startswith(("data:", "blob:"))]
     lecturer.get_by_role("button", name="Share").click()
-    watch, steer = (field.input_value() for field in lecturer.locator(".vg-card input").all())
+    watch, steer = links_of(lecturer)
     assert steer == lecturer.url.partition("?")[0]
     lecturer.keyboard.press("Escape")
     expect(lecturer.locator(".vg-card input").first).to_be_hidden()
@@ -54,8 +61,8 @@ def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
     expect(student.get_by_text("Watching live")).to_be_visible()
     row = student.locator("form:visible", has=student.get_by_text("F_d [N]", exact=True))
     force = row.locator(".mantine-TextInput-input")
-    assert force.evaluate("(input) => getComputedStyle(input).pointerEvents") == "none"
-    student.get_by_role("tab", name="Torque", exact=True).click()  # looking around is free
+    expect(force).to_have_css("pointer-events", "none")
+    open_tab(student, "Torque")  # looking around is free
     expect(student.locator(".uplot-container:visible").first).to_be_visible()
     lecturer.locator("canvas[data-engine]").click(position={"x": 20, "y": 300})
     lecturer.keyboard.press("1")
@@ -87,7 +94,7 @@ def test_links_are_taken_back_with_a_button(open_page: Callable[..., Page]) -> N
             return page
 
         presenter = opened(server.url)
-        watch, steer = (field.input_value() for field in presenter.locator(".vg-card input").all())
+        watch, steer = links_of(presenter)
         guest = opened(steer)
         assert guest.url == presenter.url == steer.partition("?")[0]
         assert guest.get_by_role("button", name="New links").count() == 0
@@ -98,7 +105,7 @@ def test_links_are_taken_back_with_a_button(open_page: Callable[..., Page]) -> N
             presenter.get_by_role("button", name="New links").click()
         expect(guest.get_by_text("This link leads nowhere any more")).to_be_visible(timeout=PATIENCE * 1e3)
         presenter.get_by_role("button", name="Share").click()
-        renewed = [field.input_value() for field in presenter.locator(".vg-card input").all()]
+        renewed = links_of(presenter)
         assert not {*renewed} & {watch, steer}
         assert renewed[1].partition("?")[0] == presenter.url.partition("?")[0]
         guest.goto(steer)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, TimeoutError, expect
 
 from app.dashboard.page import Dashboard
 from app.session.runner import Runner
-from drivers.pages import CHARTS, PATIENCE, PageSession
+from drivers.pages import CHARTS, PATIENCE, PageSession, resting_box
 
 ALPHAS = f"{CHARTS}.flatMap((plot) => plot.series.slice(1).map((series) => [series.label, series.alpha ?? 1]))"
 
@@ -18,16 +18,29 @@ def alphas(page: Page) -> dict[str, float]:
     return dict(page.evaluate(ALPHAS))
 
 
+def explained(page: Page, symbol: Locator, text: str) -> None:
+    """Let the mouse rest on a symbol until its tip says this; again where the symbol has moved away from the mouse."""
+    tip = page.locator("#vs-symbol", has_text=text).locator("visible=true")
+    for _ in range(10):
+        symbol.hover()
+        try:
+            tip.wait_for(timeout=10e3)
+        except TimeoutError:
+            page.mouse.move(640, 200)
+        else:
+            return
+    raise AssertionError(f"no tip says {text}")
+
+
 def test_a_symbol_explains_itself_under_the_mouse_and_its_line_stands_out(session: PageSession) -> None:
     page, tip = session.page, session.page.locator("#vs-symbol")
     session.wait(lambda now: now.t > 1.0)
-    page.locator('.vs-equation [data-symbol="K_m"]').hover()
+    explained(page, page.locator('.vs-equation [data-symbol="K_m"]'), "Stiffness of the target model (8).")
     expect(tip).to_contain_text("Stiffness of the target model (8). [N/m or N·m/rad] equation (8) of the paper")
     expect(tip).to_contain_text("now 0, 4000, 4000")
     page.keyboard.press("Escape")
     expect(tip).to_be_hidden()
-    page.locator(".u-legend:visible th", has_text="‖s‖").hover()
-    expect(tip).to_contain_text("Norm of the sliding variable")
+    explained(page, page.locator(".u-legend:visible th", has_text="‖s‖"), "Norm of the sliding variable")
     drawn = alphas(page)
     assert drawn["‖s‖"] == 1
     assert drawn["bound (20) + band"] < 0.5
@@ -35,8 +48,7 @@ def test_a_symbol_explains_itself_under_the_mouse_and_its_line_stands_out(sessio
     expect(tip).to_be_hidden()
     assert alphas(page)["bound (20) + band"] == 1
     session.tab("Controller")  # its table is sent again ten times a second
-    page.locator(".vs-verdicts td", has_text="gain d").hover()
-    expect(tip).to_contain_text("Least gain d by (17)")
+    explained(page, page.locator(".vs-verdicts td", has_text="gain d"), "Least gain d by (17)")
     before = session.now.t
     session.wait(lambda now: now.t > before + 1.0)
     expect(tip).to_be_visible()
@@ -66,10 +78,11 @@ def test_a_symbol_explains_itself_by_touch(
     page = open_page(served[0].link, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True)
     title = page.locator(".u-title:visible").first
     title.wait_for(timeout=PATIENCE * 1e3)
+    resting_box(title)  # what scrolls takes the tip away
     title.tap()
     expect(page.locator("#vs-symbol")).to_contain_text("Tracking error r − r_d")
-    box = page.locator("#vs-symbol").bounding_box()
-    assert box is not None
+    expect(page.locator("#vs-symbol")).to_be_visible()
+    box = resting_box(page.locator("#vs-symbol"))
     assert box["x"] >= 0
     assert box["x"] + box["width"] <= 390
     # as a table that is sent again, which takes its elements with it

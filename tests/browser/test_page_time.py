@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 
 from app.session.commands import Edit
-from drivers.pages import PageSession
+from drivers.pages import PATIENCE, PageSession
 
 
 def press(session: PageSession, button: str) -> None:
@@ -36,6 +36,7 @@ def test_looking_back_shows_what_was_and_a_fork_goes_on_from_there(session: Page
     assert [(p.t, p.scenario.force.value) for p in session.now.pinned] == [(end, 35.0)]
 
 
+@pytest.mark.usefixtures("messages_stay")
 def test_a_fork_at_the_end_is_refused_with_a_button_that_forks_at_the_last_change(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 0.5)
@@ -50,7 +51,8 @@ def test_a_fork_at_the_end_is_refused_with_a_button_that_forks_at_the_last_chang
     assert (session.now.phase, session.now.t, session.now.end) == ("paused", pytest.approx(changed), session.now.t)
     assert len(session.now.pinned) == 1
     page.get_by_role("button", name="Fork at the last change").wait_for(state="detached")
-    page.wait_for_function("!document.querySelector('.vs-strip').innerText.includes('fork')", timeout=1500)
+    # with the fork, not only when it has been shown long enough
+    page.wait_for_function("!document.querySelector('.vs-strip').innerText.includes('fork')", timeout=0.5e3 * PATIENCE)
 
 
 def test_play_shows_the_past_again_and_then_goes_on(session: PageSession):
@@ -94,7 +96,7 @@ def test_runs_are_pinned_compared_and_forgotten(session: PageSession):
     copied = session.page.evaluate("navigator.clipboard.readText()").split("\n")
     assert copied[0].split("\t") == ["", "now", "<b>soft</b>"]
     assert any(line.startswith("path error, RMS") and "%)" in line for line in copied)
-    assert table.locator("tr", has_text="path error, RMS").locator("td").count() == 3
+    expect(table.locator("tr", has_text="path error, RMS").locator("td")).to_have_count(3)
     session.page.get_by_text("reaching gain K_s: 100 N·s/m").wait_for()
     press(session, f"Forget run {number}")
     session.wait(lambda now: not now.pinned)
