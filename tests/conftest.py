@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import pytest
 import structlog
@@ -12,6 +13,9 @@ from structlog.typing import EventDict, WrappedLogger
 
 import app  # noqa: F401  # says where kernels are cached, which must come before numba
 from app.process import priority
+
+if TYPE_CHECKING:
+    from app.simulation.extremes import Effort, Objectives, Omega
 
 # All cores are busy with tests meanwhile: what steps back for a loop would wait for minutes.
 os.environ[priority.SAME] = "1"
@@ -74,3 +78,24 @@ def constants_searched_once(request: pytest.FixtureRequest) -> Iterator[None]:
             known = request.getfixturevalue("known_constants")
             patch.setattr(system, "Memory", lambda: known)
         yield
+
+
+@pytest.fixture(scope="module")
+def roughly_known() -> object:
+    """Memory of constants over Omega that are the largest of a few samples."""
+    from app.simulation.search_memory import Memory
+
+    return Memory()
+
+
+@pytest.fixture
+def rough_constants(monkeypatch: pytest.MonkeyPatch, roughly_known: object) -> None:
+    """Constants over Omega without the search for their maxima, which takes most of the time of a test that assembles
+    many arms on many surfaces; for tests of what does not depend on them. The search has tests of its own."""
+
+    def sampled(omega: Omega, objectives: Objectives, _effort: Effort) -> tuple[float, ...]:
+        seen = [objectives(place) for place in omega.places(8)[::3]]
+        return tuple(max((v[k].value for v in seen if v[k].room >= 0.0), default=0.0) for k in range(len(seen[0])))
+
+    monkeypatch.setattr("app.simulation.domain.largest", sampled)
+    monkeypatch.setattr("app.simulation.assembly.Memory", lambda: roughly_known)

@@ -33,6 +33,7 @@ TO = {"B_m": [300.0, 600.0, 500.0], "K_m": [0.0, 6000.0, 5000.0]}
 
 
 def abscissa(A: np.ndarray) -> float:
+    """The largest real part of the eigenvalues of one or several matrices (..., n, n)."""
     return float(np.linalg.eigvals(A).real.max())
 
 
@@ -86,7 +87,7 @@ def test_theorem_4_holds_for_random_matrices_and_gives_a_common_norm(by: By) -> 
             continue
         certified += 1
         weights = rng.dirichlet(np.full(N + 1, 0.5), 20)
-        assert max(abscissa(np.tensordot(w, A, 1)) for w in weights) < 0.0
+        assert abscissa(np.tensordot(weights, A, 1)) < 0.0
         d = np.linalg.solve(-A[0] if by == "rows" else -A[0].T, np.ones(n))
         assert (d > 0.0).all()
         for A_k in A:  # the same d for all: sum_j a_ij d_j < 0, a norm that falls along each of them
@@ -142,9 +143,9 @@ def test_no_unstable_blend_is_certified() -> None:
     assert counts["wrong"] == 0
     assert counts["refused"] > 5
     assert counts["eigenvalues"] > 50
-    of_axes = section.decoupled(3, 800)
+    of_axes = section.decoupled(3, 300)
     assert of_axes["wrong"] == 0
-    assert of_axes["theorem 4"] > 200
+    assert of_axes["theorem 4"] > 75
 
 
 def test_a_blend_is_one_of_what_acts() -> None:
@@ -360,8 +361,9 @@ def test_an_unstable_blend_is_refused_on_the_page() -> None:
 
 
 @pytest.mark.slow
-def test_the_section_shows_no_violation() -> None:
-    jobs = section.SECTION.jobs(20)
+def test_the_section_shows_no_violation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(section, "END", section.BEGIN + section.OVER + 0.2)
+    jobs = section.SECTION.jobs(40)
     findings = section.SECTION.conclude([job.function(*job.arguments) for job in jobs])
     assert findings.numbers["wrong"] == "0"
     assert section.SECTION.text(findings, "pictures").startswith("## ")

@@ -23,6 +23,8 @@ from environments.robots import CATALOGUE
 from tests.support.arms import unit_vector
 from tests.support.cases import scenario_of, surfaces_for
 
+pytestmark = pytest.mark.usefixtures("rough_constants")  # identities hold whatever the gain
+
 STEP = 1e-5  # of differences, rad and s
 MOVING = [(robot, surface) for robot in CATALOGUE for surface in surfaces_for(robot)]
 

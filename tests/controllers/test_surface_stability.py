@@ -19,10 +19,12 @@ from controllers.surface_stability import SurfaceRange, passive, passive_through
 from controllers.target_model import TargetModel
 from tests.support.arms import random_spd
 
-pytestmark = pytest.mark.slow  # long searches
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("rough_constants")]  # long searches
 
 # B_m, K_m and K_f of two coordinates, stable in free motion; on 9000 N/m along (0.927, -0.376) a pole at +6.68 1/s
 TWISTED = TargetModel(10.0 * np.eye(2), 60.0 * np.eye(2), np.diag([4000.0, 200.0]), np.array([[3.1, 2.2], [2.2, 1.7]]))
+
+MATRICES = ("M_m", "B_m", "K_m", "K_f")
 
 
 def touching(model: TargetModel, normal: np.ndarray, K: float, B: float = 0.0, M: float = 0.0) -> float:
@@ -48,7 +50,7 @@ def searched(model: TargetModel, surfaces: SurfaceRange, random: np.random.Gener
 
     starts = [np.r_[random.standard_normal(p), random.random(3) ** random.choice([0.1, 1.0, 4.0])] for _ in range(200)]
     best = [*sorted(starts, key=pole)[-2:], *starts[:2]]
-    return max(-float(minimize(lambda x: -pole(x), x, method="Nelder-Mead", options={"maxfev": 600}).fun) for x in best)
+    return max(-float(minimize(lambda x: -pole(x), x, method="Nelder-Mead", options={"maxfev": 300}).fun) for x in best)
 
 
 def test_the_example_is_unstable_where_it_was_found_to_be() -> None:
@@ -90,6 +92,19 @@ def test_a_passive_model_is_stable_on_every_surface() -> None:
         assert searched(model, SurfaceRange(1e5, 50.0, 5.0, 0.0, 0, 3, normal=True), random) < 0.0
 
 
+def passive_on_a_grid(start: TargetModel, end: TargetModel) -> bool:
+    """Whether 201 models of a blend are passive, by their definition; for M_m = 1 the matrices themselves are
+    blended."""
+    share = np.linspace(0.0, 1.0, 201)[:, None, None]
+    M_m, B_m, K_m, K_f = ((1.0 - share) * getattr(start, X) + share * getattr(end, X) for X in MATRICES)
+    for divided in (np.linalg.solve(K_f, each) for each in (M_m, B_m, K_m)):
+        largest = np.abs(divided).max(axis=(1, 2))
+        uneven = np.abs(divided - divided.swapaxes(1, 2)).max(axis=(1, 2))
+        if (uneven > 1e-9 * largest).any() or (np.linalg.eigvalsh(divided)[:, 0] <= 0.0).any():
+            return False
+    return True
+
+
 def test_a_blend_is_passive_throughout_where_a_fine_grid_of_its_models_is() -> None:
     """Pairs of passive models with K_f^-1 B_m symmetric between them, and others; a few of the first lose their
     definiteness on the way, though not halfway."""
@@ -107,8 +122,7 @@ def test_a_blend_is_passive_throughout_where_a_fine_grid_of_its_models_is() -> N
         found, halfway = passive_throughout(*models), passive(blended(*models, 0.5))
         counts[halfway, found] += 1
         if halfway > found or number % 20 < 2:
-            grid = [blended(*models, alpha) for alpha in np.linspace(0.0, 1.0, 201)]
-            assert found == all(passive(model) for model in grid), number
+            assert found == passive_on_a_grid(*models), number
     assert {(True, True), (True, False), (False, False)} == set(counts), counts
 
 

@@ -15,10 +15,10 @@ from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import SEED, SIGNALS, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.preview import Foresight, Outlook, Question
 from app.session.preview_client import Previewer
+from app.simulation import assembly
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.search_memory import Memory
 from drivers.waiting import until
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -39,8 +39,13 @@ def truth_of(scenario: Scenario, number: int, n: int) -> TruthSection:
     return Departure.inside(np.random.default_rng([SEED, number, n]), n).truth(scenario.declared, of=scenario.truth)
 
 
+def true_arms() -> TrueArms:
+    """With the memory of constants over Omega that this test run has (tests/conftest.py)."""
+    return TrueArms(assembly.Memory())
+
+
 def band_of(stretch: BandStretch) -> Band:
-    return whole(TrueArms(Memory()).run(stretch, COUNT))
+    return whole(true_arms().run(stretch, COUNT))
 
 
 def whole(ahead: ArmsAhead) -> Band:
@@ -76,7 +81,7 @@ def test_each_arm_goes_on_as_a_loop_with_that_arm(name: str) -> None:
 
 def test_arms_are_others_than_the_true_one_and_the_same_at_every_value() -> None:
     loop = running(shipped()["ur5-hybrid"])
-    arms, firsts = TrueArms(Memory()), []
+    arms, firsts = true_arms(), []
     for K_s in (60.0, 90.0, 60.0):
         stretch = foresight_of(loop, edited(loop.system.scenario, "controller.K_s", K_s)).stretch
         firsts.append(whole(arms.run(stretch, COUNT)))
@@ -89,7 +94,7 @@ def test_arms_are_others_than_the_true_one_and_the_same_at_every_value() -> None
 def test_arms_in_two_threads_share_no_model_of_the_arm() -> None:
     """Estimates along the reference are taken from Pinocchio's memory while the other thread runs its arm."""
     loop = running(edited(shipped()["ur5-hybrid"], "controller.estimates", "along-reference"))
-    arms, stretch = TrueArms(Memory()), foresight_of(loop, loop.system.scenario).stretch
+    arms, stretch = true_arms(), foresight_of(loop, loop.system.scenario).stretch
     whole(arms.run(stretch, COUNT))
     systems = [system for system in (arms._begun.system, *arms._systems.values()) if arms._begun]
     assert len({id(system.nominal.data) for system in systems}) == COUNT + 1
@@ -121,7 +126,7 @@ def test_a_band_grows_with_all_its_arms_and_its_beginning_stays() -> None:
     stretch = Foresight(
         Question(1, loop.state.copy(), loop.system.scenario, 5.0, arms=COUNT), engine="compiled"
     ).stretch
-    ahead, seen = TrueArms(Memory()).run(stretch, COUNT), list[Band]()
+    ahead, seen = true_arms().run(stretch, COUNT), list[Band]()
     while ahead.going:
         if (band := ahead.band()) is not None:
             seen.append(band)
@@ -139,7 +144,7 @@ def test_arms_that_are_left_run_no_farther() -> None:
     loop = running(shipped()["ur5-hybrid"])
     scenario = loop.system.scenario
     stretch = Foresight(Question(1, loop.state.copy(), scenario, 1000.0, arms=COUNT), engine="compiled").stretch
-    ahead = TrueArms(Memory()).run(stretch, COUNT)
+    ahead = true_arms().run(stretch, COUNT)
     until(lambda: ahead.reached > 0)
     ahead.leave()
     assert not ahead.going

@@ -15,8 +15,6 @@ from app.session.runner import Runner
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.extremes import Effort, Objectives, Omega
-from app.simulation.search_memory import Memory
 from controllers.modes import MODES
 from environments.push import Grip
 from environments.robots import CATALOGUE
@@ -32,25 +30,6 @@ CHANGES: dict[str, tuple[Callable[[Scenario, str], Scenario], list[str]]] = {
     "arm": (on_robot, list(CATALOGUE)),
     "surface": (on_surface, KINDS),
 }
-
-
-@pytest.fixture(scope="module")
-def roughly_known() -> Memory:
-    """Memory of constants over Omega that are the largest of a few samples."""
-    return Memory()
-
-
-@pytest.fixture
-def rough_constants(monkeypatch: pytest.MonkeyPatch, roughly_known: Memory) -> None:
-    """Constants over Omega without the search for their maxima, which takes most of the time and decides of no change
-    that is possible or not."""
-
-    def sampled(omega: Omega, objectives: Objectives, _effort: Effort) -> tuple[float, ...]:
-        seen = [objectives(place) for place in omega.places(8)[::3]]
-        return tuple(max((v[k].value for v in seen if v[k].room >= 0.0), default=0.0) for k in range(len(seen[0])))
-
-    monkeypatch.setattr("app.simulation.domain.largest", sampled)
-    monkeypatch.setattr("app.simulation.assembly.Memory", lambda: roughly_known)
 
 
 @pytest.mark.usefixtures("rough_constants")

@@ -84,6 +84,9 @@ class Walk:
 ON_PLANES = tuple(f"{robot} on a plane" for robot in CATALOGUE)
 MOVING = ("ur5 on a moving sphere", "ur5 on a typed wave", "panda on a moving sphere", "planar3r on a typed wave")
 WIDE = "ur5-hybrid, wide"
+# what Omega and its constants depend on is that of another one
+ALIKE = ("planar2r-semicircle-discontinuous", "ur5-corner-coupled", "ur5-heavy", "ur5-motion-discontinuous")
+SHAPES = [name for name in shipped() if name not in ALIKE]
 
 
 @cache
@@ -112,7 +115,7 @@ def inertia_extremes(system: System) -> tuple[Value, Value]:
     return lambda q, t: float(at(q, t)[0]), lambda q, t: float(at(q, t)[1])
 
 
-@pytest.mark.parametrize("name", [*shipped(), *ON_PLANES, *MOVING, WIDE])
+@pytest.mark.parametrize("name", [*SHAPES, *ON_PLANES, *MOVING, WIDE])
 def test_a_harder_search_finds_no_inertia_beyond_property_1(name: str) -> None:
     system = system_of(name)
     constants = system.constants
