@@ -13,7 +13,11 @@ from rich.table import Table
 from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, shown, use_own
 from app.cli.status import DONE, STOPPED
 from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.simulation.engines import Engine
+
+LEAST_PERIODS = 2  # of which figures are
+ROUNDING = 1e-9
 
 
 def compare(
@@ -46,9 +50,12 @@ def compare(
     by: Engine = one_of("--engine", engine, ENGINES)
     use_own(use)
     systems, accounts, stopped = [], [], False
-    for name, scenario in [(name, configured(name, settings, duration)) for name in scenarios]:
+    chosen = [(name, configured(name, settings, duration)) for name in scenarios]
+    for name, scenario in chosen:
+        _require_rows(name, scenario, last)
+    for name, scenario in chosen:
         loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
-        since = -math.inf if last is None else loop.t - last
+        since = -math.inf if last is None else loop.t - last - 0.5 * loop.period
         systems.append(loop.system)
         accounts.append(account(loop.system, loop.recording, since, loop.t))
         if loop.stopped:
@@ -59,3 +66,13 @@ def compare(
         table.add_row(escape(f"{figure.title} [{figure.units(systems)}]"), *(shown(figure.of(a)) for a in accounts))
     Console().print(table)
     return STOPPED if stopped else DONE
+
+
+def _require_rows(name: str, scenario: Scenario, last: float | None) -> None:
+    """Raise ScenarioError where the figures would be of fewer than two control periods, which have none."""
+    least = LEAST_PERIODS * scenario.controller.period
+    for option, seconds in (("--last", last), ("simulation.duration:", scenario.simulation.duration)):
+        if seconds is not None and seconds < least * (1.0 - ROUNDING):
+            raise ScenarioError(
+                f"{option} {seconds:g}: fewer than two control periods of {name}; allowed: {least:g} s or more"
+            )

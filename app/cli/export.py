@@ -13,11 +13,13 @@ from app.cli.options import (
     ENGINES,
     Files,
     Settings,
-    beyond_defaults,
     braces,
     configured,
     one_of,
+    otherwise,
+    typed,
     use_own,
+    usually,
     written_to,
 )
 from app.cli.status import DONE, STOPPED
@@ -35,16 +37,18 @@ def export(
     *,
     out: Path,
     to: Annotated[tuple[str, ...], tyro.conf.arg(metavar=braces(KINDS_OF_FILES))] = ("pdf",),
-    plots: tuple[str, ...] = (ALL_PLOTS,),
+    plots: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint=usually(repr(ALL_PLOTS)))] = (),
     series: tuple[str, ...] = (),
     width: str | None = None,
     height: str | None = None,
-    type_size: float = 7.0,
-    letters: bool = False,
-    caption: bool = True,
-    start: float = 0.0,
-    end: float = math.inf,
-    engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "pinocchio",
+    type_size: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(7.0))] = None,
+    letters: Annotated[tyro.conf.DisallowNone[bool | None], tyro.conf.arg(help_behavior_hint=usually(False))] = None,
+    caption: Annotated[tyro.conf.DisallowNone[bool | None], tyro.conf.arg(help_behavior_hint=usually(True))] = None,
+    start: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(0.0))] = None,
+    end: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(math.inf))] = None,
+    engine: Annotated[
+        str | None, tyro.conf.arg(metavar=braces(ENGINES), help_behavior_hint=usually("pinocchio"))
+    ] = None,
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -68,35 +72,37 @@ def export(
     """
     from app.dashboard.export import ExportedStretch, FigureChoice, write
     from app.dashboard.plots.paper_figures import plots_of
-    from app.export.figures import FigureOptions
+    from app.export.figures import TYPE, FigureOptions
     from app.session import headless_run
     from app.storage.constants_store import kept_memory
     from app.storage.recording_files import read_npz
 
-    by: Engine = one_of("--engine", engine, ENGINES)
+    by: Engine = one_of("--engine", otherwise(engine, "pinocchio"), ENGINES)
     kinds: list[Kind] = [one_of("--to", kind, KINDS_OF_FILES) for kind in to]
-    shown = {"--plots": {"plots": plots}, "--series": {"series": series}}
+    shown = {"--plots": plots, "--series": series}
     printed = {
-        "--width": {"width": width},
-        "--height": {"height": height},
-        "--type-size": {"type_size": type_size},
-        "--letters": {"letters": letters},
-        "--no-caption": {"caption": caption},
+        "--width": width,
+        "--height": height,
+        "--type-size": type_size,
+        "--letters" if letters else "--no-letters": letters,
+        "--caption" if caption else "--no-caption": caption,
     }
     _require_kinds(kinds, (*ON_PAPER, "html"), shown)
     _require_kinds(kinds, ON_PAPER, printed)
-    stretch = {"--start": {"start": start}, "--end": {"end": end}}
-    _require_kinds(kinds, tuple(kind for kind in KINDS_OF_FILES if kind != "toml"), stretch)
-    plots_of(plots)  # before the simulation, which would be in vain
+    _require_kinds(kinds, tuple(kind for kind in KINDS_OF_FILES if kind != "toml"), {"--start": start, "--end": end})
+    chosen = plots or (ALL_PLOTS,)
+    plots_of(chosen)  # before the simulation, which would be in vain
     with scenario_errors():
         wide, high = _inches("--width", width), _inches("--height", height)
-        options = FigureOptions(wide, high, type_size, letters, caption)
+        options = FigureOptions(
+            wide, high, otherwise(type_size, TYPE), otherwise(letters, False), otherwise(caption, True)
+        )
     use_own(use)
     status = DONE
     if run.endswith(".npz"):
         if settings:
             raise ScenarioError("--set: a recording cannot be changed any more; allowed: with a scenario")
-        if beyond_defaults(export, engine=engine):
+        if typed(engine):
             raise ScenarioError(f"--engine {engine}: a recording is not computed again; allowed: with a scenario")
         scenario, recording = read_npz(Path(run))
     else:
@@ -107,16 +113,15 @@ def export(
             print(f"stopped: {loop.stopped}")
             status = STOPPED
     with written_to(out):
-        for path in write(
-            ExportedStretch(scenario, recording, start, end), kinds, FigureChoice(plots, series, options), out
-        ):
+        stretch = ExportedStretch(scenario, recording, otherwise(start, 0.0), otherwise(end, math.inf))
+        for path in write(stretch, kinds, FigureChoice(chosen, series, options), out):
             print(f"written: {path}")
     return status
 
 
-def _require_kinds(kinds: list[Kind], takers: tuple[Kind, ...], options: Mapping[str, Mapping[str, object]]) -> None:
-    """Raises ScenarioError for an option, by its flag, that was given while none of the files to be made takes it."""
-    given = [flag for flag, value in options.items() if beyond_defaults(export, **value)]
+def _require_kinds(kinds: list[Kind], takers: tuple[Kind, ...], options: Mapping[str, object]) -> None:
+    """Raises ScenarioError for an option, by its flag, that was typed while none of the files to be made takes it."""
+    given = [flag for flag, value in options.items() if typed(value)]
     if given and not set(takers).intersection(kinds):
         raise ScenarioError(f"{given[0]}: with --to {' '.join(kinds)}; allowed: with --to {', '.join(takers)}")
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from inspect import signature
 from pathlib import Path
 from typing import Annotated, TypeVar, get_args
 
 import tyro
 
-from app.scenario.data import edited, load
+from app.scenario.data import edited, field_of, load, with_value
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.simulation.engines import Engine
@@ -19,6 +18,7 @@ from controllers.laws import KINDS
 from parameters import allowed
 
 Choice = TypeVar("Choice", bound=str)
+Value = TypeVar("Value")
 Files = Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE.py")]
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
@@ -41,6 +41,22 @@ def braces(names: tuple[str, ...]) -> str:
     return f"{{{','.join(names)}}}"
 
 
+def usually(value: object) -> str:
+    """Hint of a command's help at an option that has this value where it is not typed. Its parameter is None there, so
+    that a typed value is told apart, whatever it is."""
+    return f"(default: {value})"
+
+
+def typed(*options: object) -> bool:
+    """Whether one of these options was typed: has a value that is neither None nor empty."""
+    return any(value is not None and value != () for value in options)
+
+
+def otherwise(value: Value | None, usual: Value) -> Value:
+    """Value of an option that was typed, else the usual one."""
+    return usual if value is None else value
+
+
 def folder_of(command: str, out: Path | None) -> Path:
     """Folder of its own that was given to `--out` of this command. Raises ScenarioError."""
     if out is None:
@@ -56,10 +72,10 @@ def require_workers(workers: int | None) -> None:
         raise ScenarioError(f"--workers {workers}; allowed: 1 to {MOST_WORKERS}")
 
 
-def beyond_defaults(command: Callable[..., object], **given: object) -> bool:
-    """Whether one of these parameters of a command has another value than its default."""
-    known = signature(command).parameters
-    return any(value != known[name].default for name, value in given.items())
+def require_until(until: float | None) -> None:
+    """Raises ScenarioError for an end of runs that is not possible, s."""
+    if until is not None and not until > 0.0:
+        raise ScenarioError(f"--until {until:g}; allowed: more than 0 s, at most the duration of the runs")
 
 
 @contextmanager
@@ -83,20 +99,31 @@ def use_own(files: tuple[Path, ...]) -> None:
 def configured(name_or_file: str, settings: Settings, duration: float | None = None) -> Scenario:
     """A shipped scenario or that of a file, with these settings and this duration, s. Raises ScenarioError."""
     scenario = load(name_or_file)
-    changes = [setting(text) for group in settings for text in group]
-    # the arm first, all its fields at once: everything else may depend on it
-    if robot := {path.removeprefix("robot."): value for path, value in changes if path.startswith("robot.")}:
+    changes = settings_of(settings)
+    of_arm = [(path, value) for path, value in changes if path.startswith("robot.")]
+    # the arm first, all its fields at once, then their entries: everything else may depend on it
+    if of_arm:
         from app.session.changes import with_robot
 
-        scenario = with_robot(scenario, robot)
+        if whole := {path.removeprefix("robot."): value for path, value in of_arm if path == field_of(path)}:
+            scenario = with_robot(scenario, whole)
+        for path, value in of_arm:
+            if path != (field := field_of(path)):
+                name = field.removeprefix("robot.")
+                scenario = with_robot(scenario, {name: getattr(with_value(scenario, path, value).robot, name)})
     for path, value in changes:
         if not path.startswith("robot."):
-            scenario = edited(scenario, path, value)
+            scenario = with_value(scenario, path, value)
     if scenario.controller.law not in KINDS:
         from app.simulation.controller_builder import law_of
 
         law_of(scenario)
     return scenario if duration is None else edited(scenario, "simulation.duration", duration)
+
+
+def settings_of(settings: Settings) -> list[tuple[str, object]]:
+    """Paths and values of all that was typed behind `--set`, in order. Raises ScenarioError."""
+    return [setting(text) for group in settings for text in group]
 
 
 def setting(text: str) -> tuple[str, object]:

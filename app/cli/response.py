@@ -58,6 +58,8 @@ def response(
         raise ScenarioError(f"--newton-metres {newton_metres:g}: allowed: more than 0 N·m")
     use_own(use)
     chosen, memory = configured(scenario, settings), kept_memory()
+    if at > chosen.simulation.duration:
+        raise ScenarioError(f"--at {at:g}: allowed: 0 to {chosen.simulation.duration:g} s, the duration of the run")
     loop = ClosedLoop(chosen, memory=memory)
     while loop.t < at - 0.5 * loop.period and not loop.stopped:
         loop.step()

@@ -11,12 +11,14 @@ from app.cli.options import (
     ENGINES,
     Files,
     Settings,
-    beyond_defaults,
     braces,
     configured,
     one_of,
+    otherwise,
     shown,
+    typed,
     use_own,
+    usually,
     written_to,
 )
 from app.cli.status import BROKEN, DONE, STOPPED, UNPROMISED
@@ -42,10 +44,12 @@ def run(
     row: int | None = None,
     duration: float | None = None,
     blend_to: str | None = None,
-    blend_at: float = 0.0,
-    blend_over: float = 2.0,
+    blend_at: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(0.0))] = None,
+    blend_over: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(2.0))] = None,
     strict: bool = False,
-    engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "pinocchio",
+    engine: Annotated[
+        str | None, tyro.conf.arg(metavar=braces(ENGINES), help_behavior_hint=usually("pinocchio"))
+    ] = None,
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -68,13 +72,13 @@ def run(
     from app.session.changes import blending_to
     from app.storage.constants_store import kept_memory
 
-    by: Engine = one_of("--engine", engine, ENGINES)
+    by: Engine = one_of("--engine", otherwise(engine, "pinocchio"), ENGINES)
     use_own(use)
     until = 0.0
     if from_ is not None:
         if scenario is not None or row is None or settings or duration is not None:
             raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
-        if blend_to is not None or beyond_defaults(run, engine=engine):
+        if typed(blend_to, engine):
             raise ScenarioError("--from: with --engine or --blend-to; allowed: the same run again, as it was")
         chosen, by, until = _of_sweep(from_, row)
     elif row is not None:
@@ -83,10 +87,10 @@ def run(
         raise ScenarioError("run: no scenario; allowed: one (see `vsmrc list`), or --from FOLDER --row N")
     else:
         chosen = configured(scenario, settings, duration)
-    if blend_to is None and beyond_defaults(run, blend_at=blend_at, blend_over=blend_over):
+    if blend_to is None and typed(blend_at, blend_over):
         raise ScenarioError("--blend-at or --blend-over without --blend-to; allowed: with a scenario to go over to")
     if blend_to is not None:
-        chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
+        chosen = blending_to(chosen, load(blend_to), otherwise(blend_at, 0.0), otherwise(blend_over, 2.0))
     loop, metrics = headless_run.simulate(chosen, until=until, engine=by, show_progress=True, memory=kept_memory())
     with written_to(out):
         headless_run.write(loop, metrics, out)

@@ -13,12 +13,16 @@ import tyro
 from app.cli.options import (
     ENGINES,
     Settings,
-    beyond_defaults,
     braces,
     configured,
     folder_of,
     one_of,
+    otherwise,
+    require_until,
     require_workers,
+    settings_of,
+    typed,
+    usually,
     written_to,
 )
 from app.cli.status import DONE
@@ -36,18 +40,23 @@ def sweep(
     /,
     *,
     vary: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
-    design: Annotated[str, tyro.conf.arg(metavar="{grid,latin,sobol}")] = "grid",
-    points: int = 0,
-    draw: int = 0,
-    corners: bool = False,
-    seed: int = 0,
+    design: Annotated[
+        str | None, tyro.conf.arg(metavar="{grid,latin,sobol}", help_behavior_hint=usually("grid"))
+    ] = None,
+    points: Annotated[int | None, tyro.conf.arg(help_behavior_hint=usually(0))] = None,
+    draw: Annotated[int | None, tyro.conf.arg(help_behavior_hint=usually(0))] = None,
+    corners: Annotated[tyro.conf.DisallowNone[bool | None], tyro.conf.arg(help_behavior_hint=usually(False))] = None,
+    seed: Annotated[int | None, tyro.conf.arg(help_behavior_hint=usually(0))] = None,
     out: Path | None = None,
     duration: float | None = None,
-    engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "compiled",
+    until: float | None = None,
+    engine: Annotated[
+        str | None, tyro.conf.arg(metavar=braces(ENGINES), help_behavior_hint=usually("compiled"))
+    ] = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    dry_run: bool = False,
-    of: str = "motion_error",
+    dry_run: Annotated[tyro.conf.DisallowNone[bool | None], tyro.conf.arg(help_behavior_hint=usually(False))] = None,
+    of: Annotated[str | None, tyro.conf.arg(help_behavior_hint=usually("motion_error"))] = None,
     within: float | None = None,
     show: Annotated[str | None, tyro.conf.arg(metavar="{share,median,worst}")] = None,
     over: tuple[str, ...] = (),
@@ -70,6 +79,7 @@ def sweep(
         seed: of arms and points
         out: folder for the runs; for plot, the file
         duration: simulated time of each run in s, instead of the scenario's
+        until: when each run ends, s, before its duration, for which its constants are computed all the same
         engine: compiled, or pinocchio, whose digits differ by rounding
         workers: processes, instead of one for each core
         scheduler: tcp://HOST:PORT of a Dask scheduler, whose workers compute the runs (docs/scale.md)
@@ -81,19 +91,16 @@ def sweep(
         kind: for plot, the chart
         to: for plot, the form of the file, by default that of its name, or svg
     """
-    of_question: dict[str, object] = {
-        "vary": vary, "draw": draw, "settings": settings, "points": points, "duration": duration, "design": design,
-        "corners": corners, "seed": seed, "engine": engine,
-    }  # fmt: skip
+    of_question = (vary, draw, settings, points, duration, until, design, corners, seed, engine)
     if scenario == "plot":
-        if beyond_defaults(sweep, **of_question, workers=workers, scheduler=scheduler, dry_run=dry_run):
+        if typed(*of_question, workers, scheduler, dry_run):
             raise ScenarioError(
                 "sweep plot: an option of a sweep; allowed: --of, --within, --show, --over, --as, --to and --out"
             )
-        return _plot_sweep(folder, out, of, within, show, over, kind, to)
+        return _plot_sweep(folder, out, otherwise(of, "motion_error"), within, show, over, kind, to)
     if folder is not None:
         raise ScenarioError(f"sweep: {folder} behind a scenario; allowed: `vsmrc sweep plot FOLDER`")
-    if beyond_defaults(sweep, of=of, within=within, show=show, over=over, kind=kind, to=to):
+    if typed(of, within, show, over, kind, to):
         raise ScenarioError(
             "sweep: --of, --within, --show, --over, --as or --to; allowed: for `vsmrc sweep plot FOLDER`"
         )
@@ -101,7 +108,7 @@ def sweep(
     from app.sweep.cluster import Cluster
 
     if Path(scenario).name == question.FILE:
-        if beyond_defaults(sweep, **of_question):
+        if typed(*of_question):
             raise ScenarioError(
                 f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --seed, ..."
             )
@@ -115,17 +122,20 @@ def sweep(
         asked = question.Sweep(
             scenario=chosen,
             vary=tuple(question.fitted(question.axis_of(each), chosen) for each in vary),
-            design=one_of("--design", design, get_args(question.Design)),
-            points=points,
-            draw=draw,
-            corners=corners,
-            seed=seed,
-            engine=one_of("--engine", engine, ENGINES),
+            design=one_of("--design", otherwise(design, "grid"), get_args(question.Design)),
+            points=otherwise(points, 0),
+            draw=otherwise(draw, 0),
+            corners=otherwise(corners, False),
+            seed=otherwise(seed, 0),
+            until=otherwise(until, 0.0),
+            engine=one_of("--engine", otherwise(engine, "compiled"), ENGINES),
         )
+        _require_effective(asked, settings, duration)
         asked = msgspec.structs.replace(asked, program=question.fingerprint(asked))
-    for name, given, least in (("points", points, 0), ("draw", draw, 0), ("seed", seed, 0)):
-        if given < least:
-            raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
+    for name, given in (("points", points), ("draw", draw), ("seed", seed)):
+        if given is not None and given < 0:
+            raise ScenarioError(f"--{name} {given}; allowed: 0 or more")
+    require_until(until)
     require_workers(workers)
     if scheduler is not None and workers is not None:
         raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
@@ -136,6 +146,19 @@ def sweep(
             print(running.estimated(asked, count, on))
             return DONE
         return _sweep_into(folder, asked, on)
+
+
+def _require_effective(asked: Sweep, settings: Settings, duration: float | None) -> None:
+    """Raise ScenarioError where a value that was typed would have no effect: of a field that is drawn or varied."""
+    from app.sweep.question import DURATION, require_not_drawn
+
+    given = dict(settings_of(settings))
+    require_not_drawn(asked, given)
+    for axis in asked.vary:
+        if axis.path in given:
+            raise ScenarioError(f"--set {axis.path}: it is varied, too; allowed: one of both")
+        if axis.path == DURATION and duration is not None:
+            raise ScenarioError(f"--duration {duration:g}: {DURATION} is varied, too; allowed: one of both")
 
 
 def _sweep_into(out: Path, asked: Sweep, on: int | Cluster | None) -> int:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.cli.options import Settings, configured, folder_of, require_workers, written_to
+from app.cli.options import Settings, configured, folder_of, require_until, require_workers, settings_of, written_to
 from app.cli.status import DONE
 from app.scenario.errors import ScenarioError
 
@@ -31,6 +31,7 @@ def tune(
     seed: int = 0,
     out: Path | None = None,
     duration: float | None = None,
+    until: float | None = None,
     workers: int | None = None,
     dry_run: bool = False,
     settings: Settings = (),
@@ -48,9 +49,11 @@ def tune(
         seed: of arms and search: the same seed gives the same answer, with any number of processes
         out: folder for the runs, the scenarios that are offered, and a figure
         duration: simulated time of each run in s, instead of the scenario's
+        until: when each run ends, s, before its duration, for which its constants are computed all the same
         workers: processes, instead of one for each core
         dry_run: only say what it would take
     """
+    from app.sweep.question import require_not_drawn
     from app.tune import question, running
 
     for name, given, least in (("draw", draw, 0), ("budget", budget, 1), ("unseen", unseen, 1), ("seed", seed, 0)):
@@ -59,16 +62,19 @@ def tune(
     if seed > question.LARGEST_SEED:
         raise ScenarioError(f"--seed {seed}; allowed: at most {question.LARGEST_SEED}")
     require_workers(workers)
+    require_until(until)
     asked = question.Tuning(
         scenario=configured(scenario, settings, duration),
         vary=tuple(map(question.moved, move)),
         points=budget + 1,
         draw=draw,
         seed=seed,
+        until=0.0 if until is None else until,
         aims=aims,
         unseen=unseen,
     )
     asked = msgspec.structs.replace(asked, program=question.program(asked))
+    require_not_drawn(asked, dict(settings_of(settings)))
     question.require_sound(asked)
     if dry_run:
         print(f"at most {running.estimated(asked, running.most_runs(asked), workers)}")

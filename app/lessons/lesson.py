@@ -117,7 +117,7 @@ def load_file(path: Path) -> Lesson:
     except OSError as error:
         raise LessonError(f"lesson {str(path)!r:.200}: cannot be read: {error.strerror}") from error
     except ValueError as error:
-        raise LessonError(f"lesson {str(path)!r:.200}: it is no UTF-8 text") from error
+        raise LessonError(f"lesson {str(path)!r:.200}: it is no UTF-8 text; allowed: a text in UTF-8") from error
     if len(content) > LARGEST:
         raise LessonError(f"lesson {str(path)!r:.200}: over {LARGEST / 1e6:g} MB; allowed: less")
     return read(text, path.parent.name, str(path))

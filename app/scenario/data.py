@@ -14,7 +14,7 @@ import msgspec
 import tomli_w
 from msgspec import Struct
 
-from app.scenario.errors import ScenarioError, UnknownField, WrongKind
+from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, WrongKind
 from app.scenario.field_info import field_info, types_of
 from app.scenario.schema import Scenario
 from parameters import allowed
@@ -24,6 +24,7 @@ MOST_DOTS = 300  # in a line: a key a.b.c... of 50,000 parts keeps tomllib busy 
 OWN = "own"  # kind of a section from a file of the user's own: "own:spiral" is the one named "spiral" there
 OWN_PARAMETERS = ("controller.own.", "surface.parameters.", "motion.parameters.")  # such a file names their fields
 DEEPEST = 16  # tables and lists within each other: a scenario has four
+MOST_DIGITS = 9  # of the number of an entry; Python refuses to read thousands
 OPENING = "ur5-heavy"  # what `vsmrc serve` shows first
 
 
@@ -66,7 +67,7 @@ def from_file(content: bytes) -> Scenario:
     try:
         return from_toml(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError as error:
-        raise ScenarioError("not a TOML file: it is no UTF-8 text") from error
+        raise ScenarioError("not a TOML file: it is no UTF-8 text; allowed: a text in UTF-8") from error
 
 
 def to_toml(scenario: Scenario) -> str:
@@ -88,7 +89,7 @@ def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
     """Copy of the scenario with other values of fields by dotted path, see `with_value`. Raises ScenarioError."""
     data = msgspec.to_builtins(scenario)
     for path, value in values.items():
-        names = _names_of_field(path)
+        names = _names_of_field(path) or [path]
         held: Any = data
         for name in names:
             held = held.get(name) if isinstance(held, dict) else None
@@ -133,8 +134,11 @@ def _with_entry(table: object, places: list[str], value: object, path: str) -> o
     if not places:
         return value
     place, *rest = places
-    if not place.isdecimal() or not isinstance(table, list | tuple) or not 1 <= int(place) <= len(table):
-        raise UnknownField(f"{path}: no such entry; allowed: an entry, from 1, of a list that the scenario has")
+    numbered = place.isdecimal() and len(place) <= MOST_DIGITS
+    if not numbered or not isinstance(table, list | tuple) or not 1 <= int(place) <= len(table):
+        raise UnknownField(
+            f"{path:.200}: no such entry; allowed: an entry, from 1, of a list that the scenario has, or the whole list"
+        )
     at = int(place) - 1
     return [*table[:at], _with_entry(table[at], rest, value, path), *table[at + 1 :]]
 
@@ -212,14 +216,16 @@ def _without_none(value: Any) -> Any:
 
 
 def _refuse_unfit(value: object, path: str, depth: int) -> None:
-    """Raise ScenarioError for values that msgspec would accept, or fail on: numbers beyond float and 64 bits, and
-    nesting that is too deep."""
+    """Raise ScenarioError for values that msgspec would accept, or fail on: numbers beyond float and 64 bits, nesting
+    that is too deep, and what was typed in another encoding, which no file can hold."""
     if depth > DEEPEST:
         raise ScenarioError(f"{path:.60}…: {depth} tables or lists within each other; allowed: at most {DEEPEST}")
     if isinstance(value, float) and not (float("-inf") < value < float("inf")):
         raise ScenarioError(f"{path:.200}: {value}; allowed: a finite number")
     if isinstance(value, int) and not -(2**63) <= value < 2**63:
         raise ScenarioError(f"{path:.200}: a whole number of {value.bit_length()} bits; allowed: at most 63")
+    if isinstance(value, str) and not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
+        raise WrongKind(f"{path:.200}: {value!r:.60}; allowed: a text in UTF-8")
     if isinstance(value, dict):
         for key, item in value.items():
             _refuse_unfit(item, f"{path}.{key}" if path else str(key), depth + 1)
@@ -232,6 +238,8 @@ def _kind_of_refusal(message: str) -> type[ScenarioError]:
     """Class of the error for a message of msgspec, which has one class for all."""
     if message.startswith("Object contains unknown field"):
         return UnknownField
+    if message.startswith(("Invalid enum value", "Invalid value")):
+        return UnknownChoice
     return WrongKind if ", got `" in message else ScenarioError
 
 

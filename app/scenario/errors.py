@@ -18,6 +18,10 @@ class WrongKind(ScenarioError):
     """A scenario with a field whose value is of another kind, as a text in place of a number."""
 
 
+class UnknownChoice(ScenarioError):
+    """A scenario with a word in a field, or a kind of a section, that is none of its choices."""
+
+
 class PathOutOfReach(ScenarioError):
     """A scenario whose path leaves the arm's workspace."""
 

@@ -6,6 +6,7 @@ import hashlib
 import math
 import tomllib
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
@@ -19,13 +20,16 @@ from msgspec import Meta, Struct
 
 from app.scenario.data import field_of, to_plain, with_value, with_values
 from app.scenario.departures import DRAWN, Departure
-from app.scenario.errors import ScenarioError, UnknownField, WrongKind
+from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, WrongKind
 from app.scenario.schema import RobotSection, Scenario
+from app.simulation.controller_builder import law_of
 from app.simulation.engines import Engine
 from app.simulation.environment_builder import robot_of
 from environments.regular_file import read_regular
+from environments.robots import CATALOGUE
 from environments.urdf import LARGEST as LARGEST_URDF
 from environments.urdf import RobotError
+from parameters import allowed
 
 MOST_ROWS = 10_000_000
 MOST_VALUES = 100_000  # of one axis
@@ -37,7 +41,8 @@ FILE = "sweep.toml"
 COMPUTED = ("app/analysis", "app/scenario", "app/session", "app/simulation", "app/sweep", "controllers", "environments",
             "kernels", "parameters")  # fmt: skip
 ARMS = "static/robots"  # descriptions that come with the program
-URDF = "robot.urdf"
+URDF, DURATION = "robot.urdf", "simulation.duration"
+DRAWN_FIELDS = frozenset(f"truth.{name}" for name in DRAWN)
 # bounds of which each alone makes the arms that are drawn differ
 MOVING = ("link_scaling", "rotor_scaling", "link_centre", "link_shape", "payload_mass", "coulomb", "viscous",
           "disturbance")  # fmt: skip
@@ -87,7 +92,8 @@ class Sweep(Struct, frozen=True, forbid_unknown_fields=True):
     points: of a design other than the grid.
     draw: true arms inside the declared set, the same at every point; 0: the scenario's own one.
     corners: the arms are at corners of the declared set.
-    until: s, end of each run; 0 for its scenario's. An earlier end does not change the constants over Omega.
+    until: s, end of each run, at most its scenario's; 0 for that. An earlier end does not change the constants over
+        Omega.
     seed: of arms and design.
     program: fingerprint of the program that computes it.
     """
@@ -159,8 +165,20 @@ class SweepQuestion:
 
     @property
     def seconds(self) -> float:
-        """Simulated time of all runs, s, where none stops and the duration is not varied."""
-        return self.count * self.sweep.length
+        """Simulated time of all runs, s, where none stops."""
+        sweep = self.sweep
+        at = next((k for k, axis in enumerate(sweep.vary) if axis.path == DURATION), None)
+        if at is None or sweep.until:
+            return self.count * sweep.length
+        axis = sweep.vary[at]
+        if sweep.design == "grid":
+            return self.count * sum(self.lasting({DURATION: value}) for value in axis.values) / len(axis.values)
+        return self.arms * sum(self.lasting({DURATION: axis.at(float(share))}) for share in self._shares[:, at])
+
+    def lasting(self, values: Mapping[str, Value]) -> float:
+        """Simulated time of a run with these values of the axes, s, where it does not stop; 0 of one that is refused
+        for its duration."""
+        return self.sweep.until or max(float(values.get(DURATION, self.sweep.length)), 0.0)
 
     def row(self, number: int) -> SweepRow:
         """Run of this number. Raises ScenarioError for one that there is not."""
@@ -221,8 +239,7 @@ def _require_sound(sweep: Sweep) -> None:
     paths = [axis.path for axis in sweep.vary]
     if twice := next((path for path in paths if paths.count(path) > 1), None):
         raise ScenarioError(f"vary: {twice} twice; allowed: each field once")
-    drawn = {f"truth.{name}" for name in DRAWN}
-    if sweep.draw and (both := [path for path in paths if field_of(path) in drawn]):
+    if sweep.draw and (both := [path for path in paths if field_of(path) in DRAWN_FIELDS]):
         raise ScenarioError(f"vary: {both[0]} is drawn for each true arm; allowed: without --draw")
     if sweep.corners and not sweep.draw:
         raise ScenarioError("corners: no arm is drawn; allowed: with --draw")
@@ -234,6 +251,7 @@ def _require_sound(sweep: Sweep) -> None:
     elif not sweep.vary or not sweep.points:
         given = f"{sweep.points} points, {len(paths)} varied fields"
         raise ScenarioError(f"design: {sweep.design!r} with {given}; allowed: 1 or more of each")
+    _require_until(sweep)
     for axis in sweep.vary:
         if axis.path in UNREAD:
             raise ScenarioError(f"vary: {axis.path}; allowed: fields on which a run depends")
@@ -245,13 +263,35 @@ def _require_sound(sweep: Sweep) -> None:
     if (runs := points * sweep.arms) > MOST_ROWS:
         told = f"{min(runs, 10**300):.3g}"  # of a number of any length
         raise ScenarioError(f"{sweep.noun}: {told} runs; allowed: at most {MOST_ROWS:.0e}")
-    varied = {field_of(path) for path in paths}
-    if sweep.draw > 1 and not any(
-        getattr(sweep.scenario.declared, name) or f"declared.{name}" in varied for name in MOVING
-    ):
+    if sweep.draw > 1 and not arms_differ(sweep):
         raise ScenarioError(
             f"draw: {sweep.draw} true arms that are all alike, since no quantity that is drawn is declared; allowed: a "
             "bound above 0, such as declared.link_scaling, or the scenario's own arm, without --draw"
+        )
+
+
+def arms_differ(sweep: Sweep) -> bool:
+    """Whether true arms that are drawn are not all alike: a quantity that is drawn is declared, or its bound varied."""
+    varied = {field_of(axis.path) for axis in sweep.vary}
+    return any(getattr(sweep.scenario.declared, name) or f"declared.{name}" in varied for name in MOVING)
+
+
+def require_not_drawn(sweep: Sweep, given: Mapping[str, object]) -> None:
+    """Raise ScenarioError where a field that a user has set is drawn for each true arm, so that its value would have no
+    effect. given: values by dotted path, as with `--set`."""
+    truth = given.get("truth")
+    paths = [*given, *(f"truth.{name}" for name in truth)] if isinstance(truth, dict) else list(given)
+    if sweep.draw and (both := [path for path in paths if field_of(path) in DRAWN_FIELDS]):
+        raise ScenarioError(f"--set {both[0]}: it is drawn for each true arm; allowed: without --draw")
+
+
+def _require_until(sweep: Sweep) -> None:
+    """Raise ScenarioError where runs have to go on after their duration, from which on their constants do not hold."""
+    varied = next((axis for axis in sweep.vary if axis.path == DURATION and axis.numeric), None)
+    durations = (sweep.scenario.simulation.duration,) if varied is None else varied.values or (varied.low,)
+    if sweep.until and not sweep.until <= min(map(float, durations)):
+        raise ScenarioError(
+            f"until: {sweep.until:g} s; allowed: at most {min(map(float, durations)):g} s, the duration of the runs"
         )
 
 
@@ -271,14 +311,23 @@ def _require_axis(axis: Axis) -> None:
 
 
 def _require_known(scenario: Scenario, path: str, value: Value) -> None:
-    """Raise ScenarioError where a field is unknown, or is no field for a value of this kind; another value that is
-    refused makes a row that says so."""
+    """Raise ScenarioError where a field is unknown, is no field for a value of this kind, or has no such choice, and
+    where the value would change the units of the table; another value that is refused makes a row that says so."""
     try:
-        with_value(scenario, path, value)
-    except (UnknownField, WrongKind):
+        changed = with_value(scenario, path, value)
+    except (UnknownField, UnknownChoice, WrongKind):
         raise
     except ScenarioError:
         return
+    if path == "controller.law":
+        law_of(changed)
+    if path == "robot.name" and value not in CATALOGUE:
+        raise ScenarioError(f"robot.name: {value!r:.60}; {allowed(str(value), CATALOGUE)}")
+    if changed.units != scenario.units:
+        raise ScenarioError(
+            f"vary: {path}: {value} beside {scenario.task_space.kind} would put m and rad, N and N·m into one column; "
+            f"allowed: one sweep for each kind, such as with --set task_space.kind={changed.task_space.kind}"
+        )
 
 
 def axis_of(text: str) -> Axis:
@@ -365,11 +414,13 @@ def read(path: Path, kind: type[Asked] = Sweep) -> Asked:
             content = file.read(LARGEST_FILE + 1)
         if len(content) > LARGEST_FILE:
             raise ScenarioError(f"{path}: more than {LARGEST_FILE / 1e6:g} MB; allowed: a {kind.file}")
-        return msgspec.convert(tomllib.loads(content.decode()), kind)
+        return msgspec.convert(tomllib.loads(content.decode("utf-8-sig")), kind)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
     except msgspec.ValidationError as error:
         raise ScenarioError(f"{path}: {error}; allowed: what `vsmrc {Path(kind.file).stem}` has written") from error
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{path}: not a TOML file: it is no UTF-8 text; allowed: a text in UTF-8") from error
     except (ValueError, RecursionError) as error:
         raise ScenarioError(f"{path}: not a TOML file: {error}") from error
 

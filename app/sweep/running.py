@@ -58,12 +58,14 @@ def _duration(seconds: float) -> str:
 
 def estimated(sweep: Sweep, left: int, on: int | Cluster | None = None) -> SweepEstimate:
     """Estimate for `left` runs of a sweep, from the computing time of one run on this machine. Two neighbours are
-    played: the first one also computes what all runs have in common, and the second what each has for itself. on: see
-    `run`."""
+    played: the first one also computes what all runs have in common, and the second what each has for itself, whose
+    time is scaled where the duration is varied. on: see `run`."""
     question, runner = SweepQuestion(sweep), SweepRunner(sweep)
-    middle = question.count // 2
-    seconds = [_seconds(runner, number % question.count) for number in (middle, middle + 1)][-1] if left else 0.0
-    return SweepEstimate.of(left, left / question.count * question.seconds, seconds, on)
+    each, middle, seconds = question.seconds / question.count, question.count // 2, 0.0
+    for number in (middle, middle + 1) if left else ():
+        seconds = _seconds(runner, number % question.count)
+    lasts = question.lasting(question.row((middle + 1) % question.count).values)
+    return SweepEstimate.of(left, left * each, seconds * each / lasts if lasts else seconds, on)
 
 
 def _seconds(runner: SweepRunner, number: int) -> float:

@@ -13,7 +13,7 @@ from app.scenario.units import Units
 from app.simulation.controller_builder import mode_of
 from app.simulation.environment_builder import positions_of, robot_of
 from app.sweep.figures_of_run import COLUMNS
-from app.sweep.question import Axis, Design, Sweep, SweepQuestion, fingerprint
+from app.sweep.question import Axis, Design, Sweep, SweepQuestion, arms_differ, fingerprint
 from parameters import allowed
 
 AIMS = (
@@ -72,6 +72,11 @@ def require_sound(tuning: Tuning) -> None:
     for axis in tuning.vary:
         if not axis.path.startswith(GAINS):
             raise ScenarioError(f"--move {axis.path}: no gain; allowed: fields of controller and target_model")
+    if tuning.arms - tuning.own_arms > 1 and not arms_differ(tuning):
+        raise ScenarioError(
+            f"--unseen {tuning.unseen}: true arms that are all alike, since no quantity that is drawn is declared; "
+            "allowed: a bound above 0, such as declared.link_scaling, or --unseen 1 without --draw"
+        )
     SweepQuestion(tuning)
 
 

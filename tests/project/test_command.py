@@ -183,6 +183,78 @@ def test_nothing_to_compare_is_said(here: Callable[..., Done]) -> None:
         assert said in done.stderr
 
 
+def test_a_part_of_the_run_without_figures_is_refused_and_the_least_one_has_them(here: Callable[..., Done]) -> None:
+    for arguments, said in (
+        (("--last", "0.0005"), "--last 0.0005: fewer than two control periods of planar3r-hybrid; allowed: 0.002 s or"),
+        (("--last", "0.0019"), "--last 0.0019: fewer than two control periods of planar3r-hybrid; allowed: 0.002 s or"),
+        (("--duration", "0.001"), "simulation.duration: 0.001: fewer than two control periods of planar3r-hybrid"),
+        (("--last", "0.002", "--set", "controller.period=0.002"), "allowed: 0.004 s or more"),
+    ):
+        done = here("compare", "planar3r-hybrid", *arguments)
+        assert done.returncode == 2
+        assert said in done.stderr
+        assert done.stderr.count("\n") == 1
+    for duration in ("0.002", "0.013", "0.3"):  # whatever the instants of the rows are rounded to
+        done = here("compare", "planar3r-hybrid", "--duration", duration, "--last", "0.002")
+        assert done.returncode == 0, done.stderr
+        figures = {
+            line.split("│")[1].strip(): line.split("│")[2].strip() for line in done.stdout.splitlines() if "│" in line
+        }
+        assert float(figures["path error, RMS [mm]"]) >= 0.0, duration
+
+
+def test_one_entry_of_a_list_is_set(tmp_path: Path, here: Callable[..., Done]) -> None:
+    before = load("ur5-impedance")
+    done = here(
+        "run", "ur5-impedance", "--duration", "0.01", "--out", str(tmp_path),
+        "--set", "target_model.K_m.2=1200", "truth.push.3=7",
+        "--set", "robot.posture=[0.1,-1.2,1.8,-2.0,-1.5,0.0]", "robot.posture.2=-1.25",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    after = load(str(tmp_path / "scenario.toml"))
+    K_m, kept = after.target_model.K_m, before.target_model.K_m
+    assert K_m is not None
+    assert kept is not None
+    assert K_m == (kept[0], 1200.0, *kept[2:])
+    assert after.truth.push == (*before.truth.push[:2], 7.0)
+    assert after.robot.posture == (0.1, -1.25, 1.8, -2.0, -1.5, 0.0)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "FILE.toml", "--out", "OUT"),
+        ("run", "ur5-hybrid", "--blend-to", "FILE.toml", "--out", "OUT"),
+        ("run", "ur5-hybrid", "--use", "FILE.py", "--out", "OUT"),
+        ("run", "ur5-hybrid", "--set", "robot.urdf=FILE.urdf", "--out", "OUT"),
+        ("run", "--from", "FOLDER", "--row", "0", "--out", "OUT"),
+        ("compare", "FILE.toml"),
+        ("export", "FILE.toml", "--out", "OUT"),
+        ("response", "FILE.toml", "--out", "OUT"),
+        ("serve", "FILE.toml", "--port", "0"),
+        ("sweep", "FILE.toml", "--dry-run"),
+        ("sweep", "FOLDER/sweep.toml", "--out", "OUT"),
+        ("sweep", "plot", "FOLDER"),
+        ("tune", "FILE.toml", "--dry-run"),
+        ("lesson", "check", "FOLDER"),
+        ("lesson", "run", "FOLDER/lesson.md"),
+    ],
+)
+def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
+    arguments: tuple[str, ...], tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    for name in ("file.toml", "file.py", "file.urdf", "sweep.toml", "lesson.md"):
+        (tmp_path / name).write_bytes("name = 'f\xfcnf'\n".encode("latin-1"))
+    places = {"FILE": str(tmp_path / "file"), "FOLDER": str(tmp_path), "OUT": str(tmp_path / "out")}
+    typed = [re.sub("FILE|FOLDER|OUT", lambda found: places[found[0]], each) for each in arguments]
+    done = here(*typed)
+    assert done.returncode == 2
+    assert re.search(r"\bfile\.|sweep\.toml|lesson\.md", done.stderr)
+    assert ("utf-8" if "FILE.py" in arguments else "UTF-8") in done.stderr  # Python's own sentence
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
 def test_list_shows_robots_and_scenarios() -> None:
     done = vsmrc("list")
     assert done.returncode == 0
@@ -232,6 +304,26 @@ def test_list_shows_robots_and_scenarios() -> None:
             ),
             "truth.push_every: 1 s, which cuts a sine of 2 s short; allowed: 0 for once, or at least",
         ),
+        # also where the value is the one that the option has without
+        (("run", "ur5-hybrid", "--blend-at", "0"), "--blend-at or --blend-over without --blend-to; allowed: with"),
+        (("export", "ur5-hybrid", "--to", "csv", "--type-size", "7"), "--type-size: with --to csv; allowed: with --to"),
+        (
+            ("export", "ur5-hybrid", "--to", "csv", "--no-letters"),
+            "--no-letters: with --to csv; allowed: with --to svg",
+        ),
+        (("export", "ur5-hybrid", "--to", "csv", "--caption"), "--caption: with --to csv; allowed: with --to svg, pdf"),
+        (("export", "ur5-hybrid", "--to", "toml", "--start", "0"), "--start: with --to toml; allowed: with --to svg"),
+        (
+            ("export", "a.npz", "--engine", "pinocchio"),
+            "--engine pinocchio: a recording is not computed again; allowed",
+        ),
+        (("run", "ur5-impedance", "--set", "target_model.K_m.9=1"), "target_model.K_m.9: no such entry; allowed: an"),
+        (("run", "ur5-impedance", "--set", f"target_model.K_m.{'9' * 5000}=1"), "no such entry; allowed: an entry"),
+        (("run", "ur5-hybrid", "--set", "contact.K_e.1=1"), "contact.K_e.1: no such entry; allowed: an entry, from 1"),
+        (("run", "ur5-hybrid", "--set", "5=1"), "5: no such field; allowed: name, title, mode, robot"),
+        (("run", "ur5-hybrid", "--set", "title=\udcff"), "title: '\\udcff'; allowed: a text in UTF-8"),
+        (("sweep", "ur5-hybrid", "--vary", "robot.urdf=\udcff"), "robot.urdf: '\\udcff'; allowed: a text in UTF-8"),
+        (("response", "ur5-hybrid", "--at", "1e9"), "--at 1e+09: allowed: 0 to 10 s, the duration of the run"),
         (("run", "ur5-hybrid", "--row", "3"), "--row 3 without --from; allowed: --from FOLDER --row N"),
         (("sweep", "any/sweep.toml", "--seed", "7"), "is the whole question; allowed: without --vary, --draw, --seed"),
         (

@@ -151,6 +151,36 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
             "draw: 2 true arms that are all alike, since no quantity that is drawn is declared; allowed: a bound",
         ),
         (sweep_of("name=a,b"), "vary: name; allowed: fields on which a run depends"),
+        (
+            sweep_of("motion=circel,line"),
+            "motion.kind: 'circel'; allowed: hold, point-to-point, circle, line, own; did",
+        ),
+        (sweep_of("contact.kind=elastic,elastc"), "contact.kind: 'elastc'; allowed: elastic, free, mass-damper-spring"),
+        (
+            sweep_of("mode=hybrd"),
+            "mode: 'hybrd'; allowed: constrained, hybrid, hybrid-impedance, impedance, motion; did",
+        ),
+        (
+            sweep_of("controller.law=vsmrc,pd-gravty"),
+            "controller.law: 'pd-gravty'; allowed: vsmrc, computed-torque, pd",
+        ),
+        (sweep_of("robot.name=planar3r,ur55"), "robot.name: 'ur55'; allowed: ur5, ur3, ur10, panda, xarm7, z1, planar"),
+        (
+            sweep_of("task_space.kind=cartesian,joint"),
+            "vary: task_space.kind: joint beside cartesian would put m and rad, N and N·m into one column; allowed: "
+            "one sweep for each kind, such as with --set task_space.kind=joint",
+        ),
+        (sweep_of("task_space=joint"), "one sweep for each kind, such as with --set task_space.kind=joint"),
+        (sweep_of("contact.K_e=1:2:3", until=99.0), "until: 99 s; allowed: at most 10 s, the duration of the runs"),
+        (sweep_of("contact.K_e=1:2:3", until=float("nan")), "until: nan s; allowed: at most"),
+        (
+            sweep_of("simulation.duration=3,2", until=2.5),
+            "until: 2.5 s; allowed: at most 2 s, the duration of the runs",
+        ),
+        (
+            sweep_of("simulation.duration=2:3", until=2.5, design="latin", points=3),
+            "until: 2.5 s; allowed: at most 2 s, the duration of the runs",
+        ),
     ],
 )
 def test_a_sweep_that_makes_no_sense_is_refused(sweep: Sweep, sentence: str) -> None:
@@ -164,7 +194,7 @@ def test_a_sweep_that_makes_no_sense_is_refused(sweep: Sweep, sentence: str) -> 
     [
         (b"vary = 3", "what `vsmrc sweep` has written"),
         (b"scenario = {", "not a TOML file"),
-        (b"\xff", "not a TOML file"),
+        (b"name = '\xff'", "sweep.toml: not a TOML file: it is no UTF-8 text; allowed: a text in UTF-8"),
         (b"[scenario]\nmode = 'levitation'", "what `vsmrc sweep` has written"),
     ],
 )
@@ -197,6 +227,27 @@ def test_an_entry_of_a_matrix_that_is_drawn_is_not_varied() -> None:
     varied = Sweep(centres, (axis_of("truth.link_centre.1.1=0.0,0.1"),), draw=2)
     with pytest.raises(ScenarioError, match="is drawn for each true arm"):
         SweepQuestion(varied)
+
+
+@pytest.mark.parametrize("path", ["truth.payload_mass", "truth.link_scaling.2", "truth"])
+def test_a_field_that_is_drawn_is_not_set(path: str) -> None:
+    given = {path: {"payload_mass": 1.0} if path == "truth" else 1.0}
+    with pytest.raises(
+        ScenarioError, match=r"^--set truth\.\S+: it is drawn for each true arm; allowed: without --draw$"
+    ):
+        question.require_not_drawn(sweep_of("controller.K_s=20:80:2", draw=2), given)
+    question.require_not_drawn(sweep_of("controller.K_s=20:80:2"), given)
+    question.require_not_drawn(sweep_of(draw=2), {"truth.push": [1.0, 0.0, 0.0], "truth": {"push_start": 1.0}})
+
+
+def test_the_simulated_time_is_that_of_the_durations_that_are_varied() -> None:
+    steps = sweep_of("controller.K_s=20:80:5", "simulation.duration=1,2,6", draw=2)
+    assert SweepQuestion(steps).seconds == pytest.approx(5 * 2 * (1.0 + 2.0 + 6.0))
+    assert SweepQuestion(msgspec.structs.replace(steps, until=0.5)).seconds == pytest.approx(30 * 0.5)
+    asked = SweepQuestion(sweep_of("simulation.duration=1:9:log", design="sobol", points=16))
+    lengths = [asked.scenario(asked.row(number)).simulation.duration for number in range(16)]
+    assert asked.seconds == pytest.approx(sum(lengths))
+    assert SweepQuestion(sweep_of("controller.K_s=20:80:2")).seconds == pytest.approx(2 * BASE.simulation.duration)
 
 
 def test_the_names_of_runs_can_be_read_again() -> None:

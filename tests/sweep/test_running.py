@@ -89,6 +89,31 @@ def test_an_earlier_end_changes_nothing_before_it_and_goes_on_within_omega() -> 
     assert loop.warning is None  # with a duration of 0.1 s the arm would have left Omega
 
 
+def test_an_estimate_is_of_the_durations_that_are_varied(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = msgspec.structs.replace(SWEEP, vary=(axis_of("simulation.duration=0.1,0.2,0.9"),))
+
+    def as_long_as_simulated(_: SweepRunner, number: int) -> float:
+        question = SweepQuestion(asked)
+        return question.scenario(question.row(number)).simulation.duration
+
+    monkeypatch.setattr(running, "_seconds", as_long_as_simulated)
+    for left, length in ((6, 2.4), (3, 1.2)):
+        estimate = running.estimated(asked, left, 1)
+        assert estimate.simulated == pytest.approx(length)
+        assert estimate.seconds - running.BEGIN == pytest.approx(length)
+
+
+@pytest.mark.slow
+def test_the_command_ends_runs_earlier_than_their_duration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["sweep", "planar3r-hybrid", "--vary", "controller.K_s=20:80:2", "--duration", "0.3", "--workers", "1"]
+    out = tmp_path / "out"
+    assert execute([*asked, "--until", "0.1", "--out", str(out)]) == 0
+    assert "2 runs of 0.2 s simulated time" in capsys.readouterr().out
+    sweep, columns = table_of(out)
+    assert (sweep.until, sweep.scenario.simulation.duration) == (0.1, 0.3)
+    assert columns["simulated_time"].tolist() == pytest.approx([0.1, 0.1])
+
+
 def test_what_is_refused_or_stops_is_a_row() -> None:
     refused, going = (
         SweepRunner(msgspec.structs.replace(SWEEP, vary=(axis_of("controller.layer=-1,0.01"),), draw=0)).figures(k)
@@ -97,8 +122,8 @@ def test_what_is_refused_or_stops_is_a_row() -> None:
     assert refused["stopped"].startswith("refused: controller.layer: -1")
     assert "motion_error" not in refused
     assert going["stopped"] is None
-    unknown = msgspec.structs.replace(SWEEP, vary=(axis_of("robot.name=planar3r,nonsense"),), draw=1)
-    assert "nonsense" in SweepRunner(unknown).figures(1)["stopped"]
+    missing = msgspec.structs.replace(SWEEP, vary=(axis_of("robot.urdf=/nonsense.urdf"),), draw=1)
+    assert "nonsense" in SweepRunner(missing).figures(0)["stopped"]
     pressing = edited(shipped()["ur5-constrained"], "target_model.K_f", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     lost, kept = (SweepRunner(Sweep(pressing, (axis_of("target_model.K_f.1=0.2,1"),))).figures(k) for k in (0, 1))
     assert "contact lost" in lost["stopped"]
@@ -171,6 +196,30 @@ def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest
         (("run", "--from", folder, "--out", folder), "--from FOLDER --row N"),
         (("run", "--from", folder, "--row", "12", "--out", folder), "row 12; allowed: 0 to 11"),
         (("run", "--out", folder), "no scenario"),
+        # also options that are typed with the value that they have without
+        (
+            ("run", "--from", folder, "--row", "7", "--engine", "pinocchio", "--out", folder),
+            "the same run again, as it",
+        ),
+        (("sweep", "plot", folder, "--seed", "0"), "sweep plot: an option of a sweep"),
+        (("sweep", "plot", folder, "--no-dry-run"), "sweep plot: an option of a sweep"),
+        (("sweep", f"{folder}/sweep.toml", "--draw", "0", "--dry-run"), "is the whole question"),
+        (("sweep", f"{folder}/sweep.toml", "--no-corners", "--dry-run"), "is the whole question"),
+        (("sweep", f"{folder}/sweep.toml", "--engine", "compiled", "--dry-run"), "is the whole question"),
+        (("sweep", f"{folder}/sweep.toml", "--until", "0.1", "--dry-run"), "is the whole question"),
+        ((*asked, "--of", "motion_error"), "allowed: for `vsmrc sweep plot FOLDER`"),
+        # and those that would have no effect
+        ((*asked, "--set", "truth.payload_mass=1", "--dry-run"), "--set truth.payload_mass: it is drawn for each true"),
+        (
+            (*asked, "--set", "contact.K_e=1e4", "--dry-run"),
+            "--set contact.K_e: it is varied, too; allowed: one of both",
+        ),
+        (
+            (*asked, "--vary", "simulation.duration=1,2", "--dry-run"),
+            "--duration 0.3: simulation.duration is varied, too",
+        ),
+        ((*asked, "--until", "0", "--dry-run"), "--until 0; allowed: more than 0 s, at most the duration of the runs"),
+        ((*asked, "--until", "1", "--dry-run"), "until: 1 s; allowed: at most 0.3 s"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1:nan:3", "--dry-run"), "allowed: finite numbers"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1:2:1000000000", "--dry-run"), "allowed: 2 to 100000"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K=1:2:3", "--dry-run"), "contact.K: no such field"),

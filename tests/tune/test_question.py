@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from app.scenario.data import shipped
+from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.sweep.question import Axis, SweepQuestion, SweepRow
 from app.tune.question import Tuning, moved, require_sound
@@ -14,6 +14,12 @@ from app.tune.search import Search
 TUNING = Tuning(
     shipped()["planar3r-hybrid"], (moved("controller.layer=0.002:0.05:log"),), points=9, draw=2, aims=("force_error",)
 )
+
+UNDECLARED = edited(shipped()["planar3r-hybrid"], "declared", {})
+
+
+def test_one_arm_that_the_search_does_not_see_needs_no_bounds() -> None:
+    require_sound(msgspec.structs.replace(TUNING, scenario=UNDECLARED, draw=0, unseen=1))
 
 
 def test_a_gain_that_moves_is_a_range() -> None:
@@ -69,6 +75,16 @@ def test_a_gain_that_makes_no_sense_is_refused(text: str, sentence: str) -> None
         ({"vary": (moved("controller.layer=1:2"),) * 2}, "controller.layer twice"),
         ({"vary": (moved("truth.link_scaling=1:2"),)}, "truth.link_scaling: no gain; allowed: fields of controller"),
         ({"vary": (moved("simulation.duration=1:2"),)}, "simulation.duration: no gain"),
+        (
+            {"scenario": UNDECLARED, "draw": 0, "unseen": 32},
+            "--unseen 32: true arms that are all alike, since no quantity that is drawn is declared; allowed: a bound "
+            "above 0, such as declared.link_scaling, or --unseen 1 without --draw",
+        ),
+        (
+            {"scenario": UNDECLARED, "draw": 1, "unseen": 1},
+            "allowed: a bound above 0, such as declared.link_scaling, or",
+        ),
+        ({"until": 11.0}, "until: 11 s; allowed: at most 10 s, the duration of the runs"),
     ],
 )
 def test_a_tuning_that_makes_no_sense_is_refused(changes: dict[str, object], sentence: str) -> None:

@@ -159,6 +159,8 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
     out = tmp_path / "out"
     assert execute([*asked, "--dry-run"]) == 0
     assert "at most 10 runs of 2 s simulated time" in capsys.readouterr().out
+    assert execute([*asked, "--until", "0.1", "--dry-run"]) == 0
+    assert "at most 10 runs of 1 s simulated time" in capsys.readouterr().out
     assert execute([*asked, "--out", str(out)]) == 0
     first = capsys.readouterr().out
     assert "residual: best.toml better than the own gains, on the worst of 2 arms" in first
@@ -179,6 +181,11 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
         (("--move", "controller.layer=nan:1", "--dry-run"), "nan to 1; allowed: finite numbers"),
         (("--budget", "1000000000", "--dry-run"), "runs; allowed: at most 1e+07"),
         (("--move", "controller.layr=1:2", "--dry-run"), "controller.layr: no such field"),
+        (
+            ("--draw", "2", "--set", "truth.coulomb=1", "--dry-run"),
+            "--set truth.coulomb: it is drawn for each true arm",
+        ),
+        (("--until", "0", "--dry-run"), "--until 0; allowed: more than 0 s, at most the duration of the runs"),
     ):
         assert execute([*asked, *more]) == 2
         assert sentence in (said := capsys.readouterr().err)
