@@ -11,7 +11,16 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.cli.options import Settings, configured, folder_of, require_until, require_workers, settings_of, written_to
+from app.cli.options import (
+    Settings,
+    configured,
+    folder_of,
+    otherwise,
+    require_until,
+    require_workers,
+    settings_of,
+    written_to,
+)
 from app.cli.status import DONE
 from app.scenario.errors import ScenarioError
 
@@ -69,7 +78,7 @@ def tune(
         points=budget + 1,
         draw=draw,
         seed=seed,
-        until=0.0 if until is None else until,
+        until=otherwise(until, 0.0),
         aims=aims,
         unseen=unseen,
     )

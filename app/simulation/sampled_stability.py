@@ -123,8 +123,9 @@ class SampledLoops:
         system = self.system
         try:
             at = Posture.of(system, q, t)
-            factor, given_back = force_factor(system, at), gain_by_force(system, at)
-            force_loop = _force_loop(system, at)
+            loads = _unit_loads(system, at)
+            factors = [_factor(system, at, load) for load in loads]
+            given_back, added = zip(*(gain_by_force(system, at, load) for load in loads), strict=True)
             growth, A, C = math.nan, None, None
             if _judged(system):
                 A, C = self._map(at, touching=True).linearised()
@@ -134,11 +135,11 @@ class SampledLoops:
         except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
             return SampledLoop(math.nan, {}, None, None)
         premises = {
-            Premise.FORCE_LOOP: force_loop,
-            Premise.GAIN_BY_FORCE: given_back,
+            Premise.FORCE_LOOP: max(abs(factor) + more for factor, more in zip(factors, added, strict=True)),
+            Premise.GAIN_BY_FORCE: max(given_back),
             Premise.SAMPLED_LOOP: growth - ROUNDING,
         }
-        return SampledLoop(factor, premises, A, C)
+        return SampledLoop(max(factors, key=abs), premises, A, C)
 
     def responding(self, loop: SampledLoop, q: np.ndarray, t: float) -> RespondingLoop:
         """The sampled loop of the posture q (n,) rad at time t (s), with its poles and responses."""
@@ -291,11 +292,6 @@ def force_factor(system: System, at: Posture) -> float:
     return max((_factor(system, at, load) for load in _unit_loads(system, at)), key=abs)
 
 
-def _force_loop(system: System, at: Posture) -> float:
-    """Value of `Premise.FORCE_LOOP`: the factor's size and what d adds to it, in the worst direction of slip."""
-    return max(abs(_factor(system, at, each)) + _added_by_gain(system, at, each) for each in _unit_loads(system, at))
-
-
 def _factor(system: System, at: Posture, load: np.ndarray) -> float:
     if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
         return math.nan
@@ -334,43 +330,19 @@ def _surface_mass(system: System) -> np.ndarray:
     return np.diag(np.full(k, math.inf)) if system.plant.kind.rigid else system.plant.environment.M_e[:k, :k]
 
 
-def gain_by_force(system: System, at: Posture) -> float:
+def gain_by_force(system: System, at: Posture, load: np.ndarray) -> tuple[float, float]:
     """Gain of the loop from the force on rigid or heavy surfaces through d by (17) back to the force, when the loop
-    through the multiplier is solved, with Coulomb friction in the worst direction of slip; nan where d does not depend
-    on the force. Of several surfaces, changes of all their forces add up."""
-    return max(_gain_through(system, at, _felt(system, at, each)) for each in _unit_loads(system, at))
-
-
-def _gain_through(system: System, at: Posture, felt: np.ndarray) -> float:
-    if not _raised_by_force(system):
-        return math.nan
-    asked = _asked(system, felt)
-    solved = _by_acceleration(_surface_mass(system), at.across.T @ asked)
-    return _largest(np.linalg.solve(at.H_hat, at.across) @ solved.T, _slopes(system, at, asked))
-
-
-def _added_by_gain(system: System, at: Posture, load: np.ndarray) -> float:
-    """What d by (17), which depends on the force, adds to the size of the force loop's factor."""
-    if not _raised_by_force(system):
-        return 0.0
-    Y = np.linalg.solve(at.H_hat, at.across)
-    yielding = _by_acceleration(_surface_mass(system), Y.T @ load)
-    return _largest(Y @ yielding.T, _slopes(system, at, _asked(system, _felt(system, at, load))))
-
-
-def _raised_by_force(system: System) -> bool:
-    """Whether d depends on the force of a surface that the arm's acceleration changes at once."""
-    return system.plant.kind.heavy and system.controller.d is None and system.controller.law.robust
-
-
-def _asked(system: System, felt: np.ndarray) -> np.ndarray:
-    """Acceleration (n, k) that (8) asks for per unit of each multiplier."""
-    model = system.controller.model
-    return np.linalg.solve(model.M_m, model.K_f @ felt)
-
-
-def _slopes(system: System, at: Posture, asked: np.ndarray) -> np.ndarray:
-    return np.array([_slope_of_gain(system, at, each) for each in asked.T])
+    through the multiplier is solved; and the part that d adds to the size of the force loop's factor. nan and 0 where d
+    does not depend on the force. Of several surfaces, changes of all their forces add up. load: (n, k), see
+    `_unit_loads`."""
+    controller = system.controller
+    if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
+        return math.nan, 0.0
+    masses, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
+    asked = np.linalg.solve(controller.model.M_m, controller.model.K_f @ _felt(system, at, load))
+    slopes = np.array([_slope_of_gain(system, at, each) for each in asked.T])
+    yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ load, at.across.T @ asked))
+    return _largest(Y @ solved.T, slopes), _largest(Y @ yielding.T, slopes)
 
 
 def _by_acceleration(masses: np.ndarray, mobility: np.ndarray) -> np.ndarray:
