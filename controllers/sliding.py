@@ -33,8 +33,9 @@ def controlled_force(gains, task, tau_F, F, F_c):
 @inline
 def multipliers(normals, surfaces, F, found):
     """Compute the multipliers lambda of 0 to 3 surfaces whose force grad(Phi)^T lambda is nearest to that of
-    the wrench F (6,), into the first entries of `found`: friction along the surfaces is not counted. normals: (3, 3),
-    grad(Phi) in the first rows; they need not be orthogonal."""
+    the wrench F (6,), into the first entries of `found`. Friction along a single surface is not counted; of several,
+    that along one is read as normal force of the others that it has a part along. normals: (3, 3), grad(Phi) in the
+    first rows; they need not be orthogonal."""
     a, b, c = normals[0], normals[1], normals[2]
     if surfaces == 1:
         found[0] = dot(a, F) / dot(a, a)

@@ -125,7 +125,29 @@ def _find_multipliers(around, M):
 @inline
 def _accelerate_against(around, M, bias, arm, tau, t):
     """Compute the multipliers of the surfaces that the tool touches, `work.touches`, under the torque tau, and q_ddot
-    without them."""
+    without them. A surface that yields and would have to pull is not touched: it has no viscous friction either."""
+    while True:
+        _balance(around, M, bias, arm, tau, t)
+        if not _leave_pulling(around.world, around.multipliers):
+            return
+
+
+@inline
+def _leave_pulling(world, work):
+    """Take the surfaces that carry no force, though the tool touches them, out of `work.touches`; returns whether there
+    was one. A rigid one is left to `one_sided`, and one without viscous friction makes no difference."""
+    left = False
+    for i in range(world.shapes.number):
+        contact = one_of(world.contacts, i)
+        may_leave = not world.rigid and contact.unilateral and contact.friction_viscous > 0.0
+        if may_leave and work.touches[i] > 0 and work.found[i] == 0.0:
+            work.touches[i], left = 0, True
+    return left
+
+
+@inline
+def _balance(around, M, bias, arm, tau, t):
+    """Compute the multipliers of the surfaces of `work.touches`, and q_ddot without them."""
     world, touch, torque, n = around.world, around.touch, around.torque, arm.q.shape[0]
     work = around.multipliers
     for a in range(3):
@@ -209,6 +231,8 @@ def force_of(around, J, rotation, translation, arm, multiplier, t, force):
     world, around = around[0].world, around[0]
     touch_at(world, J, rotation, translation, arm[0].q_dot, t, around.touch)
     find_touched(world, around.touch, arm[0].holding.held, around.multipliers)
+    copy(multiplier, around.multipliers.found)
+    _leave_pulling(world, around.multipliers)
     for a in range(6):
         force[a] = 0.0
     for i in range(world.shapes.number):

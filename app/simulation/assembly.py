@@ -38,11 +38,6 @@ from app.simulation.environment_builder import (
     motion_of,
     positions_of,
     push_of,
-    require_coupling,
-    require_face,
-    require_pushing,
-    require_reachable_moment,
-    require_surfaces,
     robot_of,
     rotation_of,
     spread_over,
@@ -52,6 +47,14 @@ from app.simulation.environment_builder import (
     task_surface,
     tool_at_start,
     truth_of,
+)
+from app.simulation.environment_checks import (
+    require_coupling,
+    require_face,
+    require_pushing,
+    require_reachable_moment,
+    require_sampled_delays,
+    require_surfaces,
 )
 from app.simulation.error_model import ErrorModel
 from app.simulation.extremes import Omega
@@ -123,6 +126,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         charted = task_surface(scenario, surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p)
     require_pushing(scenario, mode)
     require_reachable_moment(scenario, mode)
+    require_sampled_delays(scenario)
     motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 

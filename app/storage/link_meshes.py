@@ -9,19 +9,14 @@ from __future__ import annotations
 
 import subprocess
 import threading
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import lru_cache
-from io import BytesIO
 from multiprocessing import Pipe
 from pathlib import Path
 
 import numpy as np
 import structlog
-import trimesh
-import yourdfpy
 
 from app.process import launcher
 from environments import urdf
@@ -36,7 +31,6 @@ MOST_TRIANGLES = 2_000_000
 
 Rgb = tuple[int, int, int]
 
-_BRIGHTEN = 0.55
 _READING = threading.Lock()  # one process at a time, each with all that memory
 
 
@@ -74,30 +68,10 @@ def link_meshes(robot: Robot) -> Meshes:
 def _read_here(path: Path, changed: int) -> tuple[LinkMesh, ...]:
     """Meshes of a URDF, read in this process; a file that has not changed is read only once. Raises whatever their
     readers raise."""
+    from app.storage.mesh_reading import read  # its libraries take 0.4 s and 50 MB
+
     del changed
     return tuple(read(path))
-
-
-def read(path: Path) -> Iterator[LinkMesh]:
-    """Meshes of a URDF, read in this process. Raises whatever their readers raise."""
-    root = urdf.read(path)
-    for link in root.findall("link"):
-        for visual in link.findall("visual"):
-            shapes = [found for tag in urdf.SHAPES for found in visual.findall(f"geometry/{tag}")]
-            missing = [m for m in shapes if m.tag == "mesh" and urdf.mesh_file(path, m.get("filename", "")) is None]
-            if missing or not shapes:
-                link.remove(visual)
-    drawn = yourdfpy.URDF.load(
-        BytesIO(ElementTree.tostring(root)), filename_handler=lambda fname: str(urdf.mesh_file(path, fname) or "")
-    )
-    if drawn.scene is None:
-        return
-    graph = drawn.scene.graph
-    for name, mesh in drawn.scene.geometry.items():
-        if isinstance(mesh, trimesh.Trimesh):
-            link = graph.transforms.parents[name]
-            placed = mesh.copy().apply_transform(graph.get(name, link)[0])
-            yield LinkMesh(link, _color(mesh), np.asarray(placed.vertices), np.asarray(placed.faces))
 
 
 @lru_cache(maxsize=4)
@@ -141,13 +115,3 @@ def _answer(path: Path) -> tuple[LinkMesh, ...]:
     if isinstance(answer, str):
         raise RuntimeError(answer)
     return answer
-
-
-def _color(mesh: trimesh.Trimesh) -> Rgb | None:
-    colored = getattr(mesh.visual, "material", mesh.visual)
-    rgba = np.asarray(getattr(colored, "main_color", None))
-    if rgba.shape != (4,):
-        return None
-    # Many files hold linear colours, which look almost black; pure white loses its shape in plain lights.
-    r, g, b = np.clip(255 * (rgba[:3] / 255) ** _BRIGHTEN, 0, 235)
-    return int(r), int(g), int(b)

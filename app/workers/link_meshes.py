@@ -13,7 +13,8 @@ from pathlib import Path
 
 from app.process import launcher
 from app.process.priority import step_back
-from app.storage.link_meshes import CPU, MEMORY, MOST_TRIANGLES, LinkMesh, read
+from app.storage.link_meshes import CPU, MEMORY, MOST_TRIANGLES, LinkMesh
+from app.storage.mesh_reading import read
 
 NICENESS = 10  # the running loop comes first
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 import yourdfpy
 
-from app.dashboard.scene.robot_view import parts
+from app.dashboard.scene.arm_parts import parts
 from app.dashboard.view_options import FINE
 from app.scenario.data import edited, from_toml, shipped, to_toml
 from app.scenario.errors import ScenarioError

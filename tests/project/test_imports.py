@@ -24,7 +24,7 @@ STAGES = {
         "import app.workers.precompile; ": HEAVY,
         "import app.workers.preview; ": HEAVY,
         RUN.format(["run", "planar2r-semicircle", "--duration", "0.01", "--out", "OUT"]): HEAVY,
-        "import app.dashboard.page; ": ("matplotlib", "scipy.signal", "scipy.stats", "aiohttp"),
+        "import app.dashboard.page; ": ("trimesh", "matplotlib", "scipy.signal", "scipy.stats", "aiohttp"),
     },
     "gateway": {
         "import app.gateway.serve; ": ("viser", *NUMERIC),

@@ -23,7 +23,6 @@ from controllers.force_loop import force_loop_factor
 from environments.contact import Contact
 from environments.contact_kinds import CONTACTS as KINDS
 from environments.plant import Plant
-from environments.sensors import ForceReader, ForceSensor, Sensor
 from environments.truth import Truth
 from tests.support.arms import CHARTS, arm, at_rest, charted, random_spd
 from tests.support.cases import scenario_of
@@ -346,15 +345,3 @@ def test_every_friction_takes_energy_away(contact: str, truth: dict[str, float],
     E = energies("planar3r", "cylinder inside", contact, replace(CONSERVATIVE, **truth), change)
     assert np.diff(E).max() < 1e-6
     assert E[0] - E[-1] > 1e-3
-
-
-def test_sensor_is_a_first_order_lag_and_a_delay() -> None:
-    """A step of the force: 1 - exp(-2 pi cutoff t), some periods late, with its bias."""
-    sensor = ForceSensor(Sensor(bias=(0.5, 0.0, 0.0), delay=0.004, cutoff=20.0), period=0.001)
-    reader, step = ForceReader(sensor, seed=0), np.array([0.0, 3.0, 0.0, 0.0, 0.0, 0.0])
-    for _ in range(10):
-        np.testing.assert_allclose(reader.read(np.zeros(6)), [0.5, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-15)
-    readings = np.array([reader.read(step) for _ in range(50)])
-    np.testing.assert_allclose(readings[:4, 1], 0.0, atol=1e-15)
-    late = 0.001 * np.arange(1, 47)
-    np.testing.assert_allclose(readings[4:, 1], 3.0 * (1.0 - np.exp(-2 * np.pi * 20.0 * late)), atol=1e-12)

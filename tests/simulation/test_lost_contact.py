@@ -57,6 +57,36 @@ def cornered(system: System, normals: np.ndarray) -> tuple[Plant, Plant, PlantSt
     return plant, free, plant.start(system.q_0, np.zeros(6), 0.0)
 
 
+@pytest.mark.parametrize("engaged", [False, True])
+def test_a_yielding_surface_that_would_have_to_pull_has_no_friction(system: System, *, engaged: bool) -> None:
+    """The tool slides within the surface, pulled off it or pressed onto it."""
+    contact = Contact(5.0, 30.0, 2e4, unilateral=True, friction_coulomb=0.0, friction_viscous=80.0)
+    normal, depth, speed = np.array([0.0, 0.0, -1.0]), 1e-4, np.array([0.05, -0.02, 0.0])
+    seen = system.nominal.evaluate(system.q_0, np.zeros(6))
+    surface = (plane(seen.p - depth * normal, normal),)
+    kinds = CONTACTS["mass-damper-spring"], CONTACTS["free"]
+    plant, free = (Plant(system.robot, system.plant.truth, surface, kind, (contact,)) for kind in kinds)
+    q_dot = np.linalg.pinv(seen.J_v) @ speed
+    state, beside = (each.start(system.q_0, q_dot, 0.0) for each in (plant, free))
+    push = 200.0 if engaged else -200.0
+    tau = pin.rnea(plant.model, plant.data, system.q_0, q_dot, np.zeros(6)) + seen.J_v.T @ (push * normal)
+    for each, arm in ((plant, state), (free, beside)):
+        each._accelerate(arm, tau, 0.0)
+    load, q_ddot = state.part("load"), state.views.q_ddot.copy()
+    if not engaged:
+        np.testing.assert_array_equal(load.wrench, 0.0)
+        np.testing.assert_allclose(q_ddot, beside.views.q_ddot, rtol=1e-12)
+        return
+    force = load.multiplier[0]
+    np.testing.assert_allclose(load.wrench[:3], force * normal + 80.0 * speed, rtol=1e-6)
+    pressed = free.start(system.q_0, q_dot, 0.0)
+    free._accelerate(pressed, tau - seen.J_v.T @ load.wrench[:3], 0.0)
+    np.testing.assert_allclose(q_ddot, pressed.views.q_ddot, rtol=1e-9)
+    moving = system.nominal.evaluate(system.q_0, q_dot)
+    phi_ddot = normal @ (moving.J_v @ q_ddot + moving.J_v_dot @ q_dot)
+    assert force == pytest.approx(5.0 * phi_ddot + 2e4 * depth, rel=1e-6)
+
+
 def gradients(system: System, plant: Plant, q: np.ndarray) -> np.ndarray:
     """phi_dot of each plane per q_dot, (3, 6)."""
     estimate = system.nominal.evaluate(q, np.zeros(6))

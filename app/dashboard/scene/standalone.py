@@ -66,7 +66,7 @@ def _html(frames: PlaybackFrames, count: int, tell: Tell) -> str:
         scene, look = SceneView(server), Look()
         recorder: StateSerializer | None = None
         for number, (snapshot, pause) in enumerate(zip(snapshots(frames), pauses, strict=False)):
-            if recorder is None:
+            if recorder is None and not snapshot.robot.shipped:
                 link_meshes(snapshot.robot).result()  # the playback shows the whole arm from its first frame on
             scene.show(snapshot, look)
             if number % PATHS_EVERY == 0:
