@@ -12,8 +12,10 @@ import time
 import tyro
 
 from app.scenario.data import edited, shipped
+from app.sweep.axes import axis_of
 from app.sweep.cluster import Cluster
-from app.sweep.question import Sweep, axis_of, fingerprint
+from app.sweep.fingerprint import fingerprint
+from app.sweep.question import Sweep
 from benchmarks.sweeps import rate
 from drivers import cluster as dask
 

@@ -15,8 +15,10 @@ import tyro
 
 from app.process import worker_pool
 from app.scenario.data import edited, shipped
+from app.sweep.axes import axis_of
 from app.sweep.figures_of_run import SweepRunner
-from app.sweep.question import Sweep, SweepQuestion, axis_of, fingerprint
+from app.sweep.fingerprint import fingerprint
+from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.running import run, tasks_of
 
 DURATION = 3.0  # s, of a run

@@ -109,10 +109,11 @@ def run(
 def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
     """Scenario, engine and end (s, 0 for the scenario's) of a run of a sweep."""
     from app.sweep import question
+    from app.sweep.fingerprint import another_program, fingerprint
 
     asked = question.read(folder / question.FILE)
-    if asked.program != question.fingerprint(asked):
-        say(f"this sweep was computed by {question.another_program(asked)}: digits may differ")
+    if asked.program != fingerprint(asked):
+        say(f"this sweep was computed by {another_program(asked)}: digits may differ")
     whole = question.SweepQuestion(asked)
     return whole.scenario(whole.row(row)), asked.engine, asked.until
 

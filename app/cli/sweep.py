@@ -105,7 +105,9 @@ def sweep(
             "sweep: --of, --within, --show, --over, --as or --to; allowed: for `vsmrc sweep plot FOLDER`"
         )
     from app.sweep import question, running
+    from app.sweep.axes import axis_of, fitted
     from app.sweep.cluster import Cluster
+    from app.sweep.fingerprint import another_program, fingerprint
 
     if Path(scenario).name == question.FILE:
         if typed(*of_question):
@@ -113,15 +115,13 @@ def sweep(
                 f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --seed, ..."
             )
         asked = question.read(Path(scenario))
-        if asked.program != question.fingerprint(asked):
-            raise ScenarioError(
-                f"sweep: {scenario} was asked of {question.another_program(asked)}; allowed: ask it anew"
-            )
+        if asked.program != fingerprint(asked):
+            raise ScenarioError(f"sweep: {scenario} was asked of {another_program(asked)}; allowed: ask it anew")
     else:
         chosen = configured(scenario, settings, duration)
         asked = question.Sweep(
             scenario=chosen,
-            vary=tuple(question.fitted(question.axis_of(each), chosen) for each in vary),
+            vary=tuple(fitted(axis_of(each), chosen) for each in vary),
             design=one_of("--design", otherwise(design, "grid"), get_args(question.Design)),
             points=otherwise(points, 0),
             draw=otherwise(draw, 0),
@@ -131,7 +131,7 @@ def sweep(
             engine=one_of("--engine", otherwise(engine, "compiled"), ENGINES),
         )
         _require_effective(asked, settings, duration)
-        asked = msgspec.structs.replace(asked, program=question.fingerprint(asked))
+        asked = msgspec.structs.replace(asked, program=fingerprint(asked))
     for name, given in (("points", points), ("draw", draw), ("seed", seed)):
         if given is not None and given < 0:
             raise ScenarioError(f"--{name} {given}; allowed: 0 or more")
@@ -194,7 +194,7 @@ def _plot_sweep(
     from app.export.formats import Format
     from app.process.atomic_write import write_whole
     from app.sweep import charts, points
-    from app.sweep.question import another_program, fingerprint
+    from app.sweep.fingerprint import another_program, fingerprint
     from app.sweep.run_store import table_of
 
     if folder is None:

@@ -16,10 +16,11 @@ from app.scenario.data import edited, shipped
 from app.session.headless_run import simulate
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
+from app.sweep.axes import axis_of
 from app.sweep.charts import chart
 from app.sweep.figures_of_run import Figures, SweepRunner, columns_of
 from app.sweep.points import SweepView
-from app.sweep.question import Sweep, SweepQuestion, axis_of
+from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.titles import said
 
 LAWS = ("vsmrc", "computed-torque")

@@ -14,9 +14,10 @@ from app.export.lettering import wrapped
 from app.export.printing import file_of
 from app.export.ticks import plain_decades
 from app.scenario.errors import ScenarioError
+from app.sweep.axes import Axis
 from app.sweep.figures_of_run import COLUMNS
 from app.sweep.points import Kind, Points, SweepView, interval, points_of, statistic_of
-from app.sweep.question import Axis, Sweep, SweepQuestion
+from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.titles import named, said, title_of, unit_of
 from parameters import allowed
 

@@ -8,7 +8,8 @@ from functools import lru_cache
 
 from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import Figures, SweepRunner
-from app.sweep.question import Sweep, fingerprint, own_arms
+from app.sweep.fingerprint import fingerprint, own_arms
+from app.sweep.question import Sweep
 
 # A runner is for one thread, and a worker may have several: a second one waits.
 _alone = threading.Lock()

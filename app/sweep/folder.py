@@ -12,7 +12,8 @@ import msgspec
 
 from app.export.export_jobs import plain_name
 from app.sweep.figures_of_run import Figures
-from app.sweep.question import Sweep, fingerprint
+from app.sweep.fingerprint import fingerprint
+from app.sweep.question import Sweep
 from app.sweep.run_store import LOCK, RunStore
 
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import tomllib
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
@@ -25,62 +22,22 @@ from app.scenario.schema import RobotSection, Scenario
 from app.simulation.controller_builder import law_of
 from app.simulation.engines import Engine
 from app.simulation.environment_builder import robot_of
-from environments.regular_file import read_regular
+from app.sweep.axes import Axis, Value, require_axis
 from environments.robots import CATALOGUE
-from environments.urdf import LARGEST as LARGEST_URDF
 from environments.urdf import RobotError
 from parameters import allowed
 
 MOST_ROWS = 10_000_000
-MOST_VALUES = 100_000  # of one axis
 UNREAD = ("name", "title")  # fields on which no run depends
-LARGEST_INTEGER = 2**53  # up to it, a float holds every integer
 LARGEST_FILE = 4_000_000  # bytes of sweep.toml
 LONGEST_NAME = 150  # letters of the scenario's name in that of a run's or a candidate's
 FILE = "sweep.toml"
-COMPUTED = ("app/analysis", "app/scenario", "app/session", "app/simulation", "app/sweep", "controllers", "environments",
-            "kernels", "parameters")  # fmt: skip
-ARMS = "static/robots"  # descriptions that come with the program
-URDF, DURATION = "robot.urdf", "simulation.duration"
+DURATION = "simulation.duration"
 DRAWN_FIELDS = frozenset(f"truth.{name}" for name in DRAWN)
 # bounds of which each alone makes the arms that are drawn differ
 MOVING = ("link_scaling", "rotor_scaling", "link_centre", "link_shape", "payload_mass", "coulomb", "viscous",
           "disturbance")  # fmt: skip
 Design = Literal["grid", "latin", "sobol"]
-Value = float | int | str | bool
-
-
-class Axis(Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
-    """Field that is varied.
-
-    path: dotted, as with `--set`; a number at its end is an entry of a list, from 1.
-    values: that it takes; empty for a range.
-    low, high: of the range; logarithmic: whether it is drawn evenly in its logarithm.
-    whole: whether a value of the range is a whole number.
-    """
-
-    path: str
-    values: tuple[Value, ...] = ()
-    low: float = 0.0
-    high: float = 0.0
-    logarithmic: bool = False
-    whole: bool = False
-
-    def at(self, share: float) -> Value:
-        """Value at a share, 0 to 1, of the axis."""
-        if self.values:
-            return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
-        low, high = (self.low - 0.5, self.high + 0.5) if self.whole else (self.low, self.high)
-        if self.logarithmic:
-            value = math.exp(math.log(low) + share * (math.log(high) - math.log(low)))
-        else:
-            value = low + share * (high - low)
-        return min(max(round(value), round(self.low)), round(self.high)) if self.whole else float(value)
-
-    @property
-    def numeric(self) -> bool:
-        """Whether all its values are numbers."""
-        return all(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values)
 
 
 class Sweep(Struct, frozen=True, forbid_unknown_fields=True):
@@ -255,7 +212,7 @@ def _require_sound(sweep: Sweep) -> None:
     for axis in sweep.vary:
         if axis.path in UNREAD:
             raise ScenarioError(f"vary: {axis.path}; allowed: fields on which a run depends")
-        _require_axis(axis)
+        require_axis(axis)
         ends = (axis.at(0.0), axis.at(1.0))
         for value in ends if axis.numeric else axis.values:
             _require_known(sweep.scenario, axis.path, value)
@@ -295,21 +252,6 @@ def _require_until(sweep: Sweep) -> None:
         )
 
 
-def _require_axis(axis: Axis) -> None:
-    for value in axis.values or (axis.low, axis.high):
-        if isinstance(value, float) and not math.isfinite(value):
-            raise ScenarioError(f"vary: {axis.path}: {value}; allowed: finite numbers")
-        if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
-            raise ScenarioError(f"vary: {axis.path}: {value}; allowed: at most {LARGEST_INTEGER}")
-    for value, times in Counter(axis.values).most_common(1):
-        if times > 1:
-            raise ScenarioError(f"vary: {axis.path}: {value} twice; allowed: different values")
-    if not axis.values and not axis.low < axis.high:
-        raise ScenarioError(f"vary: {axis.path}: {axis.low:g} to {axis.high:g}; allowed: low before high")
-    if axis.logarithmic and axis.low <= 0.0:
-        raise ScenarioError(f"vary: {axis.path}: logarithmic from {axis.low:g}; allowed: from above 0")
-
-
 def _require_known(scenario: Scenario, path: str, value: Value) -> None:
     """Raise ScenarioError where a field is unknown, is no field for a value of this kind, or has no such choice, and
     where the value would change the units of the table; another value that is refused makes a row that says so."""
@@ -328,71 +270,6 @@ def _require_known(scenario: Scenario, path: str, value: Value) -> None:
             f"vary: {path}: {value} beside {scenario.task_space.kind} would put m and rad, N and N·m into one column; "
             f"allowed: one sweep for each kind, such as with --set task_space.kind={changed.task_space.kind}"
         )
-
-
-def axis_of(text: str) -> Axis:
-    """Axis of a text: PATH=LOW:HIGH:COUNT, PATH=LOW:HIGH:COUNT:log, PATH=LOW:HIGH or PATH=LOW:HIGH:log for a range, or
-    PATH=VALUE,VALUE,.... Raises ScenarioError."""
-    path, equals, spec = text.partition("=")
-    path, spec = path.strip(), spec.strip()
-    shape = "allowed: PATH=LOW:HIGH:COUNT, with :log behind for even steps of the logarithm, or PATH=VALUE,VALUE,..."
-    if not equals or not path or not spec:
-        raise ScenarioError(f"--vary {text!r:.100}; {shape}")
-    parts = spec.split(":")
-    if len(parts) == 1:
-        return Axis(path, tuple(_value(each.strip()) for each in spec.split(",")))
-    logarithmic = parts[-1] == "log"
-    numbers = parts[:-1] if logarithmic else parts
-    try:
-        low, high, *rest = (float(number) for number in numbers)
-        count = int(rest[0]) if rest else None
-    except (ValueError, OverflowError) as error:
-        raise ScenarioError(f"--vary {text!r:.100}; {shape}") from error
-    if len(rest) > 1 or (rest and rest[0] != count):
-        raise ScenarioError(f"--vary {text!r:.100}; {shape}")
-    whole = Axis(path, (), low, high, logarithmic)
-    _require_axis(whole)
-    if count is None:
-        return whole
-    if not 2 <= count <= MOST_VALUES:
-        raise ScenarioError(f"--vary {path}: {count} values; allowed: 2 to {MOST_VALUES}")
-    spaced = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
-    return Axis(path, tuple(float(f"{value:.12g}") for value in spaced))
-
-
-def fitted(axis: Axis, scenario: Scenario) -> Axis:
-    """The axis with whole numbers where its field in the scenario takes no others. Raises ScenarioError."""
-    try:
-        with_value(scenario, axis.path, 0.5)
-        return axis
-    except WrongKind:
-        pass
-    except ScenarioError:
-        return axis
-    values = [float(value) for value in axis.values] if axis.numeric else []
-    if len(values) < len(axis.values) or not all(map(math.isfinite, (*values, axis.low, axis.high))):
-        return axis
-    try:
-        with_value(scenario, axis.path, round(values[0] if values else axis.low))
-    except WrongKind:
-        return axis  # no field for numbers at all
-    except ScenarioError:
-        pass
-    if uneven := [value for value in values or (axis.low, axis.high) if value != round(value)]:
-        raise ScenarioError(f"vary: {axis.path}: {uneven[0]:g}; allowed: whole numbers")
-    if values:
-        return msgspec.structs.replace(axis, values=tuple(map(round, values)))
-    return msgspec.structs.replace(axis, whole=True)
-
-
-def _value(text: str) -> Value:
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):
-        return text
-    if not isinstance(value, int | float | str | bool):
-        raise ScenarioError(f"--vary: {text!r:.60}; allowed: numbers and words")
-    return value
 
 
 def to_toml(sweep: Sweep) -> str:
@@ -428,37 +305,3 @@ def read(path: Path, kind: type[Asked] = Sweep) -> Asked:
 def differences(one: Sweep, other: Sweep) -> list[str]:
     """Names of the parts in which two sweeps differ."""
     return [name for name in one.__struct_fields__ if getattr(one, name) != getattr(other, name)]
-
-
-def fingerprint(asked: Sweep | None = None, packages: tuple[str, ...] = (), libraries: tuple[str, ...] = ()) -> str:
-    """Fingerprint of all that the figures of a run depend on besides the sweep: this program, the libraries that
-    compute, the descriptions of arms, and the files that the sweep names as its arm. With more packages or
-    libraries."""
-    root, digest = Path(__file__).parents[2], hashlib.sha256()
-    files = [file for package in (*COMPUTED, *packages) for file in sorted((root / package).rglob("*.py"))]
-    for file in (*files, *sorted((root / ARMS).glob("*.urdf"))):
-        digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
-    for urdf in own_arms(asked) if asked else ():
-        digest.update(hashlib.sha256(_content(urdf)).digest())
-    computing = ("example-robot-data", "numba", "numpy", "pin", "scipy", *libraries)
-    digest.update(" ".join(f"{name} {version(name)}" for name in computing).encode())
-    return digest.hexdigest()[:16]
-
-
-def another_program(asked: Sweep) -> str:
-    """Words for the cause of another fingerprint, which for a sweep of a user's own arm may be the arm's file."""
-    return "another version of the program" + (f" or with another file as {URDF}" if own_arms(asked) else "")
-
-
-def own_arms(asked: Sweep) -> list[str]:
-    """Paths of the files that are the arms of a sweep, of those that do not come with the program."""
-    varied = [value for axis in asked.vary if axis.path == URDF for value in axis.values]
-    return [str(path) for path in (asked.scenario.robot.urdf, *varied) if path is not None]
-
-
-def _content(urdf: str) -> bytes:
-    """Content of an arm's file; none of one that cannot be read, whose runs say so."""
-    try:
-        return read_regular(Path(urdf).expanduser(), LARGEST_URDF + 1)
-    except (OSError, ValueError, RuntimeError):
-        return b""

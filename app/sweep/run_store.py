@@ -18,7 +18,8 @@ import pyarrow.parquet as pq
 from app.process.atomic_write import write_whole
 from app.scenario.errors import ScenarioError
 from app.sweep.figures_of_run import COLUMNS, Figures
-from app.sweep.question import FILE, Sweep, SweepQuestion, another_program, differences, read, to_toml
+from app.sweep.fingerprint import another_program
+from app.sweep.question import FILE, Sweep, SweepQuestion, differences, read, to_toml
 from app.sweep.titles import title_of, unit_of
 
 PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"

@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from app.sweep.axes import Value
 from app.sweep.figures_of_run import Figures
-from app.sweep.question import Value
 from app.tune.question import Tuning
 from controllers.premises import STATEMENTS, Premise
 

@@ -12,8 +12,10 @@ from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.simulation.controller_builder import mode_of
 from app.simulation.environment_builder import positions_of, robot_of
+from app.sweep.axes import Axis
 from app.sweep.figures_of_run import COLUMNS
-from app.sweep.question import Axis, Design, Sweep, SweepQuestion, arms_differ, fingerprint
+from app.sweep.fingerprint import fingerprint
+from app.sweep.question import Design, Sweep, SweepQuestion, arms_differ
 from parameters import allowed
 
 AIMS = (

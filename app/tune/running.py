@@ -13,8 +13,9 @@ from tqdm import tqdm
 
 from app.process import worker_pool
 from app.scenario.errors import ScenarioError
+from app.sweep.axes import Value
 from app.sweep.figures_of_run import Figures, SweepRunner
-from app.sweep.question import SweepQuestion, SweepRow, Value
+from app.sweep.question import SweepQuestion, SweepRow
 from app.sweep.running import CHUNK, SweepEstimate
 from app.tune.candidates import Candidate, front, judged
 from app.tune.question import Tuning

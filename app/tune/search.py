@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from app.sweep.question import SweepQuestion, Value
+from app.sweep.axes import Value
+from app.sweep.question import SweepQuestion
 from app.tune.candidates import Candidate
 from app.tune.question import Tuning
 

@@ -24,10 +24,11 @@ from app.session.commands import Perform
 from app.session.headless_run import simulate
 from app.session.runner import Runner as Loop
 from app.sweep import background
+from app.sweep.axes import axis_of
 from app.sweep.background import Background, BackgroundSweep
 from app.sweep.figures_of_run import SweepRunner
 from app.sweep.folder import packed, zipped
-from app.sweep.question import Sweep, SweepQuestion, axis_of
+from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_store import table_of
 from app.sweep.share import Allowance, Share, allowance_of
 from drivers.waiting import until

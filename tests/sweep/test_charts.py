@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from app.scenario.errors import ScenarioError
+from app.sweep.axes import Axis, axis_of
 from app.sweep.charts import _borders, _geometric, _shares, chart
 from app.sweep.points import SweepView, interval, points_of
-from app.sweep.question import Axis, Sweep, SweepQuestion, axis_of
+from app.sweep.question import Sweep, SweepQuestion
 from tests.support.svg import texts_of
 from tests.sweep.test_question import BASE, sweep_of
 

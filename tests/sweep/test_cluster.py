@@ -22,9 +22,11 @@ from app.process.worker_pool import FALLEN
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.sweep import cluster_worker, running
+from app.sweep.axes import axis_of
 from app.sweep.cluster import Cluster
 from app.sweep.figures_of_run import Figures, SweepRunner
-from app.sweep.question import Sweep, SweepQuestion, axis_of, fingerprint
+from app.sweep.fingerprint import fingerprint
+from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_store import RunStore
 from drivers.cluster import Scheduler, worker
 from drivers.cluster import scheduler as started

@@ -13,7 +13,9 @@ from app.scenario.declared_bounds import outside
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Declared
 from app.sweep import question
-from app.sweep.question import Axis, Sweep, SweepQuestion, axis_of, fingerprint
+from app.sweep.axes import Axis, axis_of, fitted
+from app.sweep.fingerprint import fingerprint
+from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_store import RunStore
 
 BASE = shipped()["planar3r-hybrid"]
@@ -206,20 +208,20 @@ def test_a_file_that_is_no_sweep_is_refused(content: bytes, sentence: str, tmp_p
 
 
 def test_a_field_of_whole_numbers_takes_whole_steps_and_ranges_and_no_others() -> None:
-    steps = question.fitted(axis_of("simulation.substeps=1:4:4"), BASE)
+    steps = fitted(axis_of("simulation.substeps=1:4:4"), BASE)
     assert steps.values == (1, 2, 3, 4)
     assert all(type(value) is int for value in steps.values)
     with pytest.raises(ScenarioError, match=r"simulation\.substeps: 1\.5; allowed: whole numbers"):
-        question.fitted(axis_of("simulation.substeps=1:4:7"), BASE)
-    within = question.fitted(axis_of("simulation.substeps=1:4"), BASE)
+        fitted(axis_of("simulation.substeps=1:4:7"), BASE)
+    within = fitted(axis_of("simulation.substeps=1:4"), BASE)
     asked = SweepQuestion(Sweep(BASE, (within,), "sobol", points=16))
     found = [asked.scenario(asked.row(number)).simulation.substeps for number in range(16)]
     assert [found.count(each) for each in (1, 2, 3, 4)] == [4, 4, 4, 4]  # the ends as often as what is between
-    assert question.fitted(axis_of("simulation.substeps=1,2.0,3"), BASE).values == (1, 2, 3)
+    assert fitted(axis_of("simulation.substeps=1,2.0,3"), BASE).values == (1, 2, 3)
     with pytest.raises(ScenarioError, match=r"simulation\.substeps: 0\.5; allowed: whole numbers"):
-        question.fitted(axis_of("simulation.substeps=0.5:2.5"), BASE)
+        fitted(axis_of("simulation.substeps=0.5:2.5"), BASE)
     for text in ("contact.K_e=1:4:4", "controller.law=vsmrc", "mode=1:2:3", "contact.K=1:2:2"):
-        assert question.fitted(axis_of(text), BASE) == axis_of(text)
+        assert fitted(axis_of(text), BASE) == axis_of(text)
 
 
 def test_an_entry_of_a_matrix_that_is_drawn_is_not_varied() -> None:

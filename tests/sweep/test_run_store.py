@@ -20,7 +20,8 @@ from app.process.atomic_write import write_whole
 from app.scenario.data import shipped
 from app.scenario.errors import ScenarioError
 from app.sweep import run_store
-from app.sweep.question import Sweep, SweepQuestion, axis_of
+from app.sweep.axes import axis_of
+from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_store import JOURNAL, RunStore, parts, schema_of, table_of
 from tests.sweep.test_question import sweep_of
 

@@ -21,8 +21,10 @@ from app.scenario.data import edited, shipped
 from app.session.headless_run import play, simulate
 from app.simulation.verdict import Outcome
 from app.sweep import running
+from app.sweep.axes import axis_of
 from app.sweep.figures_of_run import COLUMNS, METRICS, Figures, SweepRunner
-from app.sweep.question import Sweep, SweepQuestion, axis_of, fingerprint
+from app.sweep.fingerprint import fingerprint
+from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_store import JOURNAL, RunStore, table_of
 from tests.support.pages import ROOT
 from tests.tune.test_running import in_this_process

@@ -7,7 +7,8 @@ import pytest
 
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
-from app.sweep.question import Axis, SweepQuestion, SweepRow
+from app.sweep.axes import Axis
+from app.sweep.question import SweepQuestion, SweepRow
 from app.tune.question import Tuning, moved, require_sound
 from app.tune.search import Search
 

@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from app.export.ticks import plain_number
+from app.sweep.axes import Axis
 from app.sweep.background import BackgroundSweep
 from app.sweep.charts import wide
 from app.sweep.points import Points, interval
-from app.sweep.question import Axis, SweepQuestion
+from app.sweep.question import SweepQuestion
 from controllers.premises import STATEMENTS, Premise
 
 LEFT, RIGHT, TOP, BOTTOM, WIDTH, HEIGHT = 44, 330, 8, 196, 336, 248  # px, of the tiles and of the whole picture

@@ -17,7 +17,7 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, Units
 from app.session.snapshot import Snapshot
-from app.sweep.question import Axis, fitted
+from app.sweep.axes import Axis, fitted
 from app.sweep.titles import title_of, unit_of
 
 NONE = "—"

@@ -1,0 +1,133 @@
+"""Axes of a sweep: fields of a scenario that are varied, and the values that they take."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections import Counter
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+
+from app.scenario.data import with_value
+from app.scenario.errors import ScenarioError, WrongKind
+from app.scenario.schema import Scenario
+
+MOST_VALUES = 100_000  # of one axis
+LARGEST_INTEGER = 2**53  # up to it, a float holds every integer
+Value = float | int | str | bool
+
+
+class Axis(Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
+    """Field that is varied.
+
+    path: dotted, as with `--set`; a number at its end is an entry of a list, from 1.
+    values: that it takes; empty for a range.
+    low, high: of the range; logarithmic: whether it is drawn evenly in its logarithm.
+    whole: whether a value of the range is a whole number.
+    """
+
+    path: str
+    values: tuple[Value, ...] = ()
+    low: float = 0.0
+    high: float = 0.0
+    logarithmic: bool = False
+    whole: bool = False
+
+    def at(self, share: float) -> Value:
+        """Value at a share, 0 to 1, of the axis."""
+        if self.values:
+            return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+        low, high = (self.low - 0.5, self.high + 0.5) if self.whole else (self.low, self.high)
+        if self.logarithmic:
+            value = math.exp(math.log(low) + share * (math.log(high) - math.log(low)))
+        else:
+            value = low + share * (high - low)
+        return min(max(round(value), round(self.low)), round(self.high)) if self.whole else float(value)
+
+    @property
+    def numeric(self) -> bool:
+        """Whether all its values are numbers."""
+        return all(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values)
+
+
+def require_axis(axis: Axis) -> None:
+    """Raise ScenarioError unless an axis has different finite values, or a range of them."""
+    for value in axis.values or (axis.low, axis.high):
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ScenarioError(f"vary: {axis.path}: {value}; allowed: finite numbers")
+        if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+            raise ScenarioError(f"vary: {axis.path}: {value}; allowed: at most {LARGEST_INTEGER}")
+    for value, times in Counter(axis.values).most_common(1):
+        if times > 1:
+            raise ScenarioError(f"vary: {axis.path}: {value} twice; allowed: different values")
+    if not axis.values and not axis.low < axis.high:
+        raise ScenarioError(f"vary: {axis.path}: {axis.low:g} to {axis.high:g}; allowed: low before high")
+    if axis.logarithmic and axis.low <= 0.0:
+        raise ScenarioError(f"vary: {axis.path}: logarithmic from {axis.low:g}; allowed: from above 0")
+
+
+def axis_of(text: str) -> Axis:
+    """Axis of a text: PATH=LOW:HIGH:COUNT, PATH=LOW:HIGH:COUNT:log, PATH=LOW:HIGH or PATH=LOW:HIGH:log for a range, or
+    PATH=VALUE,VALUE,.... Raises ScenarioError."""
+    path, equals, spec = text.partition("=")
+    path, spec = path.strip(), spec.strip()
+    shape = "allowed: PATH=LOW:HIGH:COUNT, with :log behind for even steps of the logarithm, or PATH=VALUE,VALUE,..."
+    if not equals or not path or not spec:
+        raise ScenarioError(f"--vary {text!r:.100}; {shape}")
+    parts = spec.split(":")
+    if len(parts) == 1:
+        return Axis(path, tuple(_value(each.strip()) for each in spec.split(",")))
+    logarithmic = parts[-1] == "log"
+    numbers = parts[:-1] if logarithmic else parts
+    try:
+        low, high, *rest = (float(number) for number in numbers)
+        count = int(rest[0]) if rest else None
+    except (ValueError, OverflowError) as error:
+        raise ScenarioError(f"--vary {text!r:.100}; {shape}") from error
+    if len(rest) > 1 or (rest and rest[0] != count):
+        raise ScenarioError(f"--vary {text!r:.100}; {shape}")
+    whole = Axis(path, (), low, high, logarithmic)
+    require_axis(whole)
+    if count is None:
+        return whole
+    if not 2 <= count <= MOST_VALUES:
+        raise ScenarioError(f"--vary {path}: {count} values; allowed: 2 to {MOST_VALUES}")
+    spaced = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
+    return Axis(path, tuple(float(f"{value:.12g}") for value in spaced))
+
+
+def fitted(axis: Axis, scenario: Scenario) -> Axis:
+    """The axis with whole numbers where its field in the scenario takes no others. Raises ScenarioError."""
+    try:
+        with_value(scenario, axis.path, 0.5)
+        return axis
+    except WrongKind:
+        pass
+    except ScenarioError:
+        return axis
+    values = [float(value) for value in axis.values] if axis.numeric else []
+    if len(values) < len(axis.values) or not all(map(math.isfinite, (*values, axis.low, axis.high))):
+        return axis
+    try:
+        with_value(scenario, axis.path, round(values[0] if values else axis.low))
+    except WrongKind:
+        return axis  # no field for numbers at all
+    except ScenarioError:
+        pass
+    if uneven := [value for value in values or (axis.low, axis.high) if value != round(value)]:
+        raise ScenarioError(f"vary: {axis.path}: {uneven[0]:g}; allowed: whole numbers")
+    if values:
+        return msgspec.structs.replace(axis, values=tuple(map(round, values)))
+    return msgspec.structs.replace(axis, whole=True)
+
+
+def _value(text: str) -> Value:
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text
+    if not isinstance(value, int | float | str | bool):
+        raise ScenarioError(f"--vary: {text!r:.60}; allowed: numbers and words")
+    return value
