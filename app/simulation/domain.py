@@ -52,10 +52,6 @@ class Constants:
         """Radius of Omega, rad."""
         return self.omega.radius
 
-    def holds_at(self, q: np.ndarray) -> bool:
-        """Whether q (n,) rad lies in Omega."""
-        return self.omega.depth(q) >= 0.0
-
 
 def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
     """Posture and its rate, q_d and q_d_dot, with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""

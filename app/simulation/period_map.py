@@ -61,11 +61,6 @@ def free_directions(system: System, at: Posture) -> np.ndarray:
     return np.linalg.qr(np.column_stack([at.across, np.eye(n)]))[0][:, at.across.shape[1] : n]
 
 
-def period_matrix(system: System, at: Posture, *, touching: bool = True) -> np.ndarray:
-    """Jacobian (k, k) of one control period at rest, by central differences of the period itself."""
-    return PeriodMap(system, at, touching=touching).jacobian()
-
-
 class PeriodMap:
     """One control period of a run, as a map of small deviations from rest and s = 0 at a posture and of a push on the
     tool: the arm without anything that has a kink, and a constant reference at its present place.

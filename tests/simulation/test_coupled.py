@@ -21,7 +21,7 @@ from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.controller_builder import believed_compliance, believed_stiffness, true_stiffness
-from app.simulation.period_map import Posture, period_matrix
+from app.simulation.period_map import PeriodMap, Posture
 from app.simulation.sampled_stability import force_factor
 from app.simulation.system import System
 from environments.coupled_surfaces import EnvironmentMatrices
@@ -253,7 +253,7 @@ def test_the_force_loop_of_coupled_masses_has_its_factor() -> None:
         heavy = {"contact.M_e": 20.0, "second.contact.M_e": 12.0, "coupling.M_e": [between, 0.0, 0.0]}
         system = assemble(faces(2, "mass-damper-spring", **heavy, **{"truth.link_scaling": 1.0}))
         at = Posture.of(system, system.q_0, 0.0)
-        own = np.linalg.eigvals(period_matrix(system, at)[-3:, -3:])  # of the load, which the next period reads
+        own = np.linalg.eigvals(PeriodMap(system, at).jacobian()[-3:, -3:])  # of the load, which the next period reads
         found.append(force_factor(system, at))
         assert found[-1] == pytest.approx(own[np.argmax(np.abs(own))], rel=1e-4)
     assert np.ptp(found) > 0.05

@@ -13,7 +13,7 @@ from app.session.push_measurement import Chirp, PushExperiment, not_linear, told
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.force_margin import ForceLoop
-from app.simulation.period_map import Posture, period_matrix
+from app.simulation.period_map import PeriodMap, Posture
 from app.simulation.push_response import (
     FORCE,
     MOMENT,
@@ -252,7 +252,7 @@ def test_margins_of_the_force_loop_are_where_it_becomes_unstable() -> None:
     assert 3.0 < periods < 90.0
     for late in (int(periods), int(periods) + 1):
         system = assemble(pressing(0.001, delay=0.001 * late))
-        growth = np.abs(np.linalg.eigvals(period_matrix(system, Posture.of(system, system.q_0, 0.0)))).max()
+        growth = np.abs(np.linalg.eigvals(PeriodMap(system, Posture.of(system, system.q_0, 0.0)).jacobian())).max()
         assert (growth > 1.0 + 1e-6) == (late > periods)
     value = loop.gains(np.array([margins.crossing]))[0, 0]
     assert abs(value) == pytest.approx(1.0, abs=1e-6)

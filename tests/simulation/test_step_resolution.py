@@ -17,7 +17,7 @@ from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.period_map import Posture, period_matrix
+from app.simulation.period_map import PeriodMap, Posture
 from app.simulation.sampled_stability import force_factor, sampled_loop
 from app.simulation.system import System
 from controllers.premises import Premise
@@ -349,7 +349,7 @@ def test_every_sensor_is_judged(kind: str, ideal: bool) -> None:
     )
     sees_delay = not (ideal and kind == "mass-damper-spring")
     assert (abs(radius(late) - radius(quick)) > 1e-6) == sees_delay
-    size = len(period_matrix(late, Posture.of(late, late.q_0, 0.0)))
+    size = len(PeriodMap(late, Posture.of(late, late.q_0, 0.0)).jacobian())
     assert size == 3 * 3 + 3 * (1 + 4) + 3 * (kind == "mass-damper-spring" and not ideal)
 
 
@@ -361,7 +361,7 @@ def test_the_closed_form_of_the_force_loop_is_an_eigenvalue_of_the_period(M_m1: 
     )  # fmt: skip
     system = assemble(scenario)
     at = Posture.of(system, system.q_0, 0.0)
-    values, factor = np.linalg.eigvals(period_matrix(system, at)), force_factor(system, at)
+    values, factor = np.linalg.eigvals(PeriodMap(system, at).jacobian()), force_factor(system, at)
     assert np.abs(values - factor).min() < 1e-4 * abs(factor)
 
 
