@@ -12,7 +12,7 @@ import tyro
 from app.access.admission import Names
 from app.access.given_token import given_token
 from app.access.rate_limits import ConnectionLimits
-from app.cli.options import Files, Settings, braces, configured, one_of, use_own
+from app.cli.options import Files, Settings, braces, configured, one_of, otherwise, typed, use_own, usually
 from app.cli.status import DONE
 from app.dashboard.theme.colors import Theme
 from app.gateway.server_settings import PageStyle, ServerSettings, Token
@@ -28,6 +28,8 @@ THEMES: tuple[Theme, ...] = get_args(Theme)
 TOKENS: tuple[Token, ...] = get_args(Token)
 
 LEVELS: tuple[log.Level, ...] = get_args(log.Level)
+
+IDLE = 30.0  # minutes, after which a session that nobody looks at is closed
 
 FILES = (
     64 + 2 * ConnectionLimits().per_session
@@ -54,7 +56,7 @@ def serve(
     per_address: int | None = None,
     copies: bool = True,
     classes: Annotated[bool, tyro.conf.arg(name="class")] = False,
-    idle_minutes: float = 30.0,
+    idle_minutes: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(IDLE))] = None,
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -102,6 +104,10 @@ def serve(
             signal.signal(ending, interruption)
     if not 0 <= port <= 65535:
         raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
+    if not shared and typed(max_sessions, per_address, idle_minutes):
+        raise ScenarioError(
+            "--max-sessions, --per-address or --idle-minutes: this server has one session; allowed: with --shared"
+        )
     use_own(use)
     chosen = configured(scenario, settings)
     people = other_people() if asking == "auto" else []
@@ -115,7 +121,7 @@ def serve(
         of_one_address=per_address,
         copies=copies,
         classes=classes,
-        idle_minutes=idle_minutes,
+        idle_minutes=otherwise(idle_minutes, IDLE),
         given=given_token(token_file, os.environ),
         crowded=bool(people),
     )

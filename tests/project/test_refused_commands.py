@@ -1,0 +1,225 @@
+"""Wrong input to the `vsmrc` command: one sentence that names it and what is allowed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from app.scenario.data import edited, load
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
+from tests.support.commands import Done, vsmrc
+
+pytestmark = pytest.mark.slow  # processes of its own
+
+
+def test_a_frame_rate_that_makes_no_sense_is_refused(here: Callable[..., Done]) -> None:
+    done = here("serve", "--port", "0", "--fps", "0")
+    assert done.returncode == 2
+    assert "--fps: 0; allowed: 1 to 60" in done.stderr
+
+
+def test_a_misspelt_choice_of_a_flag_is_refused_with_what_was_meant(here: Callable[..., Done]) -> None:
+    for arguments, said in (
+        (("serve", "--theme", "drak"), "--theme 'drak'; allowed: dark, light; did you mean dark?"),
+        (
+            ("serve", "--log-level", "inf"),
+            "--log-level 'inf'; allowed: debug, info, warning, error; did you mean info?",
+        ),
+        (("serve", "--token", "allways"), "did you mean always?"),
+        (("compare", "ur5-hybrid", "--engine", "compild"), "allowed: pinocchio, compiled; did you mean compiled?"),
+        (("figures", "--out", "x", "--only", "theorm"), "did you mean theorem?"),
+    ):
+        done = here(*arguments)
+        assert done.returncode == 2
+        assert said in done.stderr
+        assert done.stderr.count("\n") == 1
+
+
+def test_a_port_that_is_none_is_refused(here: Callable[..., Done]) -> None:
+    for port, command in (("70000", vsmrc), ("-1", here)):
+        done = command("serve", "--port", port)
+        assert (done.returncode, done.stderr) == (2, f"vsmrc: --port {port}; allowed: 0 to 65535\n")
+
+
+def test_limits_of_many_sessions_are_refused_where_there_is_one(here: Callable[..., Done]) -> None:
+    for option in ("--max-sessions", "--per-address", "--idle-minutes"):
+        done = here("serve", "--port", "0", option, "3")
+        assert done.returncode == 2
+        assert f"{option}" in done.stderr
+        assert done.stderr.endswith("this server has one session; allowed: with --shared\n")
+
+
+def test_nothing_to_compare_is_said(here: Callable[..., Done]) -> None:
+    for arguments, said in (((), "compare: no scenario"), (("ur5-hybrid", "--last", "-1"), "allowed: more than 0 s")):
+        done = here("compare", *arguments)
+        assert done.returncode == 2
+        assert said in done.stderr
+
+
+def test_a_part_of_the_run_without_figures_is_refused_and_the_least_one_has_them(here: Callable[..., Done]) -> None:
+    for arguments, said in (
+        (("--last", "0.0005"), "--last 0.0005: fewer than two control periods of planar3r-hybrid; allowed: 0.002 s or"),
+        (("--last", "0.0019"), "--last 0.0019: fewer than two control periods of planar3r-hybrid; allowed: 0.002 s or"),
+        (("--duration", "0.001"), "simulation.duration: 0.001: fewer than two control periods of planar3r-hybrid"),
+        (("--last", "0.002", "--set", "controller.period=0.002"), "allowed: 0.004 s or more"),
+    ):
+        done = here("compare", "planar3r-hybrid", *arguments)
+        assert done.returncode == 2
+        assert said in done.stderr
+        assert done.stderr.count("\n") == 1
+    for duration in ("0.002", "0.013", "0.3"):  # whatever the instants of the rows are rounded to
+        done = here("compare", "planar3r-hybrid", "--duration", duration, "--last", "0.002")
+        assert done.returncode == 0, done.stderr
+        figures = {
+            line.split("│")[1].strip(): line.split("│")[2].strip() for line in done.stdout.splitlines() if "│" in line
+        }
+        assert float(figures["path error, RMS [mm]"]) >= 0.0, duration
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "FILE.toml", "--out", "OUT"),
+        ("run", "ur5-hybrid", "--blend-to", "FILE.toml", "--out", "OUT"),
+        ("run", "ur5-hybrid", "--use", "FILE.py", "--out", "OUT"),
+        ("run", "ur5-hybrid", "--set", "robot.urdf=FILE.urdf", "--out", "OUT"),
+        ("run", "--from", "FOLDER", "--row", "0", "--out", "OUT"),
+        ("compare", "FILE.toml"),
+        ("export", "FILE.toml", "--out", "OUT"),
+        ("response", "FILE.toml", "--out", "OUT"),
+        ("serve", "FILE.toml", "--port", "0"),
+        ("sweep", "FILE.toml", "--dry-run"),
+        ("sweep", "FOLDER/sweep.toml", "--out", "OUT"),
+        ("sweep", "plot", "FOLDER"),
+        ("tune", "FILE.toml", "--dry-run"),
+        ("lesson", "check", "FOLDER"),
+        ("lesson", "run", "FOLDER/lesson.md"),
+    ],
+)
+def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
+    arguments: tuple[str, ...], tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    for name in ("file.toml", "file.py", "file.urdf", "sweep.toml", "lesson.md"):
+        (tmp_path / name).write_bytes("name = 'f\xfcnf'\n".encode("latin-1"))
+    places = {"FILE": str(tmp_path / "file"), "FOLDER": str(tmp_path), "OUT": str(tmp_path / "out")}
+    typed = [re.sub("FILE|FOLDER|OUT", lambda found: places[found[0]], each) for each in arguments]
+    done = here(*typed)
+    assert done.returncode == 2
+    assert re.search(r"\bfile\.|sweep\.toml|lesson\.md", done.stderr)
+    assert ("utf-8" if "FILE.py" in arguments else "UTF-8") in done.stderr  # Python's own sentence
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("run", "nothing"), "allowed: a .toml file or"),
+        (("run", "ur5-hybird"), "; did you mean ur5-hybrid?"),
+        (("run", "UR5-Motion"), "; did you mean ur5-motion?"),
+        (
+            ("run", "ur5-hybrid", "--set", "force.vale=3"),
+            "force.vale: no such field; allowed: kind, value; did you mean v",
+        ),
+        (("run", "ur5-hybrid", "--set", "robot.nmae=ur3"), "; did you mean name?"),
+        (("run", "ur5-hybrid", "--set", "robot.name=pandas"), "; did you mean panda?"),
+        (("run", "ur5-hybrid", "--set", "mode=hybrd"), "; did you mean hybrid?"),
+        (("run", "ur5-hybrid", "--set", "contact.kind=elastc"), "; did you mean elastic?"),
+        (("run", "ur5-hybrid", "--set", "controller.law=vsmcr"), "; did you mean vsmrc?"),
+        (
+            ("exprt", "ur5-hybrid"),
+            "no such command; allowed: serve, run, compare, export, response, sweep, tune, figures, lesson, list; did",
+        ),
+        (("run", "ur5-hybrid", "--set", "force.value"), "allowed: KEY=VALUE"),
+        (("run", "ur5-hybrid", "--set", "force.value=nan"), "force.value: nan; allowed: a finite number"),
+        (("run", "ur5-hybrid", "--set", "controller.layer=-1"), "controller.layer: -1; allowed: a number > 0"),
+        (("run", "ur5-hybrid", "--set", "mode=constrained"), "contact.kind: 'elastic' in constrained mode"),
+        (("run", "ur5-hybrid", "--set", "target_model.M_m=[1,2]"), "target_model.M_m: 2 entries; allowed: 6"),
+        (("run", "ur5-hybrid", "--set", "robot.urdf=/none.urdf"), "robot.urdf: cannot read /none.urdf"),
+        (("run", "ur5-hybrid", "--set", "robot.tool_frame=hand"), "robot.tool_frame: no frame 'hand'"),
+        (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--draw", "-1"), "--draw -1; allowed: 0 or more"),
+        (("tune", "ur5-hybrid", "--seed", "5000000000"), "--seed 5000000000; allowed: at most 4294967295"),
+        (("run", "ur5-hybrid", "--blend-at", "3"), "--blend-at or --blend-over without --blend-to; allowed: with"),
+        (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--as", "map"), "allowed: for `vsmrc sweep plot"),
+        (("run", "ur5-hybrid", "--set", "contact.K_e=0"), "contact.K_e: 0 N/m, which takes no force in hybrid mode"),
+        (
+            ("run", "ur5-motion", "--set", "truth.push=[0,5,0]", "truth.push_frequency=500"),
+            "truth.push_frequency: 500 Hz, at least half the control rate, so that the loop sees a slower one",
+        ),
+        (
+            (
+                *("run", "ur5-motion", "--set", "truth.push=[0,5,0]"),
+                *("truth.push_duration=2", "truth.push_every=1", "truth.push_frequency=2"),
+            ),
+            "truth.push_every: 1 s, which cuts a sine of 2 s short; allowed: 0 for once, or at least",
+        ),
+        # also where the value is the one that the option has without
+        (("run", "ur5-hybrid", "--blend-at", "0"), "--blend-at or --blend-over without --blend-to; allowed: with"),
+        (("export", "ur5-hybrid", "--to", "csv", "--type-size", "7"), "--type-size: with --to csv; allowed: with --to"),
+        (
+            ("export", "ur5-hybrid", "--to", "csv", "--no-letters"),
+            "--no-letters: with --to csv; allowed: with --to svg",
+        ),
+        (("export", "ur5-hybrid", "--to", "csv", "--caption"), "--caption: with --to csv; allowed: with --to svg, pdf"),
+        (("export", "ur5-hybrid", "--to", "toml", "--start", "0"), "--start: with --to toml; allowed: with --to svg"),
+        (
+            ("export", "a.npz", "--engine", "pinocchio"),
+            "--engine pinocchio: a recording is not computed again; allowed",
+        ),
+        (("run", "ur5-impedance", "--set", "target_model.K_m.9=1"), "target_model.K_m.9: no such entry; allowed: an"),
+        (("run", "ur5-impedance", "--set", f"target_model.K_m.{'9' * 5000}=1"), "no such entry; allowed: an entry"),
+        (("run", "ur5-hybrid", "--set", "contact.K_e.1=1"), "contact.K_e.1: no such entry; allowed: an entry, from 1"),
+        (("run", "ur5-hybrid", "--set", "5=1"), "5: no such field; allowed: name, title, mode, robot"),
+        (("run", "ur5-hybrid", "--set", "title=\udcff"), "title: '\\udcff'; allowed: a text in UTF-8"),
+        (("sweep", "ur5-hybrid", "--vary", "robot.urdf=\udcff"), "robot.urdf: '\\udcff'; allowed: a text in UTF-8"),
+        (("response", "ur5-hybrid", "--at", "1e9"), "--at 1e+09: allowed: 0 to 10 s, the duration of the run"),
+        (("run", "ur5-hybrid", "--row", "3"), "--row 3 without --from; allowed: --from FOLDER --row N"),
+        (("sweep", "any/sweep.toml", "--seed", "7"), "is the whole question; allowed: without --vary, --draw, --seed"),
+        (
+            ("response", "ur5-impedance", "--at", "0.5", "--set", "truth.push=[0,5000,0]", "truth.push_start=0.0"),
+            "--at 0.5: the run stops before, ",
+        ),
+    ],
+)
+def test_wrong_input_is_refused_in_one_sentence(
+    arguments: tuple[str, ...], said: str, tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    done = here(*arguments, "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("mode", "levitation"), "mode: 'levitation'; allowed: constrained, hybrid"),
+        (("motion", "spiral"), "motion"),
+        (("controller.gain", 3), "controller.gain"),
+        (("sensor.bias", [1.0, 2.0]), "sensor.bias"),
+        (("contact.K_e", "stiff"), "contact.K_e: 'stiff'; allowed: a number"),
+        (("target_model.K_m", 5), "target_model.K_m: 5; allowed: a list of numbers, or of rows where it is a matrix"),
+        (("robot.urdf", 5), "robot.urdf: 5; allowed: text"),
+        (("simulation.substeps", 2.5), "simulation.substeps: 2.5; allowed: a whole number"),
+        (("robot", 5), "robot"),
+        (("surface.colour", "red"), "surface.colour: no such field; allowed: kind, origin"),
+    ],
+)
+def test_wrong_field_is_named(change: tuple[str, object], said: str) -> None:
+    with pytest.raises(ScenarioError, match=said.replace("(", r"\(")):
+        edited(Scenario(), *change)
+
+
+def test_scenario_files_that_are_none(tmp_path: Path) -> None:
+    for text, said in (("mode = ", "not a TOML file"), ("colour = 'red'", "colour"), ("[robot]\nlegs = 2", "legs")):
+        path = tmp_path / "scenario.toml"
+        path.write_text(text)
+        with pytest.raises(ScenarioError, match=said):
+            load(str(path))
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        load(str(tmp_path / "missing.toml"))
