@@ -75,7 +75,7 @@ class Town:
         shares: Shares | None = None,
     ) -> None:
         self.now, self.made, self.broken = 1000.0, list[Fake](), False
-        self._beat = 0.0 if store is None else 0.005  # s: what is on disk takes real time
+        self._stored = store is not None
         self.pool = SessionPool(
             USUAL, self._launch, places, idle, store=store, spare=spare, shares=shares, clock=lambda: self.now
         )
@@ -91,7 +91,14 @@ class Town:
         self.now += seconds
         self.pool.tick()
         for _ in range(20):
-            await asyncio.sleep(self._beat)
+            await asyncio.sleep(0.0)
+            while self._stored and self._on_its_way:
+                await asyncio.sleep(1e-3)
+
+    @property
+    def _on_its_way(self) -> bool:
+        """Whether something waits for the disk."""
+        return bool(self.pool._doing) or any(session.phase == "starting" for session in self.pool.sessions)
 
     async def wanted(self, session: Session) -> str:
         self.pool.want(session)
