@@ -9,6 +9,7 @@ import viser
 
 from app.dashboard.transport.widget_lock import WidgetLock
 from drivers.visitors import visiting
+from drivers.waiting import until
 
 
 def test_what_is_chosen_is_read_before_the_widget_shows_something_else() -> None:
@@ -35,9 +36,7 @@ def test_what_is_chosen_is_read_before_the_widget_shows_something_else() -> None
             page.wait(lambda: bool(server.get_clients()) or not time.sleep(0.05))
             for value in ("hybrid", "impedance"):
                 page.say({"type": "GuiUpdateMessage", "uuid": dropdown._impl.uuid, "updates": {"value": value}})
-            until = time.monotonic() + 30.0
-            while len(heard) < 2 and time.monotonic() < until:
-                time.sleep(0.01)
+            until(lambda: len(heard) > 1)
     finally:
         over.set()
         drawing.join()

@@ -25,6 +25,7 @@ from app.scenario.data import edited, load
 from app.scenario.errors import ScenarioError
 from app.session.headless_run import simulate
 from app.simulation.engines import Engine
+from drivers.waiting import until
 
 pytestmark = pytest.mark.slow  # processes of its own
 
@@ -99,10 +100,7 @@ def test_the_workers_end_when_the_command_is_killed(tmp_path: Path) -> None:
     finally:
         process.kill()
         process.wait()
-    until = time.monotonic() + 60.0
-    while alive := [pid for pid in workers if _is_worker(pid)]:
-        assert time.monotonic() < until, alive
-        time.sleep(0.05)
+    until(lambda: not any(map(_is_worker, workers)))
 
 
 def _is_worker(pid: str) -> bool:

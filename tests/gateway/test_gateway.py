@@ -29,6 +29,7 @@ from app.scenario.errors import ScenarioError
 from app.storage.session_index import SESSION
 from drivers.viser_protocol import CAMERA
 from drivers.visitors import PATIENCE, Server, gone, serving, visiting
+from drivers.waiting import until
 
 pytestmark = pytest.mark.slow  # servers
 
@@ -230,10 +231,7 @@ def test_without_the_token_nothing_answers_and_each_link_opens_its_own(tmp_path:
 
 def pinned_in(folder: Path) -> Path:
     """Once a run has been kept there."""
-    until = time.monotonic() + PATIENCE
-    while not (folder / SESSION).exists() or not json.loads((folder / SESSION).read_text())["pinned"]:
-        assert time.monotonic() < until
-        time.sleep(0.1)
+    until(lambda: (folder / SESSION).exists() and json.loads((folder / SESSION).read_text())["pinned"])
     return folder
 
 

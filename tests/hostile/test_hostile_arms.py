@@ -28,7 +28,8 @@ from app.session.commands import Command, Edit, Load
 from app.session.runner import Runner
 from app.simulation.environment_builder import robot_of
 from app.storage import link_meshes, uploaded_urdfs
-from drivers.visitors import PATIENCE, gone
+from drivers.visitors import gone
+from drivers.waiting import until
 from environments import robots, urdf
 from environments.robots import Robot
 from environments.urdf import RobotError
@@ -248,10 +249,7 @@ def test_who_comes_over_the_network_learns_of_no_file(tmp_path: Path, monkeypatc
     def answer(command: Command) -> str | None:
         before = runner.snapshot.revision, runner.snapshot.refusal_number
         runner.post(command)
-        until = time.monotonic() + PATIENCE
-        while (runner.snapshot.revision, runner.snapshot.refusal_number) == before:
-            assert time.monotonic() < until
-            time.sleep(0.01)
+        until(lambda: (runner.snapshot.revision, runner.snapshot.refusal_number) != before)
         return runner.snapshot.refusal
 
     try:

@@ -20,6 +20,7 @@ from app.scenario.schema import Scenario
 from app.session.commands import Edit, Load, Pin
 from app.session.headless_run import simulate
 from app.session.runner import Runner
+from drivers.waiting import until
 
 pytestmark = pytest.mark.slow  # processes of its own
 
@@ -57,10 +58,7 @@ def shown() -> Iterator[tuple[Dashboard, Runner]]:
 
 
 def until_answered(runner: Runner, answers: tuple[int, int]) -> None:
-    last = time.monotonic() + 120.0
-    while (runner.snapshot.revision, runner.snapshot.refusal_number) == answers:
-        assert time.monotonic() < last
-        time.sleep(0.01)
+    until(lambda: (runner.snapshot.revision, runner.snapshot.refusal_number) != answers)
 
 
 def markup(dashboard: Dashboard) -> list[str]:

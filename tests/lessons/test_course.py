@@ -8,7 +8,6 @@ import csv
 import io
 import json
 import threading
-import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -40,6 +39,7 @@ from app.scenario.data import shipped
 from app.scenario.errors import ScenarioError
 from app.session.commands import SetSpeed
 from app.session.runner import Runner
+from drivers.waiting import until
 from tests.lessons.test_lessons import lesson
 
 NUMBER = NumberQuestion(ask="?", measure="way", tolerance=1.0, wrong=(0.0,))
@@ -225,10 +225,7 @@ def test_the_run_on_the_page_is_the_run_that_is_measured_to_the_last_bit() -> No
     try:
         runner.post(SetSpeed(5.0))
         runner.post(performance(step))
-        last = time.monotonic() + 60.0
-        while runner.snapshot.phase != "paused" or runner.snapshot.end < 0.9:
-            assert time.monotonic() < last
-            time.sleep(0.02)
+        until(lambda: runner.snapshot.phase == "paused" and runner.snapshot.end >= 0.9)
         seen = runner.snapshot
     finally:
         runner.close()

@@ -15,6 +15,7 @@ from app.session.commands import Edit, Pause, Push, Reset, Seek, SetSpeed, ShowA
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
+from drivers.waiting import until
 from environments.push import Grip
 
 pytestmark = pytest.mark.slow  # loops in real time
@@ -30,12 +31,13 @@ def runner() -> Iterator[Runner]:
     runner.close()
 
 
-def wait(runner: Runner, condition: Callable[[Snapshot], bool], seconds: float = 20.0) -> Snapshot:
-    until = time.monotonic() + seconds
-    while not condition(now := runner.snapshot):
-        assert time.monotonic() < until, (now.phase, now.reason, now.refusal, now.pace)
-        time.sleep(0.01)
-    return now
+def wait(runner: Runner, condition: Callable[[Snapshot], bool]) -> Snapshot:
+    def met() -> Snapshot | None:
+        now = runner.snapshot
+        return now if condition(now) else None
+
+    now = runner.snapshot
+    return until(met, lambda: (now.phase, now.reason, now.refusal, now.pace))
 
 
 def test_a_speed_that_cannot_be_kept_slows_simulated_time_skips_nothing_and_is_said(runner: Runner):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import msgspec
 import numpy as np
 import pytest
@@ -14,6 +12,7 @@ from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from controllers.modes import MODES
+from drivers.waiting import until
 from environments.robots import CATALOGUE
 from tests.support.cases import scenario_of, surfaces_for
 from tests.support.same_rows import PRECISION, require_same_rows
@@ -73,14 +72,9 @@ def test_dashboard_has_the_numbers_of_a_headless_run(name: str) -> None:
     runner = Runner(shipped()[name])
     runner.start()
     try:
-        deadline = time.monotonic() + 20
-        while runner.snapshot.t < 0.4:
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+        until(lambda: runner.snapshot.t >= 0.4)
         runner.post(Pause())
-        while runner.snapshot.phase != "paused":
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+        until(lambda: runner.snapshot.phase == "paused")
         live = runner.snapshot.recording.rows(t_to=0.3)
     finally:
         runner.close()
@@ -117,15 +111,11 @@ def test_refused_edit_keeps_the_loop() -> None:
         runner.post(Edit("contact.kind", "rigid"))
         runner.post(Edit("nothing.like.this", 1))
         runner.post(SetSpeed(float("nan")))
-        deadline = time.monotonic() + 20
-        while runner.snapshot.refusal_number < 5:
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+        until(lambda: runner.snapshot.refusal_number >= 5)
         after = runner.snapshot
-        time.sleep(0.2)
         assert after.scenario == before
         assert after.phase == "running"
-        assert runner.snapshot.t > after.t
+        until(lambda: runner.snapshot.t > after.t)
         assert "speed" in (after.refusal or "")
     finally:
         runner.close()
