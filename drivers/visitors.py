@@ -68,7 +68,7 @@ class VisitingPage:
     def look_at(self, tab: str) -> None:
         """Report that this tab of plots and the first one of controls are visible, as the page's script does."""
         self.wait(lambda: self._looking != "" and self._controls != "")
-        seen = f"{tab},{self._controls}#"
+        seen = f"{tab},{self._controls}##"
         self.say({"type": "GuiUpdateMessage", "uuid": self._looking, "updates": {"value": seen}})
 
     @property

@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 import msgspec
 
 MEGABYTE = 2**20
-NARROW = 576  # px: phones are up to this wide
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ _update = msgspec.msgpack.Decoder(_Update)
 
 # no page of this program sends them: viser would make the server known to a public one
 _NEVER = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
-_TABS = re.compile(r"[\w ,+‖ℓ()/-]{0,200}#[0-9.e-]{0,30}")
+_REPORT = re.compile(r"(?P<tabs>[\w ,+‖ℓ()/-]{0,200})#[0-9x]{0,11}#(?P<number>[0-9.e-]{0,30})")
 _LARGEST_PAGE = 16384  # px
 
 
@@ -140,12 +139,6 @@ class ConnectionRateLimiter:
         return True
 
 
-def takes_part(width: int, height: int) -> bool:
-    """Whether a page with a scene of this size (px) takes part in how high the plots are. A phone does not: its scene
-    is narrow and low, while one between two docks may be narrow and is high."""
-    return width > NARROW or height > width
-
-
 def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
     """Part of a watcher's message that may reach the session, None for nothing: the watcher's camera, and the tabs of
     plots on the watcher's screen, so that they are drawn. The run depends on neither.
@@ -159,15 +152,16 @@ def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
                 return None
             if not (0 < camera.image_height <= _LARGEST_PAGE and 0 < camera.image_width <= _LARGEST_PAGE):
                 return None
-            # the plots of all are fitted to the lowest page, phones left out: a watcher's does not count either
-            width = min(camera.image_width, NARROW)
-            low = msgspec.structs.replace(camera, image_width=width, image_height=min(camera.image_height, width))
-            return msgspec.msgpack.encode(low)
+            return raw
         if kind == "GuiUpdateMessage":
             update = _update.decode(raw)
-            tabs = update.updates.get("value")
-            if update.uuid in looking and update.updates.keys() == {"value"} and isinstance(tabs, str):
-                return raw if _TABS.fullmatch(tabs) else None
+            told = update.updates.get("value")
+            if update.uuid in looking and update.updates.keys() == {"value"} and isinstance(told, str):
+                if (report := _REPORT.fullmatch(told)) is None:
+                    return None
+                # the plots of all are fitted to the lowest scene: a watcher's does not count
+                tabs = msgspec.structs.replace(update, updates={"value": f"{report['tabs']}##{report['number']}"})
+                return msgspec.msgpack.encode(tabs)
     except (Overrun, msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
     return None

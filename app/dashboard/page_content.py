@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection
 import structlog
 import viser
 
-from app.access.rate_limits import takes_part
 from app.dashboard.panels import PANELS, Panel
 from app.dashboard.panels.robustness import RobustnessPanel
 from app.dashboard.plots.charts import PinnedChart
@@ -260,8 +259,7 @@ class PageContent:
         self._plots_due = now + (time.thread_time() - began) / PLOTTING
 
     def _fit(self) -> None:
-        cameras = [client.camera for client in self._server.get_clients().values()]
-        height = min((c.image_height for c in cameras if takes_part(c.image_width, c.image_height)), default=0)
+        height = self._visible_tabs.scene_height(self._server.get_clients())
         if height and height != self._page_height:
             self._page_height = height
             self._plots.fit(height)

@@ -1,4 +1,5 @@
-// What viser does not tell the server: which tabs of plots and of controls are on the screen (app/dashboard/transport/visible_tabs.py).
+// What viser does not tell the server: which tabs of plots and of controls are on the screen, and how large the scene is
+// there; viser tells how many pixels it draws, which depends on the machine (app/dashboard/transport/visible_tabs.py).
 const type = (input, text) => {
   Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text);
   input.dispatchEvent(new Event("input", { bubbles: true }));
@@ -16,9 +17,11 @@ const report = () => {
   if (!input) return;
   const seen = [...document.querySelectorAll(".vs-plots, .vs-panel")].filter(onScreen).map((mark) => mark.dataset.plots);
   const tabs = document.hidden ? "-" : seen.join(","); // "-": AWAY in visible_tabs.py
-  if (told && told.input === input && told.tabs === tabs) return;
-  told = { input, tabs };
-  type(input, tabs + "#" + Math.random());
+  const { width, height } = document.querySelector("canvas[data-engine]")?.getBoundingClientRect() ?? { width: 0, height: 0 };
+  const seen = `${tabs}#${Math.round(width)}x${Math.round(height)}`;
+  if (told && told.input === input && told.seen === seen) return;
+  told = { input, seen };
+  type(input, `${seen}#${Math.random()}`);
 };
 document.addEventListener("visibilitychange", report);
 // points.js has come too late for a plot's data: a report brings them whole

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from app.access.admission import Names, OriginError, Tokens
-from app.access.rate_limits import ConnectionLimits, ConnectionRateLimiter, Overrun, harmless, takes_part
+from app.access.rate_limits import ConnectionLimits, ConnectionRateLimiter, Overrun, harmless
 from drivers.viser_protocol import CAMERA
 
 PUBLIC = Names(public=("https://lab.example.org",))
@@ -134,30 +134,20 @@ def test_visers_public_share_server_is_never_asked_for() -> None:
     assert not ConnectionRateLimiter(ConnectionLimits()).admits(packed(type="ShareUrlRequest"))
 
 
-@pytest.mark.parametrize(
-    ("width", "height", "takes"),
-    # a desktop before and after its docks are there, small windows, phones, and a page that has not said its size
-    [(1280, 720, True), (476, 720, True), (408, 600, True), (390, 287, False), (320, 193, False), (0, 0, False)],
-)
-def test_phones_take_no_part_in_how_high_the_plots_are(width: int, height: int, takes: bool) -> None:
-    assert takes_part(width, height) == takes
-
-
 def test_a_watcher_has_a_camera_and_tabs_and_nothing_else() -> None:
-    passed = harmless(packed(**CAMERA), LOOKING)
-    assert passed is not None
-    low = {"image_width": 576, "image_height": 576}  # the plots are not fitted to it
-    assert msgspec.msgpack.decode(passed) == msgspec.msgpack.decode(packed(**CAMERA | low))
-    assert not takes_part(**{name.removeprefix("image_"): size for name, size in low.items()})
-    assert harmless(packed(type="GuiUpdateMessage", uuid="field", updates={"value": "Force#0.25"}), LOOKING)
+    assert harmless(packed(**CAMERA), LOOKING) == packed(**CAMERA)
+    report = {"type": "GuiUpdateMessage", "uuid": "field", "updates": {"value": "Force#1280x300#0.25"}}
+    passed = harmless(packed(**report), LOOKING)
+    assert passed is not None  # without the scene's size: the plots are not fitted to it
+    assert msgspec.msgpack.decode(passed) == report | {"updates": {"value": "Force##0.25"}}
     for message in (
         CAMERA | {"fov": math.nan},
         CAMERA | {"image_height": 10**9},
         CAMERA | {"position": (0.0, 0.0)},
         CAMERA | {"more": 1},
         {"type": "GuiUpdateMessage", "uuid": "slider", "updates": {"value": 5.0}},
-        {"type": "GuiUpdateMessage", "uuid": "field", "updates": {"value": "<b>#1"}},
-        {"type": "GuiUpdateMessage", "uuid": "field", "updates": {"value": "Force#1", "visible": False}},
+        {"type": "GuiUpdateMessage", "uuid": "field", "updates": {"value": "<b>##1"}},
+        {"type": "GuiUpdateMessage", "uuid": "field", "updates": {"value": "Force##1", "visible": False}},
         {"type": "GuiUpdateMessage", "uuid": "field", "updates": {"value": "x" * 9000}},
         {"type": "CommandTriggerMessage", "uuid": "reset"},
         {"type": "SceneNodeDragMessage"},

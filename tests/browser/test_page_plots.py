@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
 
 from app.dashboard.page import Dashboard
 from app.dashboard.plots.charts import Setup
@@ -42,6 +43,19 @@ def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: PageSess
     session.runner.post(Play())
     # not at once: what was on its way to the tab before is drawn
     session.wait(lambda _: page.evaluate(DRAWN, 1500) == [len(TABS["Residual"].plots), 0])
+
+
+@pytest.mark.usefixtures("new_page")
+def test_plots_fill_the_height_of_the_page_whatever_pixels_the_scene_has(
+    served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
+) -> None:
+    """viser draws several pixels for one of the page on a fine screen, and fewer on a slow machine."""
+    page = open_page(served[0].url, viewport={"width": 1600, "height": 1000}, device_scale_factor=2)
+    page.wait_for_function(FULL)
+    canvas = "document.querySelector('canvas[data-engine]')"
+    page.wait_for_function(f"{canvas}.height !== {canvas}.getBoundingClientRect().height")
+    box = resting_box(page.locator(".uplot-container:visible").last)
+    assert 850 < box["y"] + box["height"] < 1000
 
 
 @pytest.mark.usefixtures("spent_page")

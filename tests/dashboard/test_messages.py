@@ -18,7 +18,7 @@ import viser
 
 from app.dashboard.page import Dashboard
 from app.dashboard.scene.trails import PIECE, PIECES, SPACING, Trail
-from app.dashboard.transport.visible_tabs import AWAY, VisibleTabs
+from app.dashboard.transport.visible_tabs import AWAY, VisibleTabs, takes_part
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.scene_buttons import reaching
@@ -215,13 +215,37 @@ def test_of_the_tabs_that_a_page_reports_only_those_with_a_marker_count() -> Non
     tabs.add_field(cast(viser.GuiApi, gui))
     event = SimpleNamespace(client=SimpleNamespace(client_id=3))
     for number in range(100):
-        field.value = f"Some plots,invented {number},controls: some,#{number}"
+        field.value = f"Some plots,invented {number},controls: some,#500x400#{number}"
         asyncio.run(heard[0](event))
     assert tabs.tabs([3]) == {"Some plots", "controls: some"}
     assert (tabs.reports("Some plots"), len(tabs._reports)) == (100, 2)
-    field.value = f"{AWAY}#1"
+    field.value = f"{AWAY}#500x400#1"
     asyncio.run(heard[0](event))
     assert tabs.all_away([3])
+
+
+def test_plots_are_fitted_to_the_lowest_scene_of_the_pages_that_are_open() -> None:
+    tabs, heard = VisibleTabs(), list[Any]()
+    field = SimpleNamespace(_impl=SimpleNamespace(uuid="1"), value="", on_update=heard.append)
+    tabs.add_field(cast(viser.GuiApi, SimpleNamespace(add_html=lambda _: None, add_text=lambda *_: field)))
+    sizes = {1: "1280x720", 2: "1920x1080", 3: "390x287", 4: "", 5: "1e3x5", 6: "-5x-5", 7: "999999x1", 8: "0x0"}
+    for client, size in sizes.items():
+        field.value = f"Some plots#{size}#0.5"
+        asyncio.run(heard[0](SimpleNamespace(client=SimpleNamespace(client_id=client))))
+    assert tabs.scene_height([*sizes]) == 720
+    assert tabs.scene_height([2, 3, 4, 5, 6, 7, 8]) == 1080
+    tabs.tabs([1, 3])  # the second one has gone
+    assert tabs.scene_height([*sizes]) == 720
+    assert tabs.scene_height([3]) == tabs.scene_height([]) == 0
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "takes"),
+    # a desktop before and after its docks are there, small windows, phones, and a page that has not said its size
+    [(1280, 720, True), (476, 720, True), (408, 600, True), (390, 287, False), (320, 193, False), (0, 0, False)],
+)
+def test_phones_take_no_part_in_how_high_the_plots_are(width: int, height: int, takes: bool) -> None:
+    assert takes_part(width, height) == takes
 
 
 class Widget(SimpleNamespace):

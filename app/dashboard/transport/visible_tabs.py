@@ -1,7 +1,8 @@
-"""Visible tabs on each page: viser's client does not report them, so the page's script does."""
+"""Visible tabs and size of the scene on each page: viser's client does not report them, so the page's script does."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Collection
 from html import escape
@@ -11,6 +12,14 @@ import viser
 from app.dashboard.transport.viser_private import uuid_of
 
 AWAY = "-"  # instead of tabs, of a page that is not on the screen: `static/page/looking.js`
+NARROW = 576  # px: phones are up to this wide
+_SIZE = re.compile(r"(\d{1,5})x(\d{1,5})")
+
+
+def takes_part(width: int, height: int) -> bool:
+    """Whether a page with a scene of this size (px) takes part in how high the plots are. A phone does not: its scene
+    is narrow and low, while one between two docks may be narrow and is high."""
+    return width > NARROW or height > width
 
 
 class VisibleTabs:
@@ -21,6 +30,7 @@ class VisibleTabs:
         self._heard = heard
         self._marked = {AWAY}  # a page may report any other name, and would fill the memory with them
         self._tabs: dict[int, frozenset[str]] = {}
+        self._scenes: dict[int, tuple[int, int]] = {}
         self._reports: Counter[str] = Counter()
         self.fields: frozenset[str] = frozenset()
 
@@ -45,8 +55,11 @@ class VisibleTabs:
 
         async def on_report(event: viser.GuiEvent) -> None:
             if event.client is not None:
-                names, _, _ = field.value.partition("#")  # the part behind # only makes every report a new value
+                names, _, rest = field.value.partition("#")
+                size, _, _ = rest.partition("#")  # the part behind only makes every report a new value
                 self._tabs[event.client.client_id] = tabs = frozenset(self._marked.intersection(names.split(",")))
+                if found := _SIZE.fullmatch(size):
+                    self._scenes[event.client.client_id] = int(found[1]), int(found[2])
                 self._reports.update(tabs)
                 self._heard()
 
@@ -60,7 +73,14 @@ class VisibleTabs:
         """Tabs that are visible on any of the connected pages."""
         for gone in set(self._tabs) - set(clients):
             self._tabs.pop(gone, None)
+            self._scenes.pop(gone, None)
         return frozenset().union(*self._tabs.values()) - {AWAY}
+
+    def scene_height(self, clients: Collection[int]) -> int:
+        """Height of the lowest scene on any of the connected pages, px of the page, phones left out; 0 while none is
+        known."""
+        scenes = [size for client, size in list(self._scenes.items()) if client in clients]
+        return min((height for width, height in scenes if takes_part(width, height)), default=0)
 
     def all_away(self, clients: Collection[int]) -> bool:
         """Whether none of the connected pages is on its screen: each has said so."""
