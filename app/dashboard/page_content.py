@@ -88,6 +88,7 @@ class PageContent:
         self._viewing = Viewing()
         self._export_jobs = ExportJobs()
         self._lock = lock = EditLock(runner.post, self.complain)
+        self._visible_tabs = VisibleTabs(wake)
         desk = Desk(
             server.gui,
             lock.post,
@@ -104,6 +105,7 @@ class PageContent:
             notebook,
             classroom,
             share,
+            self._visible_tabs.scene_of,
         )
         self._share = share
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
@@ -117,7 +119,6 @@ class PageContent:
         self._chosen_sliders = ChosenSliders(desk)
         self._widget_lock = WidgetLock(server)
         RepeatedInputs(server)
-        self._visible_tabs = VisibleTabs(wake)
         self._visible_tabs.add_field(server.gui)
         self._plots = Plots(server.gui, self._visible_tabs, self._viewing, self._widget_lock.drawing)
         self._plots_due = 0.0

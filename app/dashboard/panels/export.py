@@ -152,8 +152,12 @@ class ExportPanel:
 
         def make(_: Snapshot, tell: Tell) -> bytes:
             tell(0.0)
-            height, width = scale * client.camera.image_height, scale * client.camera.image_width
-            picture = client.get_render(height, width, transport_format="png", timeout=RENDERING)
+            # the camera's size is that of the pixels that viser draws, fewer on a slow machine
+            width, height = self._desk.scene_of(client.client_id) or (
+                client.camera.image_width,
+                client.camera.image_height,
+            )
+            picture = client.get_render(scale * height, scale * width, transport_format="png", timeout=RENDERING)
             file = io.BytesIO()
             Image.fromarray(picture).save(file, "png")
             return file.getvalue()

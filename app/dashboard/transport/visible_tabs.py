@@ -13,7 +13,7 @@ from app.dashboard.transport.viser_private import uuid_of
 
 AWAY = "-"  # instead of tabs, of a page that is not on the screen: `static/page/looking.js`
 NARROW = 576  # px: phones are up to this wide
-_SIZE = re.compile(r"(\d{1,5})x(\d{1,5})")
+_SIZE = re.compile(r"([1-9]\d{0,4})x([1-9]\d{0,4})")
 
 
 def takes_part(width: int, height: int) -> bool:
@@ -75,6 +75,10 @@ class VisibleTabs:
             self._tabs.pop(gone, None)
             self._scenes.pop(gone, None)
         return frozenset().union(*self._tabs.values()) - {AWAY}
+
+    def scene_of(self, client: int) -> tuple[int, int] | None:
+        """Width and height of the scene on a client's page, px of the page; None while they are not known."""
+        return self._scenes.get(client)
 
     def scene_height(self, clients: Collection[int]) -> int:
         """Height of the lowest scene on any of the connected pages, px of the page, phones left out; 0 while none is

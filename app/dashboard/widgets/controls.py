@@ -54,7 +54,8 @@ class Desk:
     lock: on edits, while a lesson has a goal.
     notebook: progress in lessons.
     classroom: desk of the class that lessons ask.
-    share: of the machine, for maps and searches."""
+    share: of the machine, for maps and searches.
+    scene_of: returns the size of the scene on a client's page, px of the page; None while it is not known."""
 
     gui: viser.GuiApi
     post: Callable[[Command], bool]
@@ -71,6 +72,7 @@ class Desk:
     notebook: Notebook
     classroom: ClassDesk
     share: Share
+    scene_of: Callable[[int], tuple[int, int] | None]
 
 
 class Control(Protocol):
