@@ -161,9 +161,11 @@ def type_over(field: Locator, text: str) -> None:
 
 def choose_from(menu: Locator, option: str, *, exact: bool = True) -> None:
     """Choose an option of a menu, again where a late answer has closed the menu, or drawn its options anew between
-    press and release, which is no click then. Returns when the page has sent it."""
+    press and release, which is no click then, or where the row has moved out of sight, which hides its options.
+    Returns when the page has sent it."""
     page, until = menu.page, time.monotonic() + PATIENCE
     while time.monotonic() < until:
+        menu.scroll_into_view_if_needed()
         if menu.get_attribute("aria-expanded") != "true":
             menu.click()
         page.evaluate(_NOTE_CLICKS)
