@@ -18,10 +18,10 @@ const report = () => {
   const seen = [...document.querySelectorAll(".vs-plots, .vs-panel")].filter(onScreen).map((mark) => mark.dataset.plots);
   const tabs = document.hidden ? "-" : seen.join(","); // "-": AWAY in visible_tabs.py
   const { width, height } = document.querySelector("canvas[data-engine]")?.getBoundingClientRect() ?? { width: 0, height: 0 };
-  const seen = `${tabs}#${Math.round(width)}x${Math.round(height)}`;
-  if (told && told.input === input && told.seen === seen) return;
-  told = { input, seen };
-  type(input, `${seen}#${Math.random()}`);
+  const view = `${tabs}#${Math.round(width)}x${Math.round(height)}`;
+  if (told && told.input === input && told.view === view) return;
+  told = { input, view };
+  type(input, `${view}#${Math.random()}`);
 };
 document.addEventListener("visibilitychange", report);
 // points.js has come too late for a plot's data: a report brings them whole

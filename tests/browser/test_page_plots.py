@@ -51,9 +51,8 @@ def test_plots_fill_the_height_of_the_page_whatever_pixels_the_scene_has(
 ) -> None:
     """viser draws several pixels for one of the page on a fine screen, and fewer on a slow machine."""
     page = open_page(served[0].url, viewport={"width": 1600, "height": 1000}, device_scale_factor=2)
+    page.get_by_text("real time").wait_for()
     page.wait_for_function(FULL)
-    canvas = "document.querySelector('canvas[data-engine]')"
-    page.wait_for_function(f"{canvas}.height !== {canvas}.getBoundingClientRect().height")
     box = resting_box(page.locator(".uplot-container:visible").last)
     assert 850 < box["y"] + box["height"] < 1000
 
