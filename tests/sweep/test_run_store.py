@@ -35,7 +35,7 @@ def figures(number: int) -> dict[str, object]:
     return told | {"motion_error": 1e-6 * number, "stopped": None, "verdict": "holds"}
 
 
-def fill(folder: Path, told: Callable[[int], None] | None = None) -> None:
+def fill(folder: Path, told: Callable[[int], object] | None = None) -> None:
     """Add whatever is missing, until it is done or killed. told: called with each row that has been added."""
     with RunStore(folder, SWEEP) as store:
         for number in np.flatnonzero(~store.done).tolist():
@@ -46,22 +46,22 @@ def fill(folder: Path, told: Callable[[int], None] | None = None) -> None:
 
 
 # A process without threads, which forks one whenever it reads a line. That one fills the store until it is killed; its
-# number and each row that it has added are printed.
+# number and each row that it has added are written, each line at once: Python may write a text and its end apart.
 FORKS = """
 import os, signal, sys
-from functools import partial
 from pathlib import Path
 import app.sweep.run_store
 from tests.sweep.test_run_store import fill
 app.sweep.run_store.ROWS = 37
-print("ready", flush=True)
+say = lambda what: os.write(1, f"{what}\\n".encode())
+say("ready")
 for line in sys.stdin:
     if (pid := os.fork()) == 0:
-        fill(Path(sys.argv[1]), partial(print, flush=True))
+        say(os.getpid())
+        fill(Path(sys.argv[1]), say)
         signal.pause()
-    print(pid, flush=True)
     os.waitpid(pid, 0)
-    print("ended", flush=True)
+    say("ended")
 """
 
 
