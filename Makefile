@@ -19,6 +19,9 @@ BIN := .venv/bin
 
 # The matrices are small: BLAS threads only take the cores from the loop and the page.
 export OMP_NUM_THREADS = 1
+# Tests and benchmarks start hundreds of processes: without bytecode on disk each would compile the program anew, for a
+# third of a second. Empty counts as unset.
+export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: run test test-browser test-others test-fast kernels browser check bench evidence soak soak-shared mutations fuzz screenshots constraints clean
 

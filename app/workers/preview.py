@@ -31,6 +31,7 @@ BANDED = 0.1  # s from a question of a moving slider to its answer, during which
 GROWN = 0.3  # s between two answers with a band that grows
 LOOK = 0.01  # s between two looks at how far the band is
 REST = 0.5  # s for the band, before the answer to a question that differs from the last one in time only
+PICTURES = 2  # of the band that grows, meanwhile
 OLD = 0.5 * LATER  # s of simulated time, after which a band is computed anew
 SOON = 0.06  # s: an answer to a moving slider that needs less than this is completed, also when a newer question waits
 NICENESS = 10  # the running loop comes first
@@ -156,7 +157,8 @@ def serve(asker: Connection) -> None:
                 known.band.leave()
                 continue
             if newest is not None and not question.partial:  # a running loop asks again and again
-                _grow(known.band, newest, asker, REST)
+                for _ in range(PICTURES):
+                    _grow(known.band, newest, asker, REST / PICTURES)
             newest = _answer(question, asked, asker, known)
             asker.send(PreviewDone())
     finally:
