@@ -13,13 +13,13 @@ import os
 import tempfile
 from functools import cached_property
 from importlib import metadata
-from itertools import islice
 from pathlib import Path
 
 import msgspec
 
 from app.process.kernel_cache import cache_folder
 from app.simulation.search_memory import Memory, Numbers
+from app.storage.room import make_room
 
 KEPT = 1000  # files
 LONGEST = 1000  # bytes of one
@@ -63,7 +63,7 @@ class ConstantsStore:
         content = msgspec.json.encode(_Entry(numbers, _checksum(path.name, numbers)))
         with contextlib.suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
-            self._make_room()
+            make_room(self._folder, self._kept)
             descriptor, being_written = tempfile.mkstemp(dir=self._folder)
             try:
                 with open(descriptor, "wb") as file:
@@ -74,12 +74,6 @@ class ConstantsStore:
 
     def _path(self, key: str) -> Path:
         return self._folder / (hashlib.sha256(f"{self._version} {key}".encode()).hexdigest() + ".json")
-
-    def _make_room(self) -> None:
-        files = list(islice(self._folder.iterdir(), self._kept))
-        if len(files) == self._kept:
-            for file in files[: self._kept // 2]:
-                file.unlink(missing_ok=True)
 
     @cached_property
     def _version(self) -> str:

@@ -12,7 +12,6 @@ import zipfile
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ import numpy as np
 from app.process.atomic_write import write_whole
 from app.process.kernel_cache import cache_folder
 from app.storage.link_meshes import Rgb
+from app.storage.room import make_room
 from environments.robots import Robot
 
 KEPT = 100  # files, of a few hundred kB each
@@ -60,10 +60,7 @@ class PartStore:
         """Keep the parts of an arm."""
         with contextlib.suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
-            files = list(islice(self._folder.iterdir(), self._kept))
-            if len(files) == self._kept:
-                for file in files[: self._kept // 2]:
-                    file.unlink(missing_ok=True)
+            make_room(self._folder, self._kept)
             write_whole(
                 self._path(robot, cell, coat),
                 lambda file: np.savez(

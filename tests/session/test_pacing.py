@@ -33,11 +33,13 @@ def runner() -> Iterator[Runner]:
 
 def wait(runner: Runner, condition: Callable[[Snapshot], bool]) -> Snapshot:
     def met() -> Snapshot | None:
-        now = runner.snapshot
-        return now if condition(now) else None
+        return now if condition(now := runner.snapshot) else None
 
-    now = runner.snapshot
-    return until(met, lambda: (now.phase, now.reason, now.refusal, now.pace))
+    def missed() -> object:
+        now = runner.snapshot
+        return now.phase, now.reason, now.refusal, now.pace
+
+    return until(met, missed)
 
 
 def test_a_speed_that_cannot_be_kept_slows_simulated_time_skips_nothing_and_is_said(runner: Runner):

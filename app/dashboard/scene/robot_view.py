@@ -11,7 +11,7 @@ import viser
 
 from app.dashboard.transport.viser_private import move
 from app.dashboard.view_options import FINE
-from app.storage.link_meshes import Rgb, link_meshes
+from app.storage.link_meshes import Meshes, Rgb, link_meshes
 from app.storage.part_store import ArmPart, PartStore
 from environments.robots import Robot
 
@@ -44,16 +44,14 @@ class RobotView:
         self._root = scene.add_frame(root, show_axes=False)
         self._paths = list(_paths(robot.model, root))
         self._frames = [scene.add_frame(path, show_axes=False) for path in self._paths[1:]]
+        self._coming: Meshes | None = None  # while bones stand for them
         kept = PartStore().read(robot, cell, self._coat) if robot.shipped else None
-        self._meshes = None if kept is not None else link_meshes(robot)
-        self._complete = self._meshes is None or self._meshes.done()
-        self._shapes = self._added(self._made() if kept is None else kept)
+        self._shapes = self._shaped(link_meshes(robot)) if kept is None else self._added(kept, "mesh")
 
     def show(self, q: np.ndarray) -> None:
         """Move the joints to q (n,)."""
-        if not self._complete and self._meshes is not None and self._meshes.done():
-            self._complete = True
-            bones, self._shapes = self._shapes, self._added(self._made())
+        if self._coming is not None and self._coming.done():
+            bones, self._shapes = self._shapes, self._shaped(self._coming)
             for bone in bones:
                 bone.remove()
         pin.forwardKinematics(self._model, self._data, np.asarray(q, dtype=float))
@@ -65,20 +63,21 @@ class RobotView:
     def _coat(self) -> float:
         return 0.0 if self._paint is None else self._paint.coat
 
-    def _made(self) -> list[ArmPart]:
-        """Parts of the arm from the meshes that have been read; those of an arm that comes with the program are kept
-        for the next start."""
+    def _shaped(self, meshes: Meshes) -> list[viser.MeshHandle]:
+        """Parts of the arm in the scene, made from its meshes, or bones while they are being read. Parts of an arm that
+        comes with the program are kept for the next start."""
         from app.dashboard.scene.arm_parts import parts  # trimesh takes 0.4 s and 50 MB
 
-        meshes = self._meshes.result() if self._complete and self._meshes is not None else ()
-        made = parts(self._robot, meshes, self._cell, self._coat)
-        if self._robot.shipped and meshes:
+        read = meshes.result() if meshes.done() else None
+        self._coming = meshes if read is None else None
+        made = parts(self._robot, read or (), self._cell, self._coat)
+        if self._robot.shipped and read:
             PartStore().write(self._robot, self._cell, self._coat, made)
-        return made
+        return self._added(made, "bone" if read is None else "mesh")
 
-    def _added(self, parts: list[ArmPart]) -> list[viser.MeshHandle]:
-        """Parts, added to the scene."""
-        paint, kind = self._paint, "mesh" if self._complete else "bone"
+    def _added(self, parts: list[ArmPart], kind: str) -> list[viser.MeshHandle]:
+        """Parts, added to the scene. kind: first word of their nodes' names."""
+        paint = self._paint
         return [
             self._scene.add_mesh_simple(
                 f"{self._paths[part.joint]}/{kind}_{number}",

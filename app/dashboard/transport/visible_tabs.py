@@ -23,8 +23,8 @@ def takes_part(width: int, height: int) -> bool:
 
 
 class VisibleTabs:
-    """Visible tabs of every page: the page's script writes them into one of several hidden text fields, since a
-    collapsed panel removes the field in it. heard: called after every report."""
+    """Visible tabs and scene of every page: the page's script writes them into one of several hidden text fields, since
+    a collapsed panel removes the field in it. heard: called after every report."""
 
     def __init__(self, heard: Callable[[], None] = lambda: None) -> None:
         self._heard = heard

@@ -1,0 +1,14 @@
+"""Room in a folder of files that can be made again."""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+
+
+def make_room(folder: Path, kept: int) -> None:
+    """Remove half of the files of a folder where it has `kept` of them or more. Raises OSError."""
+    files = list(islice(folder.iterdir(), kept))
+    if len(files) == kept:
+        for file in files[: kept // 2]:
+            file.unlink(missing_ok=True)
