@@ -19,7 +19,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from controllers.nominal_model import NO_RATES, Deviation, Estimate, LinkRates
+from controllers.estimate_rates import NO_RATES, LinkRates
+from controllers.nominal_model import Deviation, Estimate
 from controllers.task_space import Scratch, TaskSpace
 from kernels import inline, kernel
 from kernels.algebra import congruence, multiply, norm, norm_of_product, quadratic, spectral_norm
@@ -130,7 +131,7 @@ def inertia_spread(u, estimate, E):
 
 
 @inline
-def least_inertia(u, estimate, E, least):
+def inertia_lower_bound(u, estimate, E, least):
     """Compute a lower bound `least` (n, n), kg m^2, of M of every declared arm, from the E of `inertia_spread`."""
     stated = not np.isnan(estimate.stated.delta_M)
     for i in range(E.shape[0]):
@@ -256,13 +257,19 @@ class _Question(NamedTuple):
     work: Scratch
 
 
+@inline
+def terms_of_gain(tight, u, deviation, estimate, task, q_dot, eq, work, needed):
+    """Compute the terms of (17) but its epsilon, by the tight bounds or by those of (7)."""
+    if tight:
+        tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed)
+    else:
+        paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed)
+
+
 @kernel
 def _required_gain(tight, question, answer):
     x = question[0]
-    if tight:
-        tight_bound(x.uncertainty, x.deviation, x.estimate, x.task, x.q_dot, x.equivalent, x.work, answer[0])
-    else:
-        paper_bound(x.uncertainty, x.deviation, x.estimate, x.task, x.q_dot, x.equivalent, x.work, answer[0])
+    terms_of_gain(tight, x.uncertainty, x.deviation, x.estimate, x.task, x.q_dot, x.equivalent, x.work, answer[0])
 
 
 def required_gain(
@@ -284,7 +291,7 @@ def required_gain(
 @kernel
 def _spread_alone(u, estimate, E, least):
     inertia_spread(u[0], estimate[0], E)
-    least_inertia(u[0], estimate[0], E, least)
+    inertia_lower_bound(u[0], estimate[0], E, least)
 
 
 @dataclass(frozen=True)

@@ -88,10 +88,19 @@ class ModelMatrices(NamedTuple):
 class Gains(NamedTuple):
     """Parameters of (8) to (17), K_s, d and epsilon of (15) among them: see `Compensator` and `Controller`.
 
-    A, F_1, F_2: the diagonals (n,).
     law: number of the law, see `laws.table.number_of`.
+    model: matrices of (8).
+    A, F_1, F_2: (n,) 1/s, 1/s and 1, the diagonals of (9), (10).
+    K_pz, K_vz, K_fz: (n, n), of (9), from (13).
+    K_s: (n, n) kg/s, of (15); K_s_largest, K_s_smallest: its extreme eigenvalues.
+    controlled: (n,), 1 for each coordinate whose force is fed back, else 0.
     surfaces: number of surfaces among the task coordinates.
     damping_rate: 1/s, ||M_m^-1 B_m + A||, the gain from e_r_dot to r_eq_ddot.
+    by_theorem: whether d is what (17) needs, else the constant d, N.
+    epsilon: N, of (17).
+    tight: whether the tight bounds are used, else those of (7).
+    switching: number of the switching function; layer: m/s, width of its boundary layer.
+    uncertainty: what is declared of the true arm.
     """
 
     law: int

@@ -6,8 +6,10 @@ import numpy as np
 
 from controllers.target_model import TargetModel
 
+LONGEST_LINE = 100  # periods of delay, beyond which roots and matrices become too large to be judged in passing
 
-def force_loop_factor(
+
+def force_loop_factors(
     H: np.ndarray,
     H_hat: np.ndarray,
     model: TargetModel,
@@ -15,9 +17,9 @@ def force_loop_factor(
     load: np.ndarray,
     felt: np.ndarray,
     M_e: np.ndarray,
-) -> float:
-    """Factor of the force loop: that of an error in the fed-back normal force from one sample to the next; it must stay
-    within (-1, 1). Of several surfaces it is the one of largest size among the eigenvalues of their matrix.
+) -> np.ndarray:
+    """Factors (k,) of the force loop, those of errors in the fed-back normal forces from one sample to the next,
+    through a sensor without a low-pass: the eigenvalues of the surfaces' matrix, real or complex.
 
     normal: (n, k), F_r per unit of each lambda without friction, a, which is e_1 in the task coordinates of a surface.
     load: (n, k), the same with Coulomb friction in one direction of slip, a_mu.
@@ -35,6 +37,36 @@ def force_loop_factor(
         loop = np.linalg.solve(Y.T @ load, fed_back)
     else:
         loop = np.linalg.solve(np.eye(len(M_e)) + M_e @ (Y.T @ load), M_e @ fed_back)
-    factors = np.linalg.eigvals(loop)
-    worst = factors[np.argmax(np.abs(factors))]
+    return np.linalg.eigvals(loop)
+
+
+def through_sensor(factors: np.ndarray, gain: float, late: int) -> float:
+    """Factor of the force loop through a low-pass of this gain and a delay of `late` periods, of the factors that of
+    largest size: it must stay within (-1, 1).
+
+    The reading is y_k+1 = y_k + g (lambda_k-late - y_k), and lambda_k = f y_k: z^late (z - 1 + g) = g f. Without a
+    low-pass, g = 1, a delay does not change whether |f| < 1, and f is given; without a delay the factor is
+    1 - g (1 - f). Behind a very long delay it is the bound 1 - g + g |f|, which holds for any.
+    """
+    if late == 0 or gain == 1.0:
+        found = 1.0 - gain * (1.0 - factors)
+    elif late > LONGEST_LINE:
+        found = 1.0 - gain + gain * np.abs(factors)
+    else:  # of real factors only the ends matter, and roots take long
+        real = np.real(factors[np.isreal(factors)])
+        ends = [*factors[~np.isreal(factors)], *([real.min(), real.max()] if len(real) else [])]
+        rows = [[1.0, gain - 1.0, *np.zeros(late - 1), -gain * factor] for factor in ends]
+        found = np.array([np.abs(np.roots(row)).max() for row in rows])
+    worst = found[np.argmax(np.abs(found))]
     return float(worst.real) if worst.imag == 0.0 else float(abs(worst))
+
+
+def with_gain(factors: np.ndarray, added: float, gain: float, late: int) -> float:
+    """Size of the force loop's factor with what d by (17) adds to it, through the sensor of `through_sensor`.
+
+    d changes by at most `added` per unit of the reading, along with the reading's size, so it is no linear part of the
+    loop: behind a low-pass and a delay together the bound 1 - g + g (|f| + added) is taken, which holds for any delay.
+    """
+    if added == 0.0 or late == 0 or gain == 1.0:
+        return abs(through_sensor(factors, gain, late)) + gain * added
+    return 1.0 - gain + gain * (float(np.abs(factors).max()) + added)

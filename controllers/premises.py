@@ -6,7 +6,6 @@ premises hold again; while one fails there is no promise, and the bound is NaN.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -16,11 +15,10 @@ from controllers.bounds import (
     Equivalent,
     RequiredGain,
     carried_mass,
+    inertia_lower_bound,
     inertia_spread,
-    least_inertia,
-    paper_bound,
     sum_of,
-    tight_bound,
+    terms_of_gain,
 )
 from controllers.control_law import joint_acceleration, joint_velocity
 from controllers.reaching import ReachingBound, envelope
@@ -41,7 +39,7 @@ from kernels.algebra import (
     transposed_times,
 )
 
-WATCH, LOOK = 40, 0.04  # periods, and s: at most so much lies between two looks at the posture
+MOST_PERIODS, LONGEST_GAP = 40, 0.04  # periods, and s: at most so much lies between two looks at the posture
 NEVER = np.nan
 ROUNDING = 1e-9
 
@@ -66,111 +64,6 @@ class Premise(IntEnum):
 
 DECLARED, DOMAIN, REGULAR, DRIVES, GAIN, HELD = (int(p) for p in Premise if Premise.DECLARED <= p <= Premise.HELD)
 LAYER, GAIN_BY_CHATTER, CONTACT = int(Premise.LAYER), int(Premise.GAIN_BY_CHATTER), int(Premise.CONTACT)
-
-
-@dataclass(frozen=True)
-class Statement:
-    """A premise in words.
-    title: the quantity that is compared.
-    sign: how value and limit must compare.
-    unit: "N" stands for the unit of a task force.
-    failed: sentence for a failure, with {value} and {limit}.
-    why: reason for the premise."""
-
-    title: str
-    sign: str
-    unit: str
-    failed: str
-    why: str
-
-
-STATEMENTS: dict[Premise, Statement] = {
-    Premise.LAW: Statement(
-        "robust law (25)", "≤", "", "the law is not the robust one (25)", "Theorem 1 is about (25) and no other law"
-    ),
-    Premise.DECLARED: Statement(
-        "true arm inside the declared set",
-        "≤",
-        "",
-        "the true arm is outside the declared set, {value} inequalities violated",
-        "number of inequalities between truth and declaration that are violated; the bounds (6) are for that set",
-    ),
-    Premise.DOMAIN: Statement(
-        "q in Ω",
-        "≤",
-        "rad",
-        "q has left Ω: {value} rad from the postures along the reference, allowed {limit} rad",
-        "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it",
-    ),
-    Premise.REGULAR: Statement(
-        "σ_min(J_q)", "≥", "m", "J_q is nearly singular: σ_min {value}, allowed from {limit}", "Ω ends where J_q does"
-    ),
-    Premise.DRIVES: Statement(
-        "torque of the drives",
-        "≤",
-        "",
-        "a drive saturates: the law asks for {value} times its limit",
-        "largest ratio of a commanded torque to its drive's limit; what is cut off is missing in (25)",
-    ),
-    Premise.GAIN: Statement(
-        "d covers (17)", "≤", "N", "the gain d = {limit} {unit} is below what (17) asks for, {value} {unit}", "(17)"
-    ),
-    Premise.HELD: Statement(
-        "held over a period",
-        "≤",
-        "N",
-        "within one period the model's torque and the force change by {value} {unit}, allowed {limit} {unit}",
-        "what (25) without its robust terms changes from one sample to the next, in task space: over the period the "
-        "torque is constant; a quarter of ε and of K_s s, and the declared error of the force sensor, are kept for it",
-    ),
-    Premise.LAYER: Statement(
-        "robust terms, sampled",
-        "<",
-        "",
-        "K_s and the boundary layer are too stiff for the control period: (K_s + d/s_b)T/H = {value}, allowed below 2",
-        "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), without d/s_b where there is no layer: from 2 on one period "
-        "makes s larger; infinite where M̂ less its declared errors is not positive definite",
-    ),
-    Premise.GAIN_BY_CHATTER: Statement(
-        "d fed back by chattering",
-        "<",
-        "",
-        "the gain (17) runs away: chattering in ė_r raises d by {value} of itself each period, allowed below 1",
-        "δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H): d by (17) grows with r̈_eq, which chatters with ė_r",
-    ),
-    Premise.GAIN_BY_FORCE: Statement(
-        "d fed back by the force",
-        "<",
-        "",
-        "the gain (17) and the contact force raise each other: by {value} of the change, allowed below 1",
-        "against a rigid or heavy surface the force depends on the torque, d by (17) on the force; from 1 on that loop "
-        "has no solution, at any control period",
-    ),
-    Premise.FORCE_LOOP: Statement(
-        "force loop, sampled",
-        "<",
-        "",
-        "the sampled force loop diverges: its factor is {value}, allowed below 1; raise M_m along the normal, or set "
-        "sensor.ideal",
-        "what one sample makes of an error in the force that is fed back, with what d by (17) adds",
-    ),
-    Premise.SAMPLED_LOOP: Statement(
-        "closed loop, sampled",
-        "<",
-        "",
-        "the sampled loop swings up: a deviation grows {value} times each control period, allowed below 1",
-        "largest growth of a small deviation over one control period with the torque held, for the model in force and "
-        "the posture of now",
-    ),
-    Premise.CONTACT: Statement(
-        "held on the rigid surfaces",
-        "≤",
-        "",
-        "contact with a rigid surface is missing, on {value} of them",
-        "number of rigid surfaces that the tool was off in the period before; (39) takes contact with all of them for "
-        "granted, and an impact is a force without a bound",
-    ),
-}
 
 
 class PremiseTable(NamedTuple):
@@ -215,7 +108,7 @@ class Watched(NamedTuple):
 class Kept(NamedTuple):
     """Present promise, and how it has been kept.
     reaching: (19), with V_0 of the instant `since` (s) when it began.
-    standing: whether there is a promise.
+    promised: whether there is a promise.
     bound, band: m/s, (20) and the band added to it, NaN without a promise.
     entered, reached: when ||s|| was first within the boundary layer and within the band, s.
     broken: when ||s|| was first over bound and band though all premises held, s.
@@ -225,7 +118,7 @@ class Kept(NamedTuple):
 
     reaching: ReachingBound
     since: float
-    standing: bool
+    promised: bool
     bound: float
     band: float
     entered: float
@@ -240,11 +133,22 @@ class Kept(NamedTuple):
     def fresh(cls) -> Kept:
         """Record of a run that has not begun."""
         return cls(
-            ReachingBound(1.0, 1.0, 1.0, 1.0, 0.0), 0.0, False, NEVER, NEVER, NEVER, NEVER, NEVER, 0, 0, True, NEVER
+            reaching=ReachingBound(1.0, 1.0, 1.0, 1.0, 0.0),
+            since=0.0,
+            promised=False,
+            bound=NEVER,
+            band=NEVER,
+            entered=NEVER,
+            reached=NEVER,
+            broken=NEVER,
+            periods=0,
+            lost=0,
+            before=True,
+            begun=NEVER,
         )
 
 
-class Room(NamedTuple):
+class PremiseScratch(NamedTuple):
     """Memory for intermediate results; equivalent, needed: of `gain_on_surface`."""
 
     work: Scratch
@@ -255,7 +159,7 @@ class Room(NamedTuple):
     F: np.ndarray
 
     @classmethod
-    def zeros(cls, n: int) -> Room:
+    def zeros(cls, n: int) -> PremiseScratch:
         """Memory for n coordinates."""
         return cls(Scratch.zeros(n), Equivalent.zeros(n), RequiredGain.zeros(), np.zeros(n), np.zeros(n), np.zeros(6))
 
@@ -281,7 +185,7 @@ class Held(NamedTuple):
 @inline
 def periods_between_looks(period):
     """Number of control periods (s) between two looks at the posture."""
-    return min(WATCH, max(1, round(LOOK / period)))
+    return min(MOST_PERIODS, max(1, round(LONGEST_GAP / period)))
 
 
 @inline
@@ -302,7 +206,7 @@ def inertia_range(u, estimate, task, work):
     congruence(task.J_q_inv, work.U, work.S, work.T)
     high = spectral_norm(work.T) + load * (carried + turned) ** 2
     inertia_spread(u, estimate, work.U)
-    least_inertia(u, estimate, work.U, work.U)
+    inertia_lower_bound(u, estimate, work.U, work.U)
     invert(work.U, work.S, work.T)
     multiply(task.J_q, work.T, work.S)
     for i in range(n):
@@ -333,63 +237,60 @@ def inertia_error(gains, deviation, estimate, task, work):
 
 
 @kernel
-def _gain_of(gains, task, estimate, deviation, q_dot, room):
-    """Gain d by (17) for the r_eq_dot and r_eq_ddot of `room`, N."""
-    work, eq, u, needed = room.work, room.equivalent, gains.uncertainty, room.needed
+def _gain_of(gains, task, estimate, deviation, q_dot, scratch):
+    """Gain d by (17) for the r_eq_dot and r_eq_ddot of `scratch`, N."""
+    work, eq, u, needed = scratch.work, scratch.equivalent, gains.uncertainty, scratch.needed
     joint_velocity(task, eq.r_dot, work, eq.q_dot)
     joint_acceleration(task, eq.r_ddot, eq.q_dot, work, eq.q_ddot)
-    if gains.tight:
-        tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed)
-    else:
-        paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed)
+    terms_of_gain(gains.tight, u, deviation, estimate, task, q_dot, eq, work, needed)
     needed.epsilon = gains.epsilon
     return sum_of(needed)
 
 
 @inline
-def gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room):
+def gain_at_rest(gains, reference, task, estimate, deviation, q_dot, scratch):
     """Gain d where all errors are zero, N."""
     if not gains.by_theorem:
         return gains.d
-    copy(reference.r_d_dot, room.equivalent.r_dot)
-    copy(reference.r_d_ddot, room.equivalent.r_ddot)
-    return _gain_of(gains, task, estimate, deviation, q_dot, room)
+    copy(reference.r_d_dot, scratch.equivalent.r_dot)
+    copy(reference.r_d_ddot, scratch.equivalent.r_ddot)
+    return _gain_of(gains, task, estimate, deviation, q_dot, scratch)
 
 
 @inline
-def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, room):
+def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, scratch):
     """Gain d on the sliding surface, N: at the present e_r and z, with the e_r_dot that makes s zero."""
     if not gains.by_theorem:
         return gains.d
-    eq, e = room.equivalent, output.e_r
+    eq, e = scratch.equivalent, output.e_r
     for i in range(z.shape[0]):
-        room.e_dot[i] = -gains.F_1[i] * e[i] - gains.F_2[i] * z[i]  # (10) with s = 0
+        scratch.e_dot[i] = -gains.F_1[i] * e[i] - gains.F_2[i] * z[i]  # (10) with s = 0
     for i in range(z.shape[0]):
-        fed_back = row_times(gains.K_pz, i, e) + row_times(gains.K_vz, i, room.e_dot)
+        fed_back = row_times(gains.K_pz, i, e) + row_times(gains.K_vz, i, scratch.e_dot)
         z_dot = gains.A[i] * z[i] + fed_back + row_times(gains.K_fz, i, output.e_Fc)
-        eq.r_dot[i] = reference.r_d_dot[i] + room.e_dot[i]
-        eq.r_ddot[i] = reference.r_d_ddot[i] - gains.F_1[i] * room.e_dot[i] - gains.F_2[i] * z_dot
-    return _gain_of(gains, task, estimate, deviation, q_dot, room)
+        eq.r_dot[i] = reference.r_d_dot[i] + scratch.e_dot[i]
+        eq.r_ddot[i] = reference.r_d_ddot[i] - gains.F_1[i] * scratch.e_dot[i] - gains.F_2[i] * z_dot
+    return _gain_of(gains, task, estimate, deviation, q_dot, scratch)
 
 
 @inline
-def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room, reaching, period, table, watched):
+def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, scratch, reaching, period, table, watched):
     """Compute the range of inertia at the present posture, the band, and the premises that depend on them."""
-    u, work, deviation = gains.uncertainty, room.work, feedforward.deviation
+    u, work, deviation = gains.uncertainty, scratch.work, feedforward.deviation
     watched.low, watched.high = inertia_range(u, estimate, task, work)
     growth = inertia_error(gains, deviation, estimate, task, work) * gains.damping_rate * period / watched.low
     table.limit[GAIN_BY_CHATTER] = 1.0 if gains.by_theorem else NEVER
     table.value[GAIN_BY_CHATTER] = growth
     raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # largest factor of chattering on d
 
-    at_rest = raised * gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room)
+    at_rest = raised * gain_at_rest(gains, reference, task, estimate, deviation, q_dot, scratch)
     held = SAMPLING_SHARE * gains.K_s_smallest  # of `Premise.HELD`, which counts against K_s
     stiffness = gains.K_s_largest + held + (at_rest / gains.layer if gains.switching > 0 else 0.0)
     table.limit[LAYER] = 2.0
     table.value[LAYER] = stiffness * period / watched.low
 
     # outside of `radius` one period makes V smaller; from within it V can rise to `V` (docs/theory.md)
-    watched.d = raised * gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, room)
+    watched.d = raised * gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, scratch)
     watched.width = layer_width(gains.switching, gains.layer, watched.d, gains.epsilon)
     stopping = watched.low - 0.5 * period * (gains.K_s_largest + held)
     chatter = period * watched.d / stopping if stopping > 0.0 else np.inf
@@ -409,22 +310,22 @@ def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room,
 
 
 @inline
-def held_error(gains, feedforward, task, estimate, F_true, output, held, room):
+def held_error(gains, feedforward, task, estimate, F_true, output, held, scratch):
     """Change of (25) without its robust terms during the period before, in task space, N.
 
     F_true: (6,), the wrench at the period's end. F_2 z_dot is not included: z changes evenly within a period, so that
     r_eq_ddot contains just that part.
     """
-    work, n = room.work, task.r.shape[0]
+    work, n = scratch.work, task.r.shape[0]
     for i in range(n):
         work.u[i] = gains.F_2[i] * (output.z_dot[i] - held.z_dot[i])
-    times(task.J_q_inv, work.u, room.e_dot)
-    torque_of_wrench(estimate.J_v, estimate.J_w, F_true, room.torque)
+    times(task.J_q_inv, work.u, scratch.e_dot)
+    torque_of_wrench(estimate.J_v, estimate.J_w, F_true, scratch.torque)
     terms = output.terms
     for i in range(n):
-        model = terms.inertia[i] + row_times(feedforward.M_hat, i, room.e_dot) + terms.coriolis[i] + terms.gravity[i]
-        room.torque[i] += model - held.model[i]
-    transposed_times(task.J_q_inv, room.torque, work.u)
+        model = terms.inertia[i] + row_times(feedforward.M_hat, i, scratch.e_dot) + terms.coriolis[i] + terms.gravity[i]
+        scratch.torque[i] += model - held.model[i]
+    transposed_times(task.J_q_inv, scratch.torque, work.u)
     return norm(work.u)
 
 
@@ -460,11 +361,11 @@ def keep_promise(all_hold, s_norm, watched, t, kept):
     kept.periods += 1
     kept.before = all_hold
     if not standing:
-        kept.standing, kept.bound, kept.band = False, NEVER, NEVER
+        kept.promised, kept.bound, kept.band = False, NEVER, NEVER
         kept.lost += 1
         return False
-    if not kept.standing:
-        kept.standing, kept.since = True, t
+    if not kept.promised:
+        kept.promised, kept.since = True, t
         if t != kept.begun:  # otherwise the V_0 of the change is more exact
             kept.reaching.V_0 = 0.5 * watched.high * s_norm**2
     kept.bound = envelope(kept.reaching, t - kept.since)

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.nominal_model import ON_LINE, Deviation, Estimate, Lipschitz, NominalModel
+from controllers.estimate_rates import Lipschitz
+from controllers.nominal_model import ON_LINE, Deviation, Estimate, NominalModel
 from kernels import inline
 from kernels.algebra import copy, copy_matrix
 

@@ -3,7 +3,7 @@ variable (10), the motion (16) that keeps it zero, and the gain (17) that outwei
 
 from __future__ import annotations
 
-from controllers.bounds import paper_bound, tight_bound
+from controllers.bounds import terms_of_gain
 from controllers.control_law import joint_acceleration, joint_velocity
 from kernels import inline
 from kernels.algebra import cross, dot, norm, row_times, torque_of_wrench, transposed_times
@@ -91,9 +91,6 @@ def sliding(gains, z, reference, out):
 @inline
 def gain_needed(gains, deviation, task, estimate, q_dot, work, out):
     """Compute the terms of (17), by the chosen bounds."""
-    u, needed = gains.uncertainty, out.needed
-    if gains.tight:
-        tight_bound(u, deviation, estimate, task, q_dot, out.equivalent, work, needed)
-    else:
-        paper_bound(u, deviation, estimate, task, q_dot, out.equivalent, work, needed)
-    needed.epsilon = gains.epsilon
+    u, eq = gains.uncertainty, out.equivalent
+    terms_of_gain(gains.tight, u, deviation, estimate, task, q_dot, eq, work, out.needed)
+    out.needed.epsilon = gains.epsilon

@@ -89,15 +89,6 @@ class TargetModel:
         pressing = self if K_e is None else replace(self, K_m=self.K_m + self.K_f @ K_e)
         return np.linalg.eigvals(pressing.companion())
 
-    def steady_force(self, axis: int, K_e: float, x_e: float, x_d: float, F_d: float, rest: float = 0.0) -> float:
-        """Steady force (N) of one decoupled axis pressing on a wall K_e (r - x_e), with constant x_d and F_d.
-
-        F_ss = K_e [K_f F_d + K_m (x_d - x_e) + rest] / (K_m + K_f K_e); both references act, as in (8).
-        rest: further terms on the right of (8), N, see `left_by_layer`.
-        """
-        K_m, K_f = self.K_m[axis, axis], self.K_f[axis, axis]
-        return K_e * (K_f * F_d + K_m * (x_d - x_e) + rest) / (K_m + K_f * K_e)
-
     def steady_forces(self, K_e: np.ndarray, r_d: np.ndarray, F_d: np.ndarray, rest: np.ndarray) -> np.ndarray:
         """Steady forces (..., m) N on m surfaces of stiffness K_e (m, m) N/m with constant r_d (..., m) m
         from them and F_d (..., m) N, (37): K_m1 (r - r_d) = -K_f1 (K_e r - F_d) + rest. rest: (..., m) N, see

@@ -7,22 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from environments.contact import (
-    SETS,
     ContactForce,
     Holding,
-    MultiplierWork,
     ToolContacts,
     World,
     add_contact_force,
     add_drift,
     elastic_load,
-    find_touched,
-    heavy_multipliers,
-    let_go,
-    one_sided,
     place_tool,
     touch_at,
 )
+from environments.multipliers import SETS, MultiplierWork, find_touched, heavy_multipliers, let_go, one_sided
 from environments.surfaces.chart import one_of
 from environments.truth import Resistance, resistance_torque
 from kernels import inline, kernel
@@ -82,53 +77,53 @@ class PlantWorkspace(NamedTuple):
 
 
 @inline
-def _accelerate(around, M, bias, arm, tau, t):
+def _accelerate(workspace, M, bias, arm, tau, t):
     """Compute q_ddot under the torque tau and the present load."""
-    torque = around.torque
-    resistance_torque(around.resistance, arm.q_dot, t, torque)
+    torque = workspace.torque
+    resistance_torque(workspace.resistance, arm.q_dot, t, torque)
     for i in range(torque.shape[0]):
         torque[i] = tau[i] - bias[i] - torque[i] - arm.load.torque[i]
-    solve_spd(M, torque, around.factor, arm.q_ddot)
+    solve_spd(M, torque, workspace.factor, arm.q_ddot)
 
 
 @kernel
-def accelerate_free(around, M, bias, arm, tau, t):
+def accelerate_free(workspace, M, bias, arm, tau, t):
     """Compute q_ddot in free space under the torque tau; bias (n,) N m: C q_dot + G."""
-    _accelerate(around[0], M, bias, arm[0], tau, t)
+    _accelerate(workspace[0], M, bias, arm[0], tau, t)
 
 
 @kernel
-def accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
+def accelerate_elastic(workspace, M, bias, J, rotation, translation, arm, tau, t):
     """Compute the load in the present state, and q_ddot under the torque tau against it."""
-    around, arm = around[0], arm[0]
-    touch_at(around.world, J, rotation, translation, arm.q_dot, t, around.touch)
-    elastic_load(around.world, around.touch, around.multipliers, arm.load)
-    _accelerate(around, M, bias, arm, tau, t)
+    workspace, arm = workspace[0], arm[0]
+    touch_at(workspace.world, J, rotation, translation, arm.q_dot, t, workspace.touch)
+    elastic_load(workspace.world, workspace.touch, workspace.multipliers, arm.load)
+    _accelerate(workspace, M, bias, arm, tau, t)
 
 
 @inline
-def _find_multipliers(around, M):
+def _find_multipliers(workspace, M):
     """Compute the multipliers of heavy contacts, with friction for the signs `side` of them."""
-    world, touch, work = around.world, around.touch, around.multipliers
+    world, touch, work = workspace.world, workspace.touch, workspace.multipliers
     k = world.shapes.number
     for j in range(k):
         met = one_of(touch, j)
         for a in range(3):
-            around.push[a] = met.chart.G[0, a] + work.side[j] * met.drag[a]
-        transposed_times(touch.tool.J_v, around.push, around.pushed)
-        solve_spd(M, around.pushed, around.factor, work.directions[j])
+            workspace.push[a] = met.chart.G[0, a] + work.side[j] * met.drag[a]
+        transposed_times(touch.tool.J_v, workspace.push, workspace.pushed)
+        solve_spd(M, workspace.pushed, workspace.factor, work.directions[j])
         for i in range(k):
             work.mobility[i, j] = dot(one_of(touch, i).pull, work.directions[j])
     heavy_multipliers(world, touch, work, work.found)
 
 
 @inline
-def _accelerate_against(around, M, bias, arm, tau, t):
+def _accelerate_against(workspace, M, bias, arm, tau, t):
     """Compute the multipliers of the surfaces that the tool touches, `work.touches`, under the torque tau, and q_ddot
     without them. A surface that yields and would have to pull is not touched: it has no viscous friction either."""
     while True:
-        _balance(around, M, bias, arm, tau, t)
-        if not _leave_pulling(around.world, around.multipliers):
+        _balance(workspace, M, bias, arm, tau, t)
+        if not _leave_pulling(workspace.world, workspace.multipliers):
             return
 
 
@@ -146,43 +141,43 @@ def _leave_pulling(world, work):
 
 
 @inline
-def _balance(around, M, bias, arm, tau, t):
+def _balance(workspace, M, bias, arm, tau, t):
     """Compute the multipliers of the surfaces of `work.touches`, and q_ddot without them."""
-    world, touch, torque, n = around.world, around.touch, around.torque, arm.q.shape[0]
-    work = around.multipliers
+    world, touch, torque, n = workspace.world, workspace.touch, workspace.torque, arm.q.shape[0]
+    work = workspace.multipliers
     for a in range(3):
-        around.push[a] = 0.0
+        workspace.push[a] = 0.0
     for i in range(world.shapes.number):
-        add_contact_force(one_of(world.contacts, i), 0.0, work.touches[i] > 0, one_of(touch, i), around.push)
-    transposed_times(touch.tool.J_v, around.push, around.pushed)
-    resistance_torque(around.resistance, arm.q_dot, t, torque)
+        add_contact_force(one_of(world.contacts, i), 0.0, work.touches[i] > 0, one_of(touch, i), workspace.push)
+    transposed_times(touch.tool.J_v, workspace.push, workspace.pushed)
+    resistance_torque(workspace.resistance, arm.q_dot, t, torque)
     for i in range(n):
-        torque[i] = tau[i] - bias[i] - torque[i] - around.pushed[i]
-    solve_spd(M, torque, around.factor, arm.q_ddot)  # without the multipliers
+        torque[i] = tau[i] - bias[i] - torque[i] - workspace.pushed[i]
+    solve_spd(M, torque, workspace.factor, arm.q_ddot)  # without the multipliers
     for i in range(world.shapes.number):
         met = one_of(touch, i)
         work.free[i] = dot(met.pull, arm.q_ddot) + met.phi_ddot_bias
         work.side[i] = 1.0
-    _find_multipliers(around, M)
+    _find_multipliers(workspace, M)
     turned = False
     for i in range(world.shapes.number):  # where a bilateral surface pulls, friction still opposes the slip
         if work.found[i] < 0.0 and not one_of(world.contacts, i).unilateral:
             work.side[i], turned = -1.0, True
     if turned:
-        _find_multipliers(around, M)
+        _find_multipliers(workspace, M)
 
 
 @kernel
-def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau, t):
+def accelerate_heavy(workspace, M, bias, J, J_dot, rotation, translation, arm, tau, t):
     """Compute q_ddot under the torque tau, and the load, which depends on it.
 
     A rigid surface that only pushes, but would have to pull, is let go, each by itself: of the sets of surfaces to let
     go, the first one is taken with which none that is held pulls, and none that is let go is entered. Without friction
     there is just one. With much Coulomb friction there may be none; then all are let go.
     """
-    around, arm = around[0], arm[0]
-    world, touch, n = around.world, around.touch, arm.q.shape[0]
-    work, load, holding = around.multipliers, arm.load, arm.holding
+    workspace, arm = workspace[0], arm[0]
+    world, touch, n = workspace.world, workspace.touch, arm.q.shape[0]
+    work, load, holding = workspace.multipliers, arm.load, arm.holding
     touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
     add_drift(world, J, J_dot, arm.q_dot, touch)
     for trial in range(SETS + 1):
@@ -190,7 +185,7 @@ def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau,
             find_touched(world, touch, holding.held, work)
         elif not let_go(world, holding.held, trial, work.touches):
             continue
-        _accelerate_against(around, M, bias, arm, tau, t)
+        _accelerate_against(workspace, M, bias, arm, tau, t)
         if trial == 0:
             copy(work.found, work.whole)
         if not world.rigid or one_sided(world, holding.held, work, work.free, work.found):
@@ -211,40 +206,43 @@ def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau,
 
 
 @kernel
-def load_at(around, J, rotation, translation, arm, t):
-    around, arm = around[0], arm[0]
-    world = around.world
-    touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
-    elastic_load(world, around.touch, around.multipliers, arm.load)
+def load_at(workspace, J, rotation, translation, arm, t):
+    """Compute the load of elastic surfaces at the arm's state and t (s)."""
+    workspace, arm = workspace[0], arm[0]
+    world = workspace.world
+    touch_at(world, J, rotation, translation, arm.q_dot, t, workspace.touch)
+    elastic_load(world, workspace.touch, workspace.multipliers, arm.load)
 
 
 @kernel
-def penetration_at(around, J, rotation, translation, arm, t):
-    touch_at(around[0].world, J, rotation, translation, arm[0].q_dot, t, around[0].touch)
-    for i in range(around[0].world.shapes.number):
-        arm[0].load.phi[i] = one_of(around[0].touch, i).phi
+def penetration_at(workspace, J, rotation, translation, arm, t):
+    """Compute phi (m) of each surface at the arm's state and t (s)."""
+    touch_at(workspace[0].world, J, rotation, translation, arm[0].q_dot, t, workspace[0].touch)
+    for i in range(workspace[0].world.shapes.number):
+        arm[0].load.phi[i] = one_of(workspace[0].touch, i).phi
 
 
 @kernel
-def force_of(around, J, rotation, translation, arm, multiplier, t, force):
+def force_of(workspace, J, rotation, translation, arm, multiplier, t, force):
     """Compute the wrench (6,) of the tool on the environment for multipliers (3,) N."""
-    world, around = around[0].world, around[0]
-    touch_at(world, J, rotation, translation, arm[0].q_dot, t, around.touch)
-    find_touched(world, around.touch, arm[0].holding.held, around.multipliers)
-    copy(multiplier, around.multipliers.found)
-    _leave_pulling(world, around.multipliers)
+    world, workspace = workspace[0].world, workspace[0]
+    touch_at(world, J, rotation, translation, arm[0].q_dot, t, workspace.touch)
+    find_touched(world, workspace.touch, arm[0].holding.held, workspace.multipliers)
+    copy(multiplier, workspace.multipliers.found)
+    _leave_pulling(world, workspace.multipliers)
     for a in range(6):
         force[a] = 0.0
     for i in range(world.shapes.number):
-        contact, met, touches = one_of(world.contacts, i), one_of(around.touch, i), around.multipliers.touches[i] > 0
+        contact, met = one_of(world.contacts, i), one_of(workspace.touch, i)
+        touches = workspace.multipliers.touches[i] > 0
         add_contact_force(contact, multiplier[i], touches, met, force)
 
 
 @kernel
-def torque_of_push(around, J, rotation, translation, push, torque):
+def torque_of_push(workspace, J, rotation, translation, push, torque):
     """Compute the torque (n,) N m of a push on the tool, a wrench (6,)."""
-    tool = around[0].touch.tool.p
-    place_tool(around[0].world.lever, rotation, translation, tool)
+    tool = workspace[0].touch.tool.p
+    place_tool(workspace[0].world.lever, rotation, translation, tool)
     for j in range(torque.shape[0]):
         about = cross(tool, (J[3, j], J[4, j], J[5, j]))
         torque[j] = 0.0

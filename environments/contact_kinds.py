@@ -27,7 +27,7 @@ class ContactKind:
         return self.massive or self.rigid
 
 
-def nature_of(kinds: tuple[ContactKind, ...]) -> ContactKind:
+def combined_kind(kinds: tuple[ContactKind, ...]) -> ContactKind:
     """Kind of the contacts with several surfaces together: that of the first one, massive where any of them is."""
     return replace(kinds[0], massive=any(kind.massive for kind in kinds))
 

@@ -37,35 +37,35 @@ def semi_implicit_euler(arm, h):
 
 
 @kernel
-def begin_stages(around, arm, stage):
+def begin_stages(workspace, arm, stage):
     """Begin the method of Runge and Kutta: the first stage has the state of the arm, and its acceleration. A contact
     that a later stage lets go is lost with the first one of the next step."""
-    around, arm, stage = around[0], arm[0], stage[0]
+    workspace, arm, stage = workspace[0], arm[0], stage[0]
     copy(arm.q, stage.q)
     copy(arm.q_dot, stage.q_dot)
     copy(arm.q_ddot, stage.q_ddot)
     copy(arm.holding.held, stage.holding.held)
     for i in range(arm.q.shape[0]):
-        around.speeds[i] = around.accelerations[i] = 0.0
+        workspace.speeds[i] = workspace.accelerations[i] = 0.0
 
 
 @kernel
-def next_stage(around, arm, stage, weight, ahead):
+def next_stage(workspace, arm, stage, weight, ahead):
     """Add q_dot and q_ddot of the stage to the sums, with a weight; then make the stage the next one, `ahead` s from
     the arm's state along them."""
-    around, arm, stage = around[0], arm[0], stage[0]
+    workspace, arm, stage = workspace[0], arm[0], stage[0]
     for i in range(arm.q.shape[0]):
         speed, acceleration = stage.q_dot[i], stage.q_ddot[i]
-        around.speeds[i] += weight * speed
-        around.accelerations[i] += weight * acceleration
+        workspace.speeds[i] += weight * speed
+        workspace.accelerations[i] += weight * acceleration
         stage.q[i] = arm.q[i] + ahead * speed
         stage.q_dot[i] = arm.q_dot[i] + ahead * acceleration
 
 
 @kernel
-def end_stages(around, arm, stage, h):
+def end_stages(workspace, arm, stage, h):
     """Move the arm by h s along the mean of the stages, of which the last one is not in the sums yet."""
-    around, arm, stage = around[0], arm[0], stage[0]
+    workspace, arm, stage = workspace[0], arm[0], stage[0]
     for i in range(arm.q.shape[0]):
-        arm.q[i] += h / 6.0 * (around.speeds[i] + stage.q_dot[i])
-        arm.q_dot[i] += h / 6.0 * (around.accelerations[i] + stage.q_ddot[i])
+        arm.q[i] += h / 6.0 * (workspace.speeds[i] + stage.q_dot[i])
+        arm.q_dot[i] += h / 6.0 * (workspace.accelerations[i] + stage.q_ddot[i])

@@ -90,8 +90,8 @@ class Plant:
         self._lever = np.array(robot.tool_placement.translation)
         shapes = Shapes.of(tuple(each.shape for each in surfaces))
         world = World(self._lever, self.face, shapes, Contacts.of(contacts), kind.rigid, environment)
-        around = Record(PlantWorkspace.of(world, truth.resistance, robot.n))
-        self._around, self._torque = around.data, around.views.torque
+        workspace = Record(PlantWorkspace.of(world, truth.resistance, robot.n))
+        self._workspace, self._torque = workspace.data, workspace.views.torque
         # live views: Pinocchio fills them at every call
         carrier = self.data.oMi[robot.tool_joint]
         self._tool = (self.data.J, carrier.rotation, carrier.translation)
@@ -121,7 +121,7 @@ class Plant:
     @property
     def workspace(self) -> np.ndarray:
         """Data of the `PlantWorkspace`, (1,), for kernels."""
-        return self._around
+        return self._workspace
 
     def smooth(self, *, touching: bool) -> Plant:
         """Plant of the same arm without anything that has a kink or acts from outside: no Coulomb friction, no limits
@@ -136,11 +136,11 @@ class Plant:
         return Plant(self.robot, truth, self.surfaces, self.kind, contacts, *rest)
 
     def _resolve_kernels(self, n: int) -> None:
-        around, arm, tau = self._around, Record.zeros(Arm, n).data, np.zeros(n)
+        workspace, arm, tau = self._workspace, Record.zeros(Arm, n).data, np.zeros(n)
         self._stage = Record.zeros(Arm, n)
-        self._begin_stages = compiled_for(begin_stages, around, arm, arm)
-        self._next_stage = compiled_for(next_stage, around, arm, arm, 0.0, 0.0)
-        self._end_stages = compiled_for(end_stages, around, arm, arm, 0.0)
+        self._begin_stages = compiled_for(begin_stages, workspace, arm, arm)
+        self._next_stage = compiled_for(next_stage, workspace, arm, arm, 0.0, 0.0)
+        self._end_stages = compiled_for(end_stages, workspace, arm, arm, 0.0)
         self._drift = compiled_for(drift, arm, 0.0)
         self._kick_and_drift = compiled_for(kick_and_drift, arm, 0.0)
         self._step_of_euler = compiled_for(semi_implicit_euler, arm, 0.0)
@@ -154,20 +154,20 @@ class Plant:
 
     def _kernels_of_contact(self, arm: np.ndarray, tau: np.ndarray) -> dict[str, tuple[Any, ...]]:
         """Kernels that this kind of contact needs, by the names of `PlantAddresses`, each with its arguments."""
-        around, tool, inertia = self._around, self._tool, self._inertia
-        kernels: dict[str, tuple[Any, ...]] = {"push": (torque_of_push, around, *tool, np.zeros(6), tau)}
+        workspace, tool, inertia = self._workspace, self._tool, self._inertia
+        kernels: dict[str, tuple[Any, ...]] = {"push": (torque_of_push, workspace, *tool, np.zeros(6), tau)}
         if self.kind.springs:
             find = penetration_at if self.kind.massive else load_at
-            kernels["find"] = (find, around, *tool, arm, 0.0)
+            kernels["find"] = (find, workspace, *tool, arm, 0.0)
         if self.kind.heavy:
-            kernels["accelerate"] = (accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
-            kernels["onto"] = (onto_surface, around, *tool, self.data.M, arm, 0.0)
-            kernels["along"] = (along_surface, around, *tool, self.data.M, arm, 0.0, 0.0)
-            kernels["force"] = (force_of, around, *tool, arm, np.zeros(3), 0.0, np.zeros(6))
+            kernels["accelerate"] = (accelerate_heavy, workspace, *inertia, *self._tool_moving, arm, tau, 0.0)
+            kernels["onto"] = (onto_surface, workspace, *tool, self.data.M, arm, 0.0)
+            kernels["along"] = (along_surface, workspace, *tool, self.data.M, arm, 0.0, 0.0)
+            kernels["force"] = (force_of, workspace, *tool, arm, np.zeros(3), 0.0, np.zeros(6))
         elif self.kind.springs:
-            kernels["accelerate"] = (accelerate_elastic, around, *inertia, *tool, arm, tau, 0.0)
+            kernels["accelerate"] = (accelerate_elastic, workspace, *inertia, *tool, arm, tau, 0.0)
         else:
-            kernels["accelerate"] = (accelerate_free, around, *inertia, arm, tau, 0.0)
+            kernels["accelerate"] = (accelerate_free, workspace, *inertia, arm, tau, 0.0)
         return kernels
 
     @cached_property
@@ -195,7 +195,7 @@ class Plant:
             self._constrain(state, t, 0.0)
         if self.kind.springs:
             pin.computeJointJacobians(self.model, self.data, state.views.q)
-            load_at(self._around, *self._tool, state.data, t)
+            load_at(self._workspace, *self._tool, state.data, t)
         return state
 
     def advance(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> None:
@@ -215,7 +215,7 @@ class Plant:
         if not self.kind.springs:  # none in free space, and on a rigid surface `_constrain` has set phi
             return
         pin.computeJointJacobians(self.model, self.data, state.views.q)
-        self._find(self._around, *self._tool, state.data, t)
+        self._find(self._workspace, *self._tool, state.data, t)
 
     def respond(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> ContactForce:
         """Load of the contact that the torque tau (n,) N m will cause in the period (s) from time t on."""
@@ -229,7 +229,7 @@ class Plant:
         force = np.zeros(6)
         acting, at = self._evaluated_at(state, t, period / self.substeps)
         pin.computeJointJacobians(self.model, self.data, acting.views.q)
-        force_of(self._around, *self._tool, acting.data, multiplier, at, force)
+        force_of(self._workspace, *self._tool, acting.data, multiplier, at, force)
         return force
 
     def _evaluated_at(self, state: PlantState, t: float, h: float) -> tuple[PlantState, float]:
@@ -244,7 +244,7 @@ class Plant:
         """Torque (n,) N m of a push on the tool in a state, a wrench (6,)."""
         torque = np.zeros(self.model.nv)
         pin.computeJointJacobians(self.model, self.data, state.views.q)
-        self._torque_of_push(self._around, *self._tool, push, torque)
+        self._torque_of_push(self._workspace, *self._tool, push, torque)
         return torque
 
     def tool(self, state: PlantState) -> tuple[np.ndarray, np.ndarray]:
@@ -261,14 +261,14 @@ class Plant:
         q, q_dot = arm.q, arm.q_dot
         pin.crba(self.model, self.data, q)
         pin.nonLinearEffects(self.model, self.data, q, q_dot)
-        self._answer(self._around, *self._inertia, state.data, tau, t)
+        self._answer(self._workspace, *self._inertia, state.data, tau, t)
 
     def _accelerate_elastic(self, state: PlantState, tau: np.ndarray, t: float) -> None:
         arm = state.views
         q, q_dot = arm.q, arm.q_dot
         pin.crba(self.model, self.data, q, WORLD)
         pin.nonLinearEffects(self.model, self.data, q, q_dot)
-        self._answer(self._around, *self._inertia, *self._tool, state.data, tau, t)
+        self._answer(self._workspace, *self._inertia, *self._tool, state.data, tau, t)
 
     def _accelerate_heavy(self, state: PlantState, tau: np.ndarray, t: float) -> None:
         arm = state.views
@@ -276,7 +276,7 @@ class Plant:
         pin.computeJointJacobiansTimeVariation(self.model, self.data, q, q_dot)
         pin.crba(self.model, self.data, q)
         pin.nonLinearEffects(self.model, self.data, q, q_dot)
-        self._answer(self._around, *self._inertia, *self._tool_moving, state.data, tau, t)
+        self._answer(self._workspace, *self._inertia, *self._tool_moving, state.data, tau, t)
 
     def _leapfrog(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         """Half a step of q, one evaluation of the acceleration there, the whole step of q_dot, half a step of q.
@@ -298,13 +298,13 @@ class Plant:
             self._constrain(state, t + h, h)
 
     def _rk4(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
-        stage, around, arm = self._stage, self._around, state.data
+        stage, workspace, arm = self._stage, self._workspace, state.data
         self._accelerate(state, tau, t)
-        self._begin_stages(around, arm, stage.data)
+        self._begin_stages(workspace, arm, stage.data)
         for weight, ahead in STAGES:
-            self._next_stage(around, arm, stage.data, weight, ahead * h)
+            self._next_stage(workspace, arm, stage.data, weight, ahead * h)
             self._accelerate(stage, tau, t + ahead * h)
-        self._end_stages(around, arm, stage.data, h)
+        self._end_stages(workspace, arm, stage.data, h)
         if self.kind.rigid:
             self._constrain(state, t + h, h)
 
@@ -315,8 +315,8 @@ class Plant:
         M = pin.crba(self.model, self.data, q, WORLD)
         phi = np.inf
         for _ in range(CORRECTIONS):
-            phi = self._onto_surface(self._around, *self._tool, M, state.data, t)
+            phi = self._onto_surface(self._workspace, *self._tool, M, state.data, t)
             pin.computeJointJacobians(self.model, self.data, q)
             if abs(phi) < NEAR_SURFACE:
-                return self._along_surface(self._around, *self._tool, M, state.data, t, h)
+                return self._along_surface(self._workspace, *self._tool, M, state.data, t, h)
         raise out_of_reach(phi)

@@ -1,4 +1,7 @@
-"""Reading of files whose path somebody else chose: only regular files on a disk, which never block."""
+"""Reading of files whose path somebody else chose: only regular files on a disk, which never block.
+
+It is here because `urdf` reads by it and `environments` imports nothing of `app`, which reads by it, too.
+"""
 
 from __future__ import annotations
 

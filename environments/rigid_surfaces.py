@@ -1,13 +1,14 @@
 """Rigid surfaces: steps that bring the arm onto those that hold it, q by Newton's method and q_dot by an impact, (39).
 
-`around` is a `PlantWorkspace`, `arm` an `Arm`, M (n, n) kg m^2, each as `environments.acceleration` has them.
+`workspace` is a `PlantWorkspace`, `arm` an `Arm`, M (n, n) kg m^2, each as `environments.acceleration` has them.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from environments.contact import MET, SETS, let_go, one_sided, touch_at
+from environments.contact import MET, touch_at
+from environments.multipliers import SETS, let_go, one_sided
 from environments.surfaces.chart import one_of
 from kernels import inline, kernel
 from kernels.algebra import dot, solve_leading, solve_spd
@@ -17,16 +18,16 @@ NEAR_SURFACE, CORRECTIONS = 1e-9, 20
 
 
 @inline
-def _pulls(around, J, rotation, translation, M, arm, t):
+def _pulls(workspace, J, rotation, translation, M, arm, t):
     """Compute the contacts' kinematics, the change of q_dot by a unit impulse of each surface, `work.directions`, and
     the change of phi_dot of each surface by those, `work.mobility` (k, k)."""
-    world, work = around.world, around.multipliers
-    touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
+    world, work = workspace.world, workspace.multipliers
+    touch_at(world, J, rotation, translation, arm.q_dot, t, workspace.touch)
     for i in range(world.shapes.number):
-        solve_spd(M, one_of(around.touch, i).pull, around.factor, work.directions[i])
+        solve_spd(M, one_of(workspace.touch, i).pull, workspace.factor, work.directions[i])
     for i in range(world.shapes.number):
         for j in range(world.shapes.number):
-            work.mobility[i, j] = dot(one_of(around.touch, i).pull, work.directions[j])
+            work.mobility[i, j] = dot(one_of(workspace.touch, i).pull, work.directions[j])
 
 
 @inline
@@ -49,14 +50,14 @@ def _correct(work, k, push, moved):
 
 
 @kernel
-def onto_surface(around, J, rotation, translation, M, arm, t):
+def onto_surface(workspace, J, rotation, translation, M, arm, t):
     """Move q a step of Newton's method towards phi = 0 of the surfaces that are held, and of those that the tool has
     reached, moving into them or put into them by the step before; returns the largest phi (m) of them before it."""
-    around, arm = around[0], arm[0]
-    work, k, away, held = around.multipliers, around.world.shapes.number, 0.0, arm.holding.held
-    _pulls(around, J, rotation, translation, M, arm, t)
+    workspace, arm = workspace[0], arm[0]
+    work, k, away, held = workspace.multipliers, workspace.world.shapes.number, 0.0, arm.holding.held
+    _pulls(workspace, J, rotation, translation, M, arm, t)
     for i in range(k):
-        met = one_of(around.touch, i)
+        met = one_of(workspace.touch, i)
         if held[i] == 0 and (met.phi > NEAR_SURFACE or (met.phi >= 0.0 and met.phi_dot > 0.0)):
             held[i] = MET
         work.touches[i], work.whole[i] = held[i], met.phi
@@ -68,19 +69,19 @@ def onto_surface(around, J, rotation, translation, M, arm, t):
 
 
 @kernel
-def along_surface(around, J, rotation, translation, M, arm, t, h):
+def along_surface(workspace, J, rotation, translation, M, arm, t, h):
     """Move q_dot so that phi_dot = 0 on the surfaces that are held, and record phi, after a step of h s.
 
     Where the tool meets a surface, that is an inelastic impact without friction: q_dot becomes the nearest one, in the
     metric of M, that enters no surface. A surface that would have to pull for that is left: one that was held may take
     as much from its push over the step, h lambda, as there was.
     """
-    around, arm = around[0], arm[0]
-    world, work, k, holding = around.world, around.multipliers, around.world.shapes.number, arm.holding
-    _pulls(around, J, rotation, translation, M, arm, t)
+    workspace, arm = workspace[0], arm[0]
+    world, work, k, holding = workspace.world, workspace.multipliers, workspace.world.shapes.number, arm.holding
+    _pulls(workspace, J, rotation, translation, M, arm, t)
     impact = False
     for i in range(k):
-        met = one_of(around.touch, i)
+        met = one_of(workspace.touch, i)
         arm.load.phi[i], work.whole[i] = met.phi, met.phi_dot
         work.free[i] = h * arm.load.multiplier[i]
         impact = impact or holding.held[i] == MET

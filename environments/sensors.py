@@ -59,6 +59,12 @@ class ForceSensor:
         return np.repeat([round(each / self.period) for each in (self.settings.delay, self.settings.moment_delay)], 3)
 
     @property
+    def gain(self) -> float:
+        """Gain of the low-pass, by which its output moves to a reading within one period; 1 without one."""
+        cutoff = self.settings.cutoff
+        return float(1.0 - np.exp(-2 * np.pi * cutoff * self.period)) if cutoff > 0.0 else 1.0
+
+    @property
     def late(self) -> int:
         """Number of readings by which the latest entry is late."""
         return int(self.lateness.max())
@@ -158,7 +164,7 @@ class LowPass(Stage):
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         super().__init__(sensor, seed)
-        self.gain = float(1.0 - np.exp(-2 * np.pi * sensor.settings.cutoff * sensor.period))
+        self.gain = sensor.gain
         self._filtered: np.ndarray | None = None
 
     @staticmethod

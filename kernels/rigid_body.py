@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kernels import inline, kernel
+from kernels import inline
 from kernels.algebra import cross
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class Motion(NamedTuple):
 
 
 @inline
-def place(chain, q, motion):
+def forward_kinematics(chain, q, motion):
     """Compute R, p and J at q (n,)."""
     R, p, J = motion.R, motion.p, motion.J.T
     for i in range(q.shape[0]):
@@ -171,7 +171,7 @@ def place(chain, q, motion):
 
 
 @inline
-def take_place(other, motion):
+def copy_kinematics(other, motion):
     """Copy R, p and J from the motion of another arm of the same geometry."""
     for i in range(motion.p.shape[0]):
         for a in range(3):
@@ -183,8 +183,8 @@ def take_place(other, motion):
 
 
 @inline
-def travel(q_dot, motion):
-    """Compute velocity and J_dot for q_dot (n,), after `place`."""
+def jacobian_rate(q_dot, motion):
+    """Compute the links' velocities and J_dot for q_dot (n,), after `forward_kinematics`."""
     J, J_dot, v = motion.J.T, motion.J_dot.T, motion.velocity
     for i in range(q_dot.shape[0]):
         for a in range(6):
@@ -198,8 +198,8 @@ def travel(q_dot, motion):
 
 
 @inline
-def weigh(chain, motion):
-    """Compute the inertia of each link, after `place`."""
+def link_inertias(chain, motion):
+    """Compute the inertia of each link, after `forward_kinematics`."""
     R, p, Y = motion.R, motion.p, motion.inertia
     for i in range(p.shape[0]):
         m, lever, own = chain.masses[i], chain.levers[i], chain.inertias[i]
@@ -275,7 +275,8 @@ def _christoffel_factors(motion):
 
 @inline
 def estimated_terms(chain, motion):
-    """Compute momenta, C and placements, after `place`, `travel` and `weigh`; adds the inertias up."""
+    """Compute momenta, C and placements, after `forward_kinematics`, `jacobian_rate` and `link_inertias`; adds the
+    inertias up."""
     J, J_dot, Y, C, momenta = motion.J.T, motion.J_dot.T, motion.inertia, motion.C.T, motion.momenta.T
     momentum, turning, placements, n = motion.momentum, motion.turning, motion.placements.T, motion.bias.shape[0]
     _christoffel_factors(motion)
@@ -318,8 +319,8 @@ def estimated_terms(chain, motion):
 
 
 @inline
-def resist(chain, q_dot, motion):
-    """Compute bias = C q_dot + G, after `place`, `travel` and `weigh`."""
+def bias_torque(chain, q_dot, motion):
+    """Compute bias = C q_dot + G, after `forward_kinematics`, `jacobian_rate` and `link_inertias`."""
     J, J_dot, Y, v = motion.J.T, motion.J_dot.T, motion.inertia, motion.velocity
     acceleration, wrench, n = motion.acceleration, motion.wrench, q_dot.shape[0]
     for i in range(n):
@@ -341,8 +342,8 @@ def resist(chain, q_dot, motion):
 
 
 @inline
-def inertia(chain, motion):
-    """Compute M, after `place` and `weigh`; adds the inertias up."""
+def mass_matrix(chain, motion):
+    """Compute the mass matrix M, after `forward_kinematics` and `link_inertias`; adds the inertias up."""
     J, Y, M, n = motion.J.T, motion.inertia, motion.M, motion.bias.shape[0]
     for i in range(n - 1, -1, -1):
         if i < n - 1:
@@ -352,22 +353,3 @@ def inertia(chain, motion):
         for j in range(i + 1):
             M[i, j] = M[j, i] = _along(J, j, carried)
         M[i, i] += chain.rotor[i]
-
-
-@kernel
-def estimate_motion(chain, q, q_dot, motion):
-    """Compute the terms of the law at q, q_dot (n,): J, J_dot, momenta, C and placements."""
-    place(chain[0], q, motion[0])
-    travel(q_dot, motion[0])
-    weigh(chain[0], motion[0])
-    estimated_terms(chain[0], motion[0])
-
-
-@kernel
-def drive_motion(chain, q, q_dot, motion):
-    """Compute the terms of the plant at q, q_dot (n,): J, J_dot, M and bias."""
-    place(chain[0], q, motion[0])
-    travel(q_dot, motion[0])
-    weigh(chain[0], motion[0])
-    resist(chain[0], q_dot, motion[0])
-    inertia(chain[0], motion[0])

@@ -55,7 +55,7 @@ class Metrics(Struct, frozen=True):
     stopped: str | None
 
 
-def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engine = "pinocchio") -> Metrics:
+def metrics_of(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engine = "pinocchio") -> Metrics:
     """Metrics of everything recorded so far. engine: that has computed the run. Raises ValueError for a run without a
     single step."""
     record = loop.recording.stretch()  # copies what is asked for only
@@ -202,8 +202,8 @@ class Account(Struct, frozen=True):
 
 
 @dataclass(frozen=True)
-class ShownFigure:
-    """Figure: a number of an `Account` or of `Metrics` as it is shown, in a unit that depends on the task space, and of
+class ShownMetric:
+    """Metric: a number of an `Account` or of `Metrics` as it is shown, in a unit that depends on the task space, and of
     which `factor` make one SI unit."""
 
     title: str
@@ -212,46 +212,46 @@ class ShownFigure:
     unit: Callable[[Units], str]
 
     def of(self, account: Account | Metrics | None) -> float | None:
-        """Value of the figure in the unit in which it is shown."""
+        """Value of the metric in the unit in which it is shown."""
         value = None if account is None else getattr(account, self.field)
         return None if value is None else value * self.factor + 0.0  # no "-0"
 
     def units(self, systems: Iterable[System]) -> str:
-        """Unit of the figure in runs of these systems; both units where they differ."""
+        """Unit of the metric in runs of these systems; both units where they differ."""
         return " or ".join(dict.fromkeys(self.unit(system.units) for system in systems))
 
 
-FIGURES = (
-    ShownFigure("path error, RMS", "path_rms", 1e3, lambda units: units.error),
-    ShownFigure("path error, largest", "path_max", 1e3, lambda units: units.error),
-    ShownFigure("angle error, RMS", "angle_rms", 1e3, lambda _: "mrad"),
-    ShownFigure("angle error, largest", "angle_max", 1e3, lambda _: "mrad"),
-    ShownFigure("force error, RMS", "force_rms", 1.0, lambda _: "N"),
-    ShownFigure("force error, largest", "force_max", 1.0, lambda _: "N"),
-    ShownFigure("‖s‖, largest", "s_max", 1e3, lambda units: units.rate),
-    ShownFigure("residual of (8), RMS", "residual_rms", 1.0, lambda units: units.force),
-    ShownFigure("torque ‖τ‖, RMS", "effort", 1.0, lambda _: "N·m"),
-    ShownFigure("its variation", "variation", 1.0, lambda _: "N·m/s"),
-    ShownFigure("least margin of (17)", "gain_margin", 1.0, lambda units: units.force),
+ACCOUNT_METRICS = (
+    ShownMetric("path error, RMS", "path_rms", 1e3, lambda units: units.error),
+    ShownMetric("path error, largest", "path_max", 1e3, lambda units: units.error),
+    ShownMetric("angle error, RMS", "angle_rms", 1e3, lambda _: "mrad"),
+    ShownMetric("angle error, largest", "angle_max", 1e3, lambda _: "mrad"),
+    ShownMetric("force error, RMS", "force_rms", 1.0, lambda _: "N"),
+    ShownMetric("force error, largest", "force_max", 1.0, lambda _: "N"),
+    ShownMetric("‖s‖, largest", "s_max", 1e3, lambda units: units.rate),
+    ShownMetric("residual of (8), RMS", "residual_rms", 1.0, lambda units: units.force),
+    ShownMetric("torque ‖τ‖, RMS", "effort", 1.0, lambda _: "N·m"),
+    ShownMetric("its variation", "variation", 1.0, lambda _: "N·m/s"),
+    ShownMetric("least margin of (17)", "gain_margin", 1.0, lambda units: units.force),
 )
 # those of a whole run; the torques' variation, a number per joint, stands beside them
-METRICS = (
-    ShownFigure("path error at the end, largest", "motion_error_tail", 1e3, lambda units: units.error),
-    ShownFigure("angle error at the end, largest", "angle_error_tail", 1e3, lambda _: "mrad"),
-    ShownFigure("force error at the end, largest", "force_error_tail", 1.0, lambda _: "N"),
-    ShownFigure("moment error at the end, largest", "moment_error_tail", 1.0, lambda _: "N·m"),
-    ShownFigure("distance from the rigid surface, largest", "constraint_violation", 1e3, lambda _: "mm"),
-    ShownFigure("band reached after", "band_time", 1.0, lambda _: "s"),
-    ShownFigure("band promised within", "band_time_bound", 1.0, lambda _: "s"),
-    ShownFigure("boundary layer reached after", "reaching_time", 1.0, lambda _: "s"),
-    ShownFigure("boundary layer promised within", "layer_time_bound", 1.0, lambda _: "s"),
-    ShownFigure("s = 0 by (18) within", "reaching_time_bound", 1.0, lambda _: "s"),
-    ShownFigure("‖s‖ beyond (20) and the band, largest", "envelope_violation", 1e3, lambda units: units.rate),
-    ShownFigure("least margin of (17)", "gain_condition_margin", 1.0, lambda units: units.force),
-    ShownFigure("residual of (8) at the end, RMS", "target_model_residual_tail", 1.0, lambda units: units.force),
-    ShownFigure("time with a drive at its limit", "saturated_share", 100.0, lambda _: "%"),
-    ShownFigure("simulated time", "simulated_time", 1.0, lambda _: "s"),
-    ShownFigure("simulated time per computing time", "realtime_factor", 1.0, lambda _: ""),
+RUN_METRICS = (
+    ShownMetric("path error at the end, largest", "motion_error_tail", 1e3, lambda units: units.error),
+    ShownMetric("angle error at the end, largest", "angle_error_tail", 1e3, lambda _: "mrad"),
+    ShownMetric("force error at the end, largest", "force_error_tail", 1.0, lambda _: "N"),
+    ShownMetric("moment error at the end, largest", "moment_error_tail", 1.0, lambda _: "N·m"),
+    ShownMetric("distance from the rigid surface, largest", "constraint_violation", 1e3, lambda _: "mm"),
+    ShownMetric("band reached after", "band_time", 1.0, lambda _: "s"),
+    ShownMetric("band promised within", "band_time_bound", 1.0, lambda _: "s"),
+    ShownMetric("boundary layer reached after", "reaching_time", 1.0, lambda _: "s"),
+    ShownMetric("boundary layer promised within", "layer_time_bound", 1.0, lambda _: "s"),
+    ShownMetric("s = 0 by (18) within", "reaching_time_bound", 1.0, lambda _: "s"),
+    ShownMetric("‖s‖ beyond (20) and the band, largest", "envelope_violation", 1e3, lambda units: units.rate),
+    ShownMetric("least margin of (17)", "gain_condition_margin", 1.0, lambda units: units.force),
+    ShownMetric("residual of (8) at the end, RMS", "target_model_residual_tail", 1.0, lambda units: units.force),
+    ShownMetric("time with a drive at its limit", "saturated_share", 100.0, lambda _: "%"),
+    ShownMetric("simulated time", "simulated_time", 1.0, lambda _: "s"),
+    ShownMetric("simulated time per computing time", "realtime_factor", 1.0, lambda _: ""),
 )
 
 

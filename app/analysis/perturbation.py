@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from app.analysis.steady_force import steady_forces
+from app.analysis.steady_force import settled, steady_forces
 from app.scenario.schema import Scenario
 from app.simulation.controller_builder import compensation, law_of
 from app.simulation.environment_builder import truth_of
@@ -204,17 +204,17 @@ class DerivedSignals(Mapping[str, np.ndarray]):
         if not m:
             return self["yielding_force"][:, None]
         r_d, F_cd = self._rows["r_d"], self._rows["F_cd"]
-        numbers, settled = self._numbers(), np.empty_like(F_cd[:, :m])
+        numbers, found = self._numbers(), np.empty_like(F_cd[:, :m])
         for number in np.unique(numbers):
             epoch, rows = self._epochs[number], np.flatnonzero(numbers == number)
             for piece in [rows] if epoch.blend is None else rows[:, None]:
-                model = epoch.model_at(float(self._rows["t"][piece[0]]))
-                rest = model.left_by_layer(compensation(epoch.scenario, model.n), s[piece].T).T
+                model, A = epoch.model_at(float(self._rows["t"][piece[0]])), compensation(epoch.scenario, s.shape[1])
+                model, rest = settled(law_of(epoch.scenario), model, A, s[piece])
                 if system.plant.kind.rigid:
-                    settled[piece] = F_cd[piece, :m] + np.linalg.solve(model.K_f[:m, :m], rest[:, :m].T).T
+                    found[piece] = F_cd[piece, :m] + np.linalg.solve(model.K_f[:m, :m], rest[:, :m].T).T
                 else:
-                    settled[piece] = steady_forces(epoch.scenario, model, r_d[piece], F_cd[piece], rest)
-        return settled[:, : system.pressed]
+                    found[piece] = steady_forces(epoch.scenario, model, r_d[piece], F_cd[piece], rest)
+        return found[:, : system.pressed]
 
     def _V(self, s_norm: np.ndarray) -> np.ndarray:
         k_r_low = np.array([epoch.certificate.k_r_low for epoch in self._epochs])[self._numbers()]

@@ -32,9 +32,9 @@ class Spectrum:
 
 
 def amplitude_spectrum(t: np.ndarray, values: np.ndarray) -> Spectrum:
-    """Spectrum of values (N, n) at t (N,) s without their mean, with a flat-top window: right in amplitude at every
-    frequency, wide by some 4 / (t[-1] - t[0]) Hz. Only the last rows that are equally far apart count; empty for fewer
-    than 16."""
+    """Spectrum of values (N, n) at t (N,) s without their mean, with a flat-top window: right in amplitude but within
+    its width, some 4 / (t[-1] - t[0]) Hz, of 0 and of the Nyquist frequency. Only the last rows that are equally far
+    apart count; empty for fewer than 16."""
     steps = np.diff(t)
     uneven = np.flatnonzero(np.abs(steps - steps[-1:]) > STEADINESS * steps[-1:])
     values = values[uneven[-1] + 1 :] if len(uneven) else values

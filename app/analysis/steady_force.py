@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -10,7 +11,16 @@ from app.scenario.schema import Scenario
 from app.simulation.controller_builder import compensation, mode_of, true_stiffness
 from app.simulation.environment_builder import environment_of
 from app.simulation.system import System
+from controllers.control_law import ControlLaw
 from controllers.target_model import TargetModel
+
+
+def settled(law: ControlLaw, model: TargetModel, A: np.ndarray, s: np.ndarray) -> tuple[TargetModel, np.ndarray]:
+    """Model (8) that the law settles by, and what the present s (..., n) m/s leaves of it, (..., n) N, (14). A law that
+    reads no force presses with the desired one, as with K_f = 1, and knows no s. A: (n, n) 1/s."""
+    if law.feels_force:
+        return model, model.left_by_layer(A, s.T).T
+    return replace(model, K_f=np.eye(model.n)), np.zeros_like(s)
 
 
 def steady_forces(
@@ -53,8 +63,8 @@ def steady_force_error(system: System, r_d: np.ndarray, F_cd: np.ndarray, s: np.
     On a rigid surface r_fd = 0, and (41) leaves no error but that due to s."""
     if not (m := system.m):
         return None
-    model = system.controller.model
-    rest = model.left_by_layer(compensation(system.scenario, system.layout.n), s)
+    A, controller = compensation(system.scenario, system.layout.n), system.controller
+    model, rest = settled(controller.law, controller.model, A, s)
     if system.plant.kind.rigid:
         errors = np.linalg.solve(model.K_f[:m, :m], rest[:m])
     else:

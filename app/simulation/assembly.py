@@ -14,9 +14,7 @@ from app.scenario.errors import (
     IrregularSurface,
     ScenarioError,
     SurfaceOutOfReach,
-    TooStiff,
 )
-from app.scenario.field_info import field_info
 from app.scenario.schema import Scenario, TruthSection
 from app.simulation.controller_builder import (
     believed_compliance,
@@ -31,10 +29,8 @@ from app.simulation.domain import Constants, centres, constants_over, mobility_o
 from app.simulation.environment_builder import (
     contacts_of,
     environment_of,
-    face_axes,
     face_of,
     forces_of,
-    level_of,
     motion_of,
     positions_of,
     push_of,
@@ -43,7 +39,6 @@ from app.simulation.environment_builder import (
     spread_over,
     surfaces_of,
     task_axes,
-    task_joints,
     task_surface,
     tool_at_start,
     truth_of,
@@ -60,29 +55,32 @@ from app.simulation.error_model import ErrorModel
 from app.simulation.extremes import Omega
 from app.simulation.observation import Observer
 from app.simulation.planned_reference import Forces, Planned, ReferencePlan
+from app.simulation.reuse_keys import controller_key, domain_key, plant_key, sampled_loops_key, surfaces_key
 from app.simulation.search_memory import Memory
 from app.simulation.stations import Stations
-from app.simulation.system import Coordinate, System
+from app.simulation.step_check import require_resolved, unresolved
+from app.simulation.system import System
+from app.simulation.task_layout import coordinates_of, layout_of
 from controllers import modes
 from controllers.control_law import Reference
 from controllers.controller import Controller
-from controllers.modes import MODES, Mode
-from controllers.nominal_model import NO_RATES, NominalModel
+from controllers.estimate_rates import NO_RATES
+from controllers.modes import Mode
+from controllers.nominal_model import NominalModel
 from controllers.target_model import InvalidGain
 from controllers.task_space import TaskLayout
 from environments import robots
-from environments.contact_kinds import nature_of
+from environments.contact_kinds import combined_kind
 from environments.plant import Plant
 from environments.sensors import ForceSensor
 from environments.shift import SmoothShift
-from environments.step_resolution import Mobility, Oscillator, oscillators, resolved, substeps_needed
+from environments.step_resolution import Mobility
 from environments.surfaces.table import Surface
 from environments.urdf import RobotError
 
 if TYPE_CHECKING:
     from app.simulation.sampled_stability import SampledLoop
 
-EASE = 1.5  # factor on the period for which substeps are proposed, so that with those the plant also settles
 ON_SURFACE = 1e-6  # m, by which the tool may be off its starting place on the surface
 
 
@@ -119,7 +117,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     plant = _plant(scenario, robot, surfaces, previous)
     q_0 = _start(scenario, plant, robot, nominal)
     in_corner = mode.on_surface and len(surfaces) > 1
-    layout = _layout(scenario, mode, robot, nominal, q_0, plant.surface)
+    layout = layout_of(scenario, mode, robot, nominal, q_0, plant.surface)
     cartesian = Surface.cartesian(task_axes(scenario, robot))
     charted = cartesian
     if mode.on_surface:
@@ -149,36 +147,16 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         shift=SmoothShift.fresh(shift, scenario.shift.duration),
         forces=Forces.of(forces),
     )
-    # the start is compared, too: onto a rigid surface the true arm's masses say which way it goes
-    alike = previous is not None and _shaping(previous.scenario) == _shaping(scenario)
-    if previous is not None and alike and np.array_equal(previous.q_0, q_0):
-        constants = previous.constants
-    else:
-        # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
-        on_it = plan if scenario.controller.estimates == "along-reference" else plan.stiff()
-        unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
-        rules = scenario.simulation
-        if mode.on_surface:
-            _require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
-        along = centres(observer.at, unshifted, shift, q_0, rules.duration)
-        span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
-        omega = Omega(along, rules.domain_radius, span)
-        uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
-        constants = constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
+    constants = _constants(scenario, robot, mode, nominal, observer, plan, surfaces, q_0, memory, previous)
     mobility = _mobility(scenario, plant, constants, nominal, memory, previous)
     stations = _stations(scenario, constants, previous)
-    # within a blend the controller of `previous` is on its way to another model
-    same = previous is not None and previous.constants is constants and previous.blend is None
-    if previous is not None and same and _ruling(previous.scenario) == _ruling(scenario):
-        controller = previous.controller
-    else:
-        controller = controller_of(scenario, robot, mode, layout, constants)
+    controller = _controller(scenario, robot, mode, layout, constants, previous)
     return System(
         scenario=scenario,
         robot=robot,
         mode=mode,
         layout=layout,
-        coordinates=_coordinates(layout, mode),
+        coordinates=coordinates_of(layout, mode),
         surfaces=surfaces,
         charted=charted,
         nominal=nominal,
@@ -216,6 +194,52 @@ def with_truth(system: System, truth: TruthSection, previous: System | None) -> 
     )
 
 
+def _constants(
+    scenario: Scenario,
+    robot: robots.Robot,
+    mode: Mode,
+    nominal: NominalModel,
+    observer: Observer,
+    plan: ReferencePlan,
+    surfaces: tuple[Surface, ...],
+    q_0: np.ndarray,
+    memory: Memory,
+    previous: System | None,
+) -> Constants:
+    """Constants over Omega, those of `previous` where they are the same. Raises ScenarioError."""
+    # the start is compared, too: onto a rigid surface the true arm's masses say which way it goes
+    alike = previous is not None and domain_key(previous.scenario) == domain_key(scenario)
+    if previous is not None and alike and np.array_equal(previous.q_0, q_0):
+        return previous.constants
+    # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
+    on_it = plan if scenario.controller.estimates == "along-reference" else plan.stiff()
+    shift, rules = plan.shift.end, scenario.simulation
+    unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
+    if mode.on_surface:
+        _require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
+    along = centres(observer.at, unshifted, shift, q_0, rules.duration)
+    span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
+    omega = Omega(along, rules.domain_radius, span)
+    uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
+    return constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
+
+
+def _controller(
+    scenario: Scenario,
+    robot: robots.Robot,
+    mode: Mode,
+    layout: TaskLayout,
+    constants: Constants,
+    previous: System | None,
+) -> Controller:
+    """Controller of a scenario, that of `previous` where it is the same."""
+    # within a blend the controller of `previous` is on its way to another model
+    same = previous is not None and previous.constants is constants and previous.blend is None
+    if previous is not None and same and controller_key(previous.scenario) == controller_key(scenario):
+        return previous.controller
+    return controller_of(scenario, robot, mode, layout, constants)
+
+
 def _nominal(robot: robots.Robot, previous: System | None) -> NominalModel:
     if previous is not None and previous.robot is robot:
         return previous.nominal
@@ -225,25 +249,19 @@ def _nominal(robot: robots.Robot, previous: System | None) -> NominalModel:
 def _plant(scenario: Scenario, robot: robots.Robot, surfaces: tuple[Surface, ...], previous: System | None) -> Plant:
     """Plant of a scenario, that of `previous` where it is the same."""
     alike = previous is not None and previous.robot is robot and previous.surfaces is surfaces
-    if previous is not None and alike and _nature(previous.scenario) == _nature(scenario):
+    if previous is not None and alike and plant_key(previous.scenario) == plant_key(scenario):
         return previous.plant
     return Plant(
         robot,
         truth_of(scenario, robot),
         surfaces,
-        nature_of(tuple(each.contact.nature for each in scenario.surfaces)),
+        combined_kind(tuple(each.contact.nature for each in scenario.surfaces)),
         contacts_of(scenario),
         scenario.simulation.integrator,
         scenario.simulation.substeps,
         face_of(scenario, robot),
         environment_of(scenario),
     )
-
-
-def _nature(scenario: Scenario) -> tuple[object, ...]:
-    """Parts of the scenario that the plant is made of, besides arm and surfaces."""
-    rules, met = scenario.simulation, tuple((each.place, each.contact) for each in scenario.surfaces)
-    return scenario.truth, met, scenario.face, scenario.coupling, rules.integrator, rules.substeps
 
 
 def _mobility(
@@ -264,9 +282,9 @@ def _mobility(
         # the believed arm is the same in all runs of a sweep, and a search takes longer than a run
         believed = mobility_over(touched, plant.robot.model, plant.surfaces, nominal, memory)
         mobility = believed.at_most_for(plant.model, plant.robot.model)
-    if mobility is None or _unresolved(scenario, plant, mobility):
+    if mobility is None or unresolved(scenario, plant, mobility):
         mobility = mobility_over(touched, plant.model, plant.surfaces, nominal, memory)
-    _require_resolved(scenario, plant, mobility)
+    require_resolved(scenario, plant, mobility)
     return mobility
 
 
@@ -283,18 +301,9 @@ def _sampled_loops(
     """Memory of the sampled loops at these stations: that of `previous` where the loops are the same, else an empty
     one. Within a blend they differ, since its model is in no scenario."""
     alike = previous is not None and previous.stations is stations and previous.controller.model.same(controller.model)
-    if previous is not None and alike and _looped(previous.scenario) == _looped(scenario):
+    if previous is not None and alike and sampled_loops_key(previous.scenario) == sampled_loops_key(scenario):
         return previous.sampled_loops
     return {}
-
-
-def _looped(scenario: Scenario) -> Scenario:
-    """The scenario without what a sampled loop at rest at a station does not depend on: its names, and the forces that
-    are asked for."""
-    plain = Scenario()
-    second = msgspec.structs.replace(scenario.second, force=plain.second.force)
-    third = msgspec.structs.replace(scenario.third, force=plain.third.force)
-    return msgspec.structs.replace(scenario, name="", title="", force=plain.force, second=second, third=third)
 
 
 def _compliance(scenario: Scenario) -> np.ndarray:
@@ -308,7 +317,7 @@ def _surfaces_in_use(
     scenario: Scenario, robot: robots.Robot, nominal: NominalModel, previous: System | None
 ) -> tuple[Surface, ...]:
     """Surfaces of the scenario; one typed as a formula is checked where the tool will meet it."""
-    if previous is not None and _judged_by(previous.scenario) == _judged_by(scenario):
+    if previous is not None and surfaces_key(previous.scenario) == surfaces_key(scenario):
         return previous.surfaces
     surfaces = surfaces_of(scenario, tool_at_start(robot, nominal))
     on_surface = modes.MODES[scenario.mode].on_surface
@@ -319,11 +328,6 @@ def _surfaces_in_use(
             except ValueError as error:
                 raise IrregularSurface(f"{each.path}{error}") from error
     return surfaces
-
-
-def _judged_by(scenario: Scenario) -> tuple[object, ...]:
-    touched = tuple((each.form, each.contact.kind) for each in scenario.surfaces)
-    return touched, scenario.robot, scenario.mode, scenario.simulation
 
 
 def _start(scenario: Scenario, plant: Plant, robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
@@ -360,101 +364,3 @@ def _require_within_reach(
             f"{path}surface: out of the arm's reach, {abs(depth):.3g} m {side} the tool at {tool} m; "
             f"allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
         )
-
-
-def _layout(
-    scenario: Scenario, mode: Mode, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray, surface: Surface
-) -> TaskLayout:
-    joints, angles = task_joints(scenario, robot)
-    estimate = nominal.evaluate(q_0, np.zeros(robot.n))
-    flat = scenario.face.flat and mode.on_surface
-    supplemental = np.zeros(robot.n, dtype=np.int64)
-    supplemental[: len(joints)] = joints
-    return TaskLayout(
-        n=robot.n,
-        joint=scenario.task_space.kind == "joint",
-        positions=positions_of(robot),
-        angles=angles,
-        supplemental=supplemental,
-        l=scenario.task_space.characteristic_length,
-        R_ref=estimate.R,
-        tilts=2 if flat else 0,
-        face=face_axes(scenario) if flat else np.zeros((2, 3)),
-        level=level_of(scenario, estimate.R, surface.chart(estimate.p, 0.0).G[0]) if flat else np.zeros((2, 3)),
-    )
-
-
-def _shaping(scenario: Scenario) -> tuple[object, ...]:
-    """Parts of the scenario that Omega and the constants over it depend on, besides the start."""
-    names = ("robot", "task_space", "declared", "mode", "motion", "rotation", "shift", "simulation")
-    where = (*(getattr(scenario, name) for name in names), scenario.face.flat, scenario.face.normal)
-    where = (*where, *((each.form, each.pressed) for each in scenario.surfaces))
-    if scenario.controller.estimates == "along-reference":
-        return (
-            *where,
-            scenario.face,
-            scenario.coupling.K_e_hat,
-            *((each.force, each.K_e_hat) for each in scenario.surfaces),
-        )
-    return where
-
-
-def _ruling(scenario: Scenario) -> tuple[object, ...]:
-    """Parts of the scenario that the controller depends on, besides the constants over Omega: all but what it is not
-    told of the true arm and of the contact, and what is asked of it."""
-    told = (
-        "robot",
-        "mode",
-        "task_space",
-        "declared",
-        "controller",
-        "target_model",
-        "second",
-        "third",
-        "coupling",
-        "face",
-    )
-    met = scenario.contact if MODES[scenario.mode].feedback == "all" else scenario.contact.nature
-    return *(getattr(scenario, name) for name in told), met, scenario.contact.unilateral
-
-
-def _coordinates(layout: TaskLayout, mode: Mode) -> tuple[Coordinate, ...]:
-    if layout.joint:
-        return tuple(Coordinate(f"q{joint + 1}", "rad") for joint in range(layout.n))
-    cartesian = ["x", "z"] if layout.positions == 2 else ["x", "y", "z"]
-    places = _PLACES[mode.surfaces] if mode.on_surface else cartesian
-    angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
-    extra = [f"ℓ·q{joint + 1}" for joint in layout.supplemental_joints]
-    names = [*places[: layout.positions], *angles, *extra]
-    if layout.tilts:
-        names = ["φ", "ℓ·θ₁", "ℓ·θ₂", *places[1:], "ℓ·γ", *extra]
-    return tuple(Coordinate(name, "m", layout.l if name.startswith("ℓ") else None) for name in names)
-
-
-# names of the positions by the number of surfaces among them
-_PLACES = {1: ["φ", "ψ₁", "ψ₂"], 2: ["φ₁", "φ₂", "ψ"], 3: ["φ₁", "φ₂", "φ₃"]}
-
-
-def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> None:
-    """Refuse contacts and frictions that the plant's step cannot follow where the arm is most mobile: the plant would
-    explode whatever the controller does."""
-    integrator, period = scenario.simulation.integrator, scenario.controller.period
-    for o in _unresolved(scenario, plant, mobility):
-        enough = substeps_needed(integrator, o, EASE * period, int(field_info("simulation.substeps").largest or 1))
-        raise TooStiff(
-            f"{o.field}: {o.value:g} {o.unit} is too stiff for {plant.substeps} step(s) of {integrator} per control "
-            f"period of {period:g} s, the plant would explode; allowed: "
-            + ("" if enough is None else f"simulation.substeps >= {enough}, or ")
-            + "a smaller value",
-            enough,
-        )
-
-
-def _unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[Oscillator]:
-    """Oscillators of the plant that its step does not follow."""
-    step = scenario.controller.period / plant.substeps
-    K_t = scenario.face.K_t if scenario.face.flat else 0.0
-    parts = (plant.kind, plant.contacts, plant.environment, plant.truth)
-    paths = [each.path for each in scenario.surfaces]
-    known = oscillators(*parts, mobility, K_t, plant.model.nv, paths)
-    return [o for o in known if not resolved(scenario.simulation.integrator, o, step)]

@@ -9,11 +9,12 @@ import msgspec
 import numpy as np
 import structlog
 
-from app.process.own_code import OwnCodeError
 from app.scenario.errors import ScenarioError
+from app.scenario.own_code import OwnCodeError
 from app.scenario.schema import Scenario, TruthSection, after_blend
+from app.simulation.alarms import Alarm
 from app.simulation.assembly import assemble, with_truth
-from app.simulation.control_period import Alarm, Evaluation, Setting
+from app.simulation.control_period import Evaluation, Setting
 from app.simulation.controlled_arm import ControlledArm, PeriodAddresses
 from app.simulation.premise_watch import PremiseWatch, losses
 from app.simulation.recording import Recording
@@ -24,7 +25,7 @@ from app.simulation.state import State, blending, observed
 from app.simulation.system import System
 from app.simulation.true_errors import beyond
 from app.simulation.verdict import Standing
-from app.simulation.view import LiveFigures, View
+from app.simulation.view import LiveMetrics, View
 from controllers.blend import ModelBlend
 from controllers.premises import Kept, periods_between_looks
 from controllers.reaching import ReachingCertificate
@@ -132,8 +133,10 @@ class ClosedLoop:
             _, _, e_r, e_r_dot = observed(system, state.t, arm)
             evaluation.views.z[:] = system.controller.compensator.without_reaching(e_r, e_r_dot)
         self._bind(system, state)
+        before = self._watch.fed_back
         self._watch.begin()
-        self._watch.require_bounded_gain()
+        self._watch.require_bounded_gain(before)
+        self._watch.require_bounded_blend(system.blend)
 
     def edit(self, scenario: Scenario) -> None:
         """Continue with a changed scenario, or begin anew where the change does not allow it.
@@ -152,6 +155,7 @@ class ClosedLoop:
                 end = old.blend.at + old.blend.over
                 raise ScenarioError(f"target_model: a blend is under way; allowed: from its end on, t = {end:.4g} s")
         elif msgspec.structs.replace(old, blend=scenario.blend) == scenario:
+            self._watch.require_bounded_blend(new.blend)
             self._bind(replace(self.system, scenario=scenario, blend=new.blend), self.state)
             self.state.epoch = replace(self.state.epoch, scenario=scenario, blend=new.blend)
             self.recording.epochs[-1] = self.state.epoch
@@ -298,7 +302,7 @@ class ClosedLoop:
         return self._arm.addresses
 
     @property
-    def memory(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def kernel_data(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Data that the compiled functions of a period work in: setting, evaluation, arm and the plant's workspace,
         each (1,)."""
         return self._arm.settings.data, self.state.evaluation.data, self.state.arm.data, self.system.plant.workspace
@@ -427,7 +431,7 @@ class ClosedLoop:
         arm, evaluated = state.arm.views, self._evaluated()
         seen, reference = evaluated.data["seen"], evaluated.data["reference"]
         normals = seen["task"]["normals"][0]
-        figures = LiveFigures(
+        metrics = LiveMetrics(
             evaluated,
             state.evaluation.views.residual.copy(),
             self.certificate.t_r,
@@ -442,5 +446,5 @@ class ClosedLoop:
             reference["F_cd"][0, : system.pressed] @ normals[: system.pressed],
             self._arm.push[:3].copy(),
             self._arm.push[3:].copy(),
-            figures,
+            metrics,
         )

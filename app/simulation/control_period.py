@@ -4,20 +4,20 @@ its order."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import IntFlag
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from app.simulation.alarms import ENTERED, OVER_BOUND, REACHED, Limits, began_to_saturate, beyond_limits, lost_contact
 from app.simulation.observation import Observation, ObservationModel, observe
 from app.simulation.planned_reference import ReferencePlan, reference_at
+from app.simulation.row_writing import write_load, write_row
 from app.simulation.true_errors import UNKNOWN, TrueArm, TrueErrors, judge_errors
 from controllers.bounds import sum_of
 from controllers.control_law import ControlOutput, Gains, Reference, Told, add_up, clear
-from controllers.laws import table
+from controllers.laws.table import torque as law_torque
 from controllers.nominal_model import ON_LINE
 from controllers.premises import (
-    CONTACT,
     DECLARED,
     DOMAIN,
     DRIVES,
@@ -26,8 +26,8 @@ from controllers.premises import (
     REGULAR,
     Held,
     Kept,
+    PremiseScratch,
     PremiseTable,
-    Room,
     Watched,
     held_error,
     judge,
@@ -40,35 +40,6 @@ from controllers.switching import SAMPLING_SHARE
 from environments.truth import limited
 from kernels import inline, kernel
 from kernels.algebra import copy, norm, row_times
-
-
-class Alarm(IntFlag):
-    """Alarms of a control period, as flags."""
-
-    ENTERED = 1  # ||s|| is within the boundary layer for the first time
-    NOT_FINITE = 2  # the state is not finite
-    SINGULAR = 4  # J_q is nearly singular
-    FAST = 8  # the joints are too fast
-    OVER_BOUND = 16  # ||s|| is over its bound, though all premises hold
-    SATURATED = 32  # a drive's limit begins to cut the torque
-    REACHED = 64  # ||s|| is within the band for the first time
-    AWAY = 128  # the tool has left a surface that it should press
-
-
-ENTERED, NOT_FINITE, SINGULAR, FAST, OVER_BOUND, SATURATED, REACHED, AWAY = (int(alarm) for alarm in Alarm)
-
-
-class Limits(NamedTuple):
-    """Thresholds of the alarms of a period.
-    sigma_min: m.
-    speed: rad/s.
-    pushes_only: (3,), 1 for each surface that is rigid and unilateral.
-    pressed: (3,), 1 for each surface that is not rigid, but that the tool should press."""
-
-    sigma_min: float
-    speed: float
-    pushes_only: np.ndarray
-    pressed: np.ndarray
 
 
 class Setting(NamedTuple):
@@ -121,7 +92,7 @@ class Evaluation(NamedTuple):
     watched: Watched
     held: Held
     kept: Kept
-    room: Room
+    scratch: PremiseScratch
 
     @classmethod
     def zeros(cls, n: int) -> Evaluation:
@@ -131,7 +102,7 @@ class Evaluation(NamedTuple):
         output, f = ControlOutput.zeros(n), np.zeros(6)
         watched = Watched(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, 0, UNKNOWN)
-        return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), Room.zeros(n))
+        return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), PremiseScratch.zeros(n))
 
 
 def asked(torque: Callable[..., None]) -> Any:
@@ -161,7 +132,7 @@ def asked(torque: Callable[..., None]) -> Any:
     return ask
 
 
-_measure, _ask = asked(measure), asked(table.torque)
+_measure, _ask = asked(measure), asked(law_torque)
 
 
 @kernel
@@ -208,7 +179,7 @@ def _conclude(setting, evaluation, arm, t, row):
     limited(setting.torque_limit, output.tau, evaluation.applied)
     _prepare_residual(setting.gains.model, evaluation.seen, evaluation.reference, output, evaluation.residual)
     _judge_premises(setting, evaluation, arm, t)
-    _fill(row, t, arm, evaluation)
+    write_row(row, t, arm, evaluation)
 
 
 @inline
@@ -221,11 +192,11 @@ def _judge_premises(setting, evaluation, arm, t):
         evaluation.watched,
         evaluation.held,
     )
-    task, estimate, feedforward, room = (
+    task, estimate, feedforward, scratch = (
         evaluation.seen.task,
         evaluation.seen.estimate,
         evaluation.feedforward,
-        evaluation.room,
+        evaluation.scratch,
     )
     true, seen = setting.true_arm, evaluation.seen
     if true.judged:
@@ -237,10 +208,10 @@ def _judge_premises(setting, evaluation, arm, t):
     spared = SAMPLING_SHARE * gains.K_s_smallest * output.s_norm
     table.value[HELD], table.limit[HELD] = 0.0, watched.allowed + spared
     if held.known:
-        F = room.F
+        F = scratch.F
         for a in range(6):
             F[a] = arm.load.wrench[a] - held.push[a]
-        table.value[HELD] = held_error(gains, feedforward, task, estimate, F, output, held, room)
+        table.value[HELD] = held_error(gains, feedforward, task, estimate, F, output, held, scratch)
     terms = output.terms
     for i in range(held.model.shape[0]):
         held.model[i] = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
@@ -277,61 +248,6 @@ def _prepare_residual(model, seen, reference, output, rest):
         rest[i] = inert + damped + row_times(model.K_m, i, output.e_r) + row_times(model.K_f, i, output.e_Fc)
 
 
-@inline
-def _fill(row, t, arm, evaluation):
-    """Write the evaluation into the row; `complete_row` rewrites the fields that depend on the plant's response."""
-    output, task, needed = evaluation.output, evaluation.seen.task, evaluation.output.needed
-    row.t = t
-    copy(arm.q, row.q)
-    copy(arm.q_dot, row.q_dot)
-    copy(task.r, row.r)
-    copy(task.r_dot, row.r_dot)
-    copy(evaluation.reference.r_d, row.r_d)
-    copy(output.e_r, row.e_r)
-    copy(output.e_r_dot, row.e_r_dot)
-    copy(evaluation.seen.estimate.p, row.tool)
-    _fill_wrench(evaluation.F, row.F, row.moment)
-    _fill_wrench(evaluation.push, row.F_push, row.moment_push)
-    copy(output.F_c, row.F_c)
-    copy(evaluation.reference.F_cd, row.F_cd)
-    copy(evaluation.z, row.z)
-    copy(output.s, row.s)
-    copy(output.terms.inertia, row.tau_inertia)
-    copy(output.terms.coriolis, row.tau_coriolis)
-    copy(output.terms.gravity, row.tau_gravity)
-    copy(output.terms.force, row.tau_force)
-    copy(output.terms.linear, row.tau_linear)
-    copy(output.terms.switching, row.tau_switching)
-    copy(output.tau, row.tau)
-    copy(evaluation.applied, row.tau_applied)
-    copy(output.q_ddot, row.q_eq_ddot)
-    row.needed[0], row.needed[1], row.needed[2] = needed.inertia, needed.coriolis, needed.gravity
-    row.needed[3], row.needed[4], row.needed[5] = needed.task_motion, needed.disturbance, needed.epsilon
-    row.d = output.d
-    row.d_required = sum_of(needed)
-    row.s_norm = output.s_norm
-    row.s_bound = evaluation.kept.bound
-    row.s_band = evaluation.kept.band
-    row.V_band = evaluation.watched.V_band if evaluation.kept.standing else np.nan
-    row.held_error = evaluation.table.value[HELD]
-    row.sigma_min = 1.0 / task.J_q_inv_norm
-    copy(evaluation.residual, row.residual)
-    _fill_load(row, arm.load)
-    row.phi, row.phi_2, row.phi_3 = arm.load.phi[0], arm.load.phi[1], arm.load.phi[2]
-
-
-@inline
-def _fill_wrench(wrench, force, moment):
-    for a in range(3):
-        force[a], moment[a] = wrench[a], wrench[3 + a]
-
-
-@inline
-def _fill_load(row, load):
-    _fill_wrench(load.wrench, row.F_true, row.moment_true)
-    row.multiplier, row.multiplier_2, row.multiplier_3 = load.multiplier[0], load.multiplier[1], load.multiplier[2]
-
-
 @kernel
 def complete_row(setting, evaluation, arm, row):
     """Write the fields that are known only after the plant's response: the residual of (8), and the force of a heavy
@@ -345,45 +261,9 @@ def complete_row(setting, evaluation, arm, row):
         residual[i] += row_times(setting.gains.model.M_m, i, r_ddot)
     copy(residual, row[0].residual)
     if setting.heavy:
-        _fill_load(row[0], arm.load)
-    left = _leaving(setting.limits, evaluation, arm.load.multiplier, arm.holding.absent)
-    return left + _saturation(evaluation) + _alarms(setting.limits, evaluation, norm(arm.q_dot))
-
-
-@inline
-def _leaving(limits, evaluation, multiplier, absent):
-    """Compare the contacts with those of the period before; `absent` (3,) is read, and set to 0 for the next one."""
-    was, evaluation.touching, missing = evaluation.touching, True, 0.0
-    for i in range(3):
-        if limits.pressed[i] and multiplier[i] == 0.0:
-            evaluation.touching = False
-        if limits.pushes_only[i] and absent[i]:
-            evaluation.touching = False
-            missing += 1.0
-        absent[i] = 0
-    evaluation.table.value[CONTACT] = missing
-    return AWAY if was and not evaluation.touching else 0
-
-
-@inline
-def _saturation(evaluation):
-    was, evaluation.saturated = evaluation.saturated, False
-    for i in range(evaluation.applied.shape[0]):
-        if evaluation.applied[i] != evaluation.output.tau[i]:
-            evaluation.saturated = True
-    return SATURATED if evaluation.saturated and not was else 0
-
-
-@inline
-def _alarms(limits, evaluation, speed):
-    s_norm, flags = evaluation.output.s_norm, evaluation.news
-    if not np.isfinite(speed + s_norm):
-        flags += NOT_FINITE
-    if limits.sigma_min * evaluation.seen.task.J_q_inv_norm > 1.0:
-        flags += SINGULAR
-    if speed > limits.speed:
-        flags += FAST
-    return flags
+        write_load(row[0], arm.load)
+    left = lost_contact(setting.limits, evaluation, arm.load.multiplier, arm.holding.absent)
+    return left + began_to_saturate(evaluation) + beyond_limits(setting.limits, evaluation, norm(arm.q_dot))
 
 
 @inline
@@ -414,7 +294,7 @@ def watch_posture(setting, evaluation, centres):
         evaluation.feedforward,
         evaluation.seen.q_dot,
         evaluation.output,
-        evaluation.room,
+        evaluation.scratch,
         evaluation.kept.reaching,
         setting.period,
         evaluation.table,

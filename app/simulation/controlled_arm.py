@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from app.simulation.alarms import Limits
 from app.simulation.control_period import (
     Evaluation,
-    Limits,
     Setting,
     begin_period,
     complete_row,
@@ -215,9 +215,10 @@ class ControlledArm:
 
 def _setting_of(system: System, *, online: bool) -> Setting:
     scenario, plant = system.scenario, system.plant
-    pushes_only, pressed = np.zeros(3, dtype=np.int64), np.zeros(3, dtype=np.int64)
+    rigid, meets, pressed = np.zeros((3, 3), dtype=np.int64)
     for i, each in enumerate(system.plant.contacts):
-        pushes_only[i] = plant.kind.rigid and each.unilateral
+        rigid[i] = plant.kind.rigid
+        meets[i] = plant.kind.massive and each.M_e > 0.0 and each.unilateral
         pressed[i] = i < system.pressed and plant.kind.springs and each.unilateral
     return Setting(
         observation_model=system.observer.observation_model,
@@ -227,7 +228,7 @@ def _setting_of(system: System, *, online: bool) -> Setting:
         online=online,
         heavy=plant.kind.heavy,
         torque_limit=np.broadcast_to(plant.truth.torque_limit, system.robot.n),
-        limits=Limits(scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, pressed),
+        limits=Limits(scenario.simulation.sigma_min, SPEED_LIMIT, rigid, meets, pressed),
         true_arm=_true_arm_of(system),
     )
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import block_diag
 
-from app.process.own_code import own_code
 from app.scenario.errors import ScenarioError, scenario_errors
+from app.scenario.own_code import own_code
 from app.scenario.schema import Matrix, Scenario, TargetModelSection, after_blend
 from app.simulation.domain import Constants
 from app.simulation.environment_builder import believed_matrix, environment_of
@@ -16,10 +16,10 @@ from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
 from controllers.control_law import ControlLaw
 from controllers.controller import Controller
+from controllers.estimate_rates import LinkRates
 from controllers.followed_faces import FollowedFaces
 from controllers.laws.table import LAWS
 from controllers.modes import Mode
-from controllers.nominal_model import LinkRates
 from controllers.surface_stability import SurfaceRange, passive_throughout
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain, TargetModel
@@ -38,32 +38,40 @@ def law_of(scenario: Scenario) -> ControlLaw:
     known, kind = laws(), scenario.controller.law
     if kind not in known:
         raise ScenarioError(
-            f"controller.law: {kind!r:.60}; {allowed(kind, known)} (or that of a file of your own: --use FILE)"
+            f"controller.law: {kind!r:.60}; {allowed(kind, known)} (or that of a file of your own, by --use FILE of "
+            "serve, run, compare, export and response)"
         )
     return known[kind]
 
 
 def parameters_of(scenario: Scenario, law: ControlLaw) -> dict[str, float]:
-    """Values of the law's own parameters, by name. Raises ScenarioError."""
-    given = (scenario.controller.own or {}).get(law.kind, {})
+    """Values of the law's own parameters, by name. Raises ScenarioError, also where the scenario has parameters of a
+    law that there is not."""
+    own, known = scenario.controller.own or {}, laws()
+    if unknown := [kind for kind in own if kind not in known]:
+        named = allowed(unknown[0], (kind for kind, each in known.items() if each.parameters))
+        raise ScenarioError(
+            f"controller.own.{unknown[0]:.60}: no such law; allowed: controller.own.<law>.<parameter> with a law of a "
+            f"file that --use names; {named}"
+        )
     with scenario_errors():
-        return values_of(law.parameters, given, f"controller.own.{law.kind}")
+        return values_of(law.parameters, own.get(law.kind, {}), f"controller.own.{law.kind}")
 
 
 def uncertainty_of(scenario: Scenario, robot: Robot, k_C: float, rates: LinkRates) -> Uncertainty:
     """Declared uncertainty of the true arm; k_C, rates: of the Coriolis forces, see `controllers.bounds`."""
     d = scenario.declared
     return Uncertainty(
-        d.link_scaling,
-        d.rotor_scaling,
-        d.payload_mass,
-        d.payload_offset,
-        d.coulomb,
-        d.viscous,
-        d.disturbance,
-        d.force_error,
-        d.moment_error,
-        k_C,
+        rho=d.link_scaling,
+        rho_rotor=d.rotor_scaling,
+        payload_mass=d.payload_mass,
+        payload_offset=d.payload_offset,
+        coulomb=d.coulomb,
+        viscous=d.viscous,
+        disturbance=d.disturbance,
+        force_error=d.force_error,
+        moment_error=d.moment_error,
+        k_C=k_C,
         rho_centre=d.link_centre,
         rho_shape=d.link_shape,
         rates=rates,
@@ -183,7 +191,15 @@ def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceR
         return None
     if m:  # the normal has a coordinate of its own
         friction = contact.friction_viscous + sum(each.contact.friction_viscous for each in others)
-        return SurfaceRange(0.0, 0.0, 0.0, friction, m, layout.end_of_places - m, normal=False)
+        return SurfaceRange(
+            K_e=0.0,
+            B_e=0.0,
+            M_e=0.0,
+            friction=friction,
+            first=m,
+            directions=layout.end_of_places - m,
+            normal=False,
+        )
     return SurfaceRange(
         K_e=max(contact.K_e, scenario.controller.K_e_hat),
         B_e=contact.B_e,

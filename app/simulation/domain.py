@@ -15,7 +15,8 @@ from app.simulation.planned_reference import Planned
 from app.simulation.search_memory import Memory, Numbers, key_of
 from controllers.bounds import InertiaRange, Uncertainty
 from controllers.control_law import Reference
-from controllers.nominal_model import NO_RATES, Estimate, LinkRates, Lipschitz, NominalModel, Steepness
+from controllers.estimate_rates import NO_RATES, LinkRates, Lipschitz, Steepness
+from controllers.nominal_model import Estimate, NominalModel
 from controllers.task_space import TaskSpace
 from environments.step_resolution import Mobility
 from environments.surfaces.table import Surface

@@ -7,10 +7,10 @@ from itertools import combinations
 import numpy as np
 import pinocchio as pin
 
-from app.process.own_code import own_course, own_shape
 from app.scenario.data import kind_of
 from app.scenario.declared_bounds import link_rows, symmetric
 from app.scenario.errors import IrregularCorner, ScenarioError, WrongFace, scenario_errors
+from app.scenario.own_code import own_course, own_shape
 from app.scenario.schema import Scenario
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
@@ -56,15 +56,15 @@ def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:
     """Differences of the true arm from the nominal one. Raises ScenarioError."""
     t, n = scenario.truth, robot.n
     return Truth(
-        _factors("truth.link_scaling", t.link_scaling, n, "link"),
-        t.payload_mass,
-        np.array(t.payload_offset),
-        t.coulomb,
-        t.viscous,
-        t.disturbance,
-        t.disturbance_frequency,
-        _torque_limit(t.torque_limit, robot),
-        _factors("truth.rotor_scaling", t.rotor_scaling, n, "joint"),
+        link_scaling=_factors("truth.link_scaling", t.link_scaling, n, "link"),
+        payload_mass=t.payload_mass,
+        payload_offset=np.array(t.payload_offset),
+        coulomb=t.coulomb,
+        viscous=t.viscous,
+        disturbance=t.disturbance,
+        disturbance_frequency=t.disturbance_frequency,
+        torque_limit=_torque_limit(t.torque_limit, robot),
+        rotor_scaling=_factors("truth.rotor_scaling", t.rotor_scaling, n, "joint"),
         link_centre=_link_rows("truth.link_centre", t.link_centre, n, 3),
         link_shape=_shapes("truth.link_shape", t.link_shape, n),
     )
@@ -147,14 +147,8 @@ def tool_at_start(robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
     return nominal.evaluate(robot.posture, np.zeros(robot.n)).p
 
 
-def surface_of(scenario: Scenario, near: np.ndarray) -> Surface:
-    """First surface of the scenario. near: (3,) m, place of the tool, which selects the part of a typed surface. Raises
-    ScenarioError."""
-    return surface(scenario.surface, near)
-
-
 def surfaces_of(scenario: Scenario, near: np.ndarray) -> tuple[Surface, ...]:
-    """All surfaces of the scenario, see `surface_of`. Raises ScenarioError."""
+    """Surfaces of the scenario, see `surface`. Raises ScenarioError."""
     found = []
     for each in scenario.surfaces:
         try:
@@ -165,7 +159,8 @@ def surfaces_of(scenario: Scenario, near: np.ndarray) -> tuple[Surface, ...]:
 
 
 def surface(form: Form, near: np.ndarray) -> Surface:
-    """Surface of a form, see `surface_of`. Raises ScenarioError."""
+    """Surface of a form. near: (3,) m, place of the tool, which selects the part of a typed surface. Raises
+    ScenarioError."""
     with scenario_errors():
         shape = own_shape(form) if isinstance(form, own_surfaces.OwnForm) else None
         return Surface.of(form, near, shape)

@@ -16,7 +16,7 @@ from kernels import inline, kernel
 from kernels.records import Record
 
 LOOKS, FASTEST, FARTHEST = 25, 20.0, 4.0  # states at which a formula is tried: their number, rad/s, rad
-UNSTATED = Function.constant(np.nan)
+UNSTATED_FUNCTION = Function.constant(np.nan)
 
 
 class ErrorModel(NamedTuple):
@@ -40,7 +40,18 @@ class ErrorModel(NamedTuple):
     @classmethod
     def none(cls, n: int) -> ErrorModel:
         """Model without doubts, of an arm with n joints."""
-        return cls(False, False, False, False, False, UNSTATED, UNSTATED, UNSTATED, UNSTATED, np.zeros(n))
+        return cls(
+            turning=False,
+            states_M=False,
+            states_C=False,
+            states_G=False,
+            states_f=False,
+            M=UNSTATED_FUNCTION,
+            C=UNSTATED_FUNCTION,
+            G=UNSTATED_FUNCTION,
+            f=UNSTATED_FUNCTION,
+            q_0=np.zeros(n),
+        )
 
     @classmethod
     def of(cls, scenario: Scenario, q_0: np.ndarray) -> ErrorModel:
@@ -65,7 +76,7 @@ def _function(declared: Declared, name: str, duration: float) -> Function:
     """Stated bound of this name, tried over the values that its variables may take. Raises ScenarioError."""
     given: StatedBound = getattr(declared, name)
     if given is None:
-        return UNSTATED
+        return UNSTATED_FUNCTION
     if not isinstance(given, str):
         return Function.constant(float(given))
     names, example = STATED_IN[name]

@@ -15,6 +15,7 @@ from app.simulation.signals import Row
 from app.simulation.state import State
 from app.simulation.system import System
 from controllers.nominal_model import Estimate
+from controllers.reference_estimates import FeedforwardModel
 from controllers.task_space import TaskSpace
 from environments.push import TimedPush
 from environments.sensors import ForceReader
@@ -84,6 +85,7 @@ class PeriodMap:
         )
         self._state = state = State.at(still, at.q, np.zeros_like(at.q), at.t)
         self._arm, self._row = ControlledArm(still, state), Record.zeros(Row, system.layout.n).data
+        self._arm.settings.data["online"] = system.scenario.controller.estimates == "online"
         self._added, self._reading = np.zeros(6), np.zeros(6)
         self._blank, controller = state.evaluation.copy(), system.controller
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
@@ -117,7 +119,9 @@ class PeriodMap:
         state.evaluation.take(self._blank)
         state.t, state.x[:] = at.t, 0.0
         reference = Planned(plan).at(at.t)
-        _, seen = self._observer.at(state.arm.views.q, state.arm.views.q_dot, at.t)
+        estimate, seen = self._observer.at(state.arm.views.q, state.arm.views.q_dot, at.t)
+        if system.scenario.controller.estimates == "along-reference":  # they do not move with q
+            state.evaluation.write("feedforward", FeedforwardModel.at(estimate))
         e_r, e_r_dot = seen.r - reference.r_d, seen.r_dot - reference.r_d_dot
         state.evaluation.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
         state.reader = ForceReader(system.sensor, system.scenario.simulation.seed)

@@ -9,20 +9,23 @@ from typing import TypeVar
 import numpy as np
 
 from app.scenario.errors import UnboundedGain
-from app.simulation.control_period import Alarm, Evaluation
+from app.simulation.alarms import Alarm
+from app.simulation.control_period import Evaluation
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch
-from app.simulation.sampled_stability import RespondingLoop, SampledLoop, SampledLoops
+from app.simulation.sampled_stability import RespondingLoop, SampledLoop, SampledLoops, worst_gain_by_force
 from app.simulation.state import Flag, Judged, State, epoch_at
 from app.simulation.stations import APART
 from app.simulation.system import System
 from app.simulation.verdict import sentence
+from controllers.blend import ModelBlend, blended
 from controllers.premises import Kept, Premise, judge
 from controllers.switching import Switching
 from environments.contact import Holding
 
 Loop = TypeVar("Loop", bound=SampledLoop)
 SHARE = 0.02  # of a blend, between two judgements of the sampled loops
+ON_THE_WAY = (0.25, 0.5, 0.75, 1.0)  # shares of a blend that is planned, at which its model is judged
 
 
 class PremiseWatch:
@@ -89,9 +92,11 @@ class PremiseWatch:
         self._state_premise(Premise.DECLARED, float(len(system.outsiders)), 0.0)
         nearest, distance = system.constants.omega.centre_near(state.arm.views.q)
         self._state_premise(Premise.DOMAIN, distance, system.constants.radius)
-        if self._arm.settings.views.limits.pushes_only.any():
-            absent = state.arm.views.holding.held[: len(system.surfaces)] == 0
-            self._state_premise(Premise.CONTACT, float(absent.sum()), 0.0)
+        limits, away = self._arm.settings.views.limits, state.arm.views.holding.held[: len(system.surfaces)] == 0
+        absent = float(away.sum()) if system.plant.kind.rigid else 0.0
+        may_leave = any(each.unilateral for each in system.plant.contacts[: len(system.surfaces)])
+        if (system.plant.kind.rigid and (may_leave or absent > 0.0)) or limits.meets.any():
+            self._state_premise(Premise.CONTACT, absent, 0.0)
         state.judged = Judged(None, np.full(system.robot.n, np.nan), state.t, self._share)
         self.heed_posture(nearest)
 
@@ -165,29 +170,52 @@ class PremiseWatch:
             self.system.sampled_loops[judged.station] = loop
         return loop
 
-    def require_bounded_gain(self) -> None:
+    @property
+    def fed_back(self) -> tuple[float, float]:
+        """Shares of the gain by (17) that chattering and the force feed back, nan where there is no such loop."""
+        value = self._table.value
+        return float(value[Premise.GAIN_BY_CHATTER]), float(value[Premise.GAIN_BY_FORCE])
+
+    def require_bounded_gain(self, before: tuple[float, float]) -> None:
         """Raise UnboundedGain where the gain by (17) feeds itself: it would grow without bound whatever else is
-        chosen."""
-        table, controller = self._table, self.system.controller
-        if not controller.law.robust:
+        chosen. before: the shares that were `fed_back` before the change, which is not to blame for those."""
+        chatter, force = (0.0 if now <= earlier else now for now, earlier in zip(self.fed_back, before, strict=True))
+        self._require_bounded(chatter, force, f"controller.bounds: with {self.system.controller.bounds!r}")
+
+    def require_bounded_blend(self, blend: ModelBlend | None) -> None:
+        """Raise UnboundedGain where the gain by (17) would feed itself with a model on the way of this blend."""
+        controller, chatter = self.system.controller, self.fed_back[0]
+        if blend is None or not controller.law.robust or controller.d is not None:
             return
-        chatter, force = table.value[Premise.GAIN_BY_CHATTER], table.value[Premise.GAIN_BY_FORCE]
-        if controller.d is None and chatter == np.inf:
+        q, t = self._state.arm.views.q, self._state.t
+        lead = f"blend.to: on the way to this target model, with controller.bounds {controller.bounds!r},"
+        for share in ON_THE_WAY:
+            following = controller.following(blended(blend.start, blend.end, share))
+            growth = following.gains.damping_rate / controller.gains.damping_rate
+            force = worst_gain_by_force(self.system.with_controller(following), q, t)
+            self._require_bounded(chatter * growth, force, lead)
+
+    def _require_bounded(self, chatter: float, force: float, lead: str) -> None:
+        """Raise UnboundedGain where a share that is fed back is 1 or more. lead: beginning of the sentence."""
+        controller = self.system.controller
+        if not controller.law.robust or controller.d is not None:
+            return
+        if chatter == np.inf:
             raise UnboundedGain(
                 f"{self._largest_doubt()}: with what is declared no inertia is left at this posture, M_hat - E of (6) "
                 "is not positive definite, so no gain by (17) suffices; allowed: a smaller one"
             )
         others = "bounds = 'tight', " if controller.bounds == "paper" else ""
         others += f"controller.gain = 'constant', or a smaller {self._largest_doubt()}"
-        if controller.d is None and chatter >= 1.0:
+        if chatter >= 1.0:
             raise UnboundedGain(
-                f"controller.bounds: with {controller.bounds!r} the gain (17) runs away at this control period, "
+                f"{lead} the gain (17) runs away at this control period, "
                 f"chattering feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H)), allowed below 1; "
                 f"allowed: controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
             )
-        if controller.d is None and force >= 1.0:
+        if force >= 1.0:
             raise UnboundedGain(
-                f"controller.bounds: with {controller.bounds!r} the gain (17) and the force on the surface raise each "
+                f"{lead} the gain (17) and the force on the surface raise each "
                 f"other, by {force:.3g} of each change, allowed below 1, and no control period helps; allowed: {others}"
             )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.scenario.schema import Scenario
 
 # sections of which every change begins a new run
-RESTARTING = ("mode", "robot", "task_space", "surface", "simulation")
+RESTARTING = ("mode", "robot", "task_space", "simulation")
 
 
 def begins_anew(old: Scenario, new: Scenario) -> bool:
@@ -16,7 +16,7 @@ def begins_anew(old: Scenario, new: Scenario) -> bool:
 
 def _start(scenario: Scenario) -> tuple[object, ...]:
     """Fields, besides the sections in `RESTARTING`, that a run begins with."""
-    surfaces = tuple((each.path, each.contact.kind, each.pressed) for each in scenario.surfaces)
+    surfaces = tuple((each.path, each.form, each.contact.kind, each.pressed) for each in scenario.surfaces)
     face = scenario.face.flat, scenario.face.normal
     return surfaces, face, scenario.controller.period, scenario.controller.z_0
 

@@ -22,7 +22,7 @@ from app.simulation.period_map import PeriodMap, Posture, free_directions
 from app.simulation.push_response import FORCE, MOMENT, PushAxis, PushResponse
 from app.simulation.system import System
 from controllers.bounds import Equivalent, RequiredGain, required_gain
-from controllers.force_loop import force_loop_factor
+from controllers.force_loop import LONGEST_LINE, force_loop_factors, through_sensor, with_gain
 from controllers.nominal_model import ON_LINE, Estimate
 from controllers.premises import Premise
 from controllers.switching import Switching
@@ -32,7 +32,6 @@ from environments.step_resolution import ROUNDING
 
 NOISE = 1e-6  # of an eigenvalue
 SLIPS = 36  # directions of slip on one surface: the worst one of all is missed by at most 0.4 % of friction's part
-LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
 
 
 def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.ndarray | None = None) -> RequiredGain:
@@ -124,8 +123,8 @@ class SampledLoops:
         try:
             at = Posture.of(system, q, t)
             loads = _unit_loads(system, at)
-            factors = [_factor(system, at, load) for load in loads]
             given_back, added = zip(*(gain_by_force(system, at, load) for load in loads), strict=True)
+            force_loop, value = _worst_force_loop(system, at, loads, added)
             growth, A, C = math.nan, None, None
             if _judged(system):
                 A, C = self._map(at, touching=True).linearised()
@@ -135,11 +134,11 @@ class SampledLoops:
         except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
             return SampledLoop(math.nan, {}, None, None)
         premises = {
-            Premise.FORCE_LOOP: max(abs(factor) + more for factor, more in zip(factors, added, strict=True)),
+            Premise.FORCE_LOOP: value,
             Premise.GAIN_BY_FORCE: max(given_back),
             Premise.SAMPLED_LOOP: growth - ROUNDING,
         }
-        return SampledLoop(max(factors, key=abs), premises, A, C)
+        return SampledLoop(force_loop, premises, A, C)
 
     def responding(self, loop: SampledLoop, q: np.ndarray, t: float) -> RespondingLoop:
         """The sampled loop of the posture q (n,) rad at time t (s), with its poles and responses."""
@@ -289,14 +288,26 @@ def _push_axes(system: System, at: Posture) -> tuple[PushAxis, ...]:
 def force_factor(system: System, at: Posture) -> float:
     """Force loop factor, see `controllers.force_loop`, with Coulomb friction in the direction of slip that makes it
     largest; nan where no force is fed back through a loop that sampling closes."""
-    return max((_factor(system, at, load) for load in _unit_loads(system, at)), key=abs)
+    loads = _unit_loads(system, at)
+    return _worst_force_loop(system, at, loads, (0.0,) * len(loads))[0]
 
 
-def _factor(system: System, at: Posture, load: np.ndarray) -> float:
+def _worst_force_loop(
+    system: System, at: Posture, loads: list[np.ndarray], added: tuple[float, ...]
+) -> tuple[float, float]:
+    """Factor of the force loop of largest size among these loads, see `_unit_loads`, and the value of its premise, with
+    what d adds for each of them; nan where no force is fed back through a loop that sampling closes."""
     if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
-        return math.nan
-    H_hat, felt = at.H_hat, _felt(system, at, load)
-    return force_loop_factor(H_hat, H_hat, system.controller.model, at.across, load, felt, _surface_mass(system))
+        return math.nan, math.nan
+    model, masses, sensor = system.controller.model, _surface_mass(system), (system.sensor.gain, system.sensor.late)
+    loops = [
+        force_loop_factors(at.H_hat, at.H_hat, model, at.across, load, _felt(system, at, load), masses)
+        for load in loads
+    ]
+    factor = through_sensor(np.concatenate(loops), *sensor)
+    if not any(added):
+        return factor, abs(factor)
+    return factor, max(with_gain(loop, more, *sensor) for loop, more in zip(loops, added, strict=True))
 
 
 def _unit_loads(system: System, at: Posture) -> list[np.ndarray]:
@@ -343,6 +354,18 @@ def gain_by_force(system: System, at: Posture, load: np.ndarray) -> tuple[float,
     slopes = np.array([_slope_of_gain(system, at, each) for each in asked.T])
     yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ load, at.across.T @ asked))
     return _largest(Y @ solved.T, slopes), _largest(Y @ yielding.T, slopes)
+
+
+def worst_gain_by_force(system: System, q: np.ndarray, t: float) -> float:
+    """Largest gain of `gain_by_force` over all directions of slip at the posture q (n,) rad at time t (s); nan where
+    there is none, or J_q is singular."""
+    if not system.plant.kind.heavy:
+        return math.nan
+    try:
+        at = Posture.of(system, q, t)
+        return max(gain_by_force(system, at, load)[0] for load in _unit_loads(system, at))
+    except (ValueError, np.linalg.LinAlgError):
+        return math.nan
 
 
 def _by_acceleration(masses: np.ndarray, mobility: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from app.process.own_code import OwnCodeError, located
+from app.scenario.own_code import OwnCodeError, located
 from app.simulation.control_period import Evaluation, Setting, asked
 from controllers.control_law import ControlLaw
 from controllers.controller import Controller
@@ -38,7 +38,7 @@ class SeparateLaw:
         self._x[:], self.x_dot[:] = x, 0.0
         try:
             self._torque(evaluation, *self._state)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise OwnCodeError(located(error, self._file)) from error
 
 

@@ -14,7 +14,7 @@ from environments.robots import Robot
 from environments.truth import Resistance, resistance_torque
 from kernels import inline
 from kernels.algebra import norm
-from kernels.rigid_body import Chain, Motion, estimated_terms, place, travel, weigh
+from kernels.rigid_body import Chain, Motion, estimated_terms, forward_kinematics, jacobian_rate, link_inertias
 
 ROUNDING = 1e-9
 
@@ -71,9 +71,9 @@ def stated_in(declared: Declared) -> bool:
 def judge_errors(true, estimate, q, q_dot, t, found):
     """Compute the errors of `estimate` for the true arm; returns how many stated bounds are violated."""
     chain, motion, real, stated = true.chain, true.motion, true.estimate, estimate.stated
-    place(chain, q, motion)
-    travel(q_dot, motion)
-    weigh(chain, motion)
+    forward_kinematics(chain, q, motion)
+    jacobian_rate(q_dot, motion)
+    link_inertias(chain, motion)
     estimated_terms(chain, motion)
     terms = (motion.momenta.T, motion.C.T, motion.J.T, motion.J_dot.T, motion.placements.T)
     estimates(true.links, *terms, q_dot, real)

@@ -10,7 +10,8 @@ from typing import Literal
 from msgspec import Struct
 
 from app.scenario.units import Units
-from controllers.premises import STATEMENTS, Kept, Premise, PremiseTable
+from controllers.premise_statements import STATEMENTS
+from controllers.premises import Kept, Premise, PremiseTable
 
 Outcome = Literal["holds", "broken", "nothing promised"]
 
@@ -91,7 +92,7 @@ class Standing:
         if self.waiting:
             what = " what was changed" if self.kept.periods else ""
             return self._promise("nothing promised", f"the next control period judges{what}")
-        if not self.kept.standing:
+        if not self.kept.promised:
             return self._promise("nothing promised", "a premise failed a control period ago")
         return self._promise(
             "holds", f"all premises hold, and ‖s‖ is under (20) and the band, since t = {self.kept.since:.4g} s"
@@ -102,7 +103,7 @@ class Standing:
         """Reason of the verdict on this instant, in a few words."""
         if self.stopped is not None:
             return "stopped"
-        usual = f"all premises hold since t = {self.kept.since:.4g} s" if self.kept.standing else ""
+        usual = f"all premises hold since t = {self.kept.since:.4g} s" if self.kept.promised else ""
         if self.waiting:
             usual = "judged with the next control period"
         return next((f"premise not met: {STATEMENTS[p].title}" for p in Premise if self.table.now[p]), usual)
@@ -138,7 +139,7 @@ class Standing:
 
     def _promise(self, verdict: Outcome, because: str) -> PromiseVerdict:
         share = 1.0 - self.kept.lost / max(self.kept.periods, 1)
-        return PromiseVerdict(verdict, because, share, self.kept.since if self.kept.standing else None)
+        return PromiseVerdict(verdict, because, share, self.kept.since if self.kept.promised else None)
 
 
 def unit_of(premise: Premise, units: Units) -> str:

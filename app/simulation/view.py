@@ -19,7 +19,7 @@ class View:
     tool, tool_desired: (3,) m, the latter None in joint space.
     force, force_desired: (3,) N, of the tool on the surface.
     push, push_moment: (3,) N and (3,) N m, of a hand, or of truth.push, on the tool.
-    figures: numbers of this instant."""
+    metrics: numbers of this instant."""
 
     q: np.ndarray
     tool: np.ndarray
@@ -28,17 +28,17 @@ class View:
     force_desired: np.ndarray
     push: np.ndarray
     push_moment: np.ndarray
-    figures: LiveFigures
+    metrics: LiveMetrics
 
     @property
     def live(self) -> dict[str, float]:
-        """See `LiveFigures.numbers`."""
-        return self.figures.numbers
+        """See `LiveMetrics.numbers`."""
+        return self.metrics.numbers
 
 
 @dataclass(frozen=True)
-class LiveFigures:
-    """Figures of one instant, computed when they are first read: a picture of the arm needs none of them.
+class LiveMetrics:
+    """Metrics of one instant, computed when they are first read: a picture of the arm needs none of them.
     evaluation: of the control period that begins then, in memory of its own.
     residual: (n,).
     t_r, reaching_time: promised and measured, s, nan for none.

@@ -17,7 +17,8 @@ from app.scenario.departures import Departure
 from app.simulation.system import System
 from controllers.bounds import Equivalent, InertiaRange, Uncertainty, required_gain
 from controllers.controller import Controller
-from controllers.nominal_model import _SYMMETRIC, ON_LINE, Estimate, LinkRates, Steepness
+from controllers.estimate_rates import SYMMETRIC_BASIS, LinkRates, Steepness
+from controllers.nominal_model import ON_LINE, Estimate
 from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
@@ -299,7 +300,7 @@ def test_errors_of_the_links_change_the_christoffel_matrix_as_pinocchio_says(rob
                 along = R.T[:, axis]
                 moved = 0.5 * (C(along, none, joint) - C(-along, none, joint))
                 np.testing.assert_allclose(by_centre[link, joint, :, :, axis], moved, atol=1e-12)
-            for number, K in enumerate(_SYMMETRIC):
+            for number, K in enumerate(SYMMETRIC_BASIS):
                 grown = C(np.zeros(3), round_ + R.T @ K @ R, joint) - C(np.zeros(3), round_, joint)
                 np.testing.assert_allclose(by_inertia[link, joint, :, :, number], grown, atol=1e-12)
 

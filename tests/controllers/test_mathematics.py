@@ -198,7 +198,7 @@ def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.
     contacts = Contacts.of((Contact(0.0, 0.0, 1.0, False, 0.0, 0.0),))
     environment = EnvironmentMatrices.apart(*np.zeros((3, shapes.number)))
     world = World(np.zeros(3), Face.point(), shapes, contacts, False, environment)
-    around = Record(PlantWorkspace.of(world, charted("ur5", chart).plant.truth.resistance, 3))
+    workspace = Record(PlantWorkspace.of(world, charted("ur5", chart).plant.truth.resistance, 3))
     M = turned = np.eye(3, order="F")  # as Pinocchio has them, for which the kernel is compiled already
     state, still = Record.zeros(Arm, 3), np.zeros(3)
 
@@ -207,8 +207,8 @@ def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.
         J, J_dot = np.eye(6, 3, order="F"), np.zeros((6, 3), order="F")
         J_dot[:3] = np.outer(p_ddot, p_dot) / max(p_dot @ p_dot, 1e-9)
         state.views.q_dot[:] = p_dot
-        accelerate_heavy(around.data, M, still, J, J_dot, turned, p, state.data, still, time)
-        return around.read().touch.first
+        accelerate_heavy(workspace.data, M, still, J, J_dot, turned, p, state.data, still, time)
+        return workspace.read().touch.first
 
     def phi(time: float) -> float:
         p = middle + swing * (u * np.sin(2 * time) + v * np.cos(3 * time))

@@ -9,12 +9,41 @@ import pytest
 from controllers.nominal_model import NominalModel, Terms
 from environments import robots
 from environments.truth import Truth
+from kernels import kernel
 from kernels.records import Record
-from kernels.rigid_body import Chain, Motion, drive_motion, estimate_motion
+from kernels.rigid_body import (
+    Chain,
+    Motion,
+    bias_torque,
+    estimated_terms,
+    forward_kinematics,
+    jacobian_rate,
+    link_inertias,
+    mass_matrix,
+)
 
 STATES = 20
 # of the largest number of each array: a sum of n products of rounded numbers
 PRECISION = 2e-14
+
+
+@kernel
+def estimate_motion(chain, q, q_dot, motion):
+    """Compute the terms of the law at q, q_dot (n,): J, J_dot, momenta, C and placements."""
+    forward_kinematics(chain[0], q, motion[0])
+    jacobian_rate(q_dot, motion[0])
+    link_inertias(chain[0], motion[0])
+    estimated_terms(chain[0], motion[0])
+
+
+@kernel
+def drive_motion(chain, q, q_dot, motion):
+    """Compute the terms of the plant at q, q_dot (n,): J, J_dot, M and bias."""
+    forward_kinematics(chain[0], q, motion[0])
+    jacobian_rate(q_dot, motion[0])
+    link_inertias(chain[0], motion[0])
+    bias_torque(chain[0], q_dot, motion[0])
+    mass_matrix(chain[0], motion[0])
 
 
 def true_model(robot: robots.Robot) -> pin.Model:

@@ -19,7 +19,7 @@ from app.evidence.closed_forms import changed
 from app.scenario.data import from_plain, to_plain
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
-from controllers.force_loop import force_loop_factor
+from controllers.force_loop import force_loop_factors
 from environments.contact import Contact
 from environments.contact_kinds import CONTACTS as KINDS
 from environments.plant import Plant
@@ -182,7 +182,7 @@ def on_a_mass(mode: str, factor: float, M_e: float, *, ideal: bool) -> tuple[Clo
     loop = ClosedLoop(scenario)
     felt = loop.system.controller.controlled * normal
     columns = normal[:, None], normal[:, None], felt[:, None], np.array([[M_e]])
-    assert force_loop_factor(H, H, loop.system.controller.model, *columns) == pytest.approx(factor, rel=1e-6)
+    assert force_loop_factors(H, H, loop.system.controller.model, *columns) == pytest.approx(factor, rel=1e-6)
     assert loop.view().live["force_loop_factor"] == pytest.approx(np.nan if ideal else factor, rel=1e-6, nan_ok=True)
     for _ in range(400):
         if loop.stopped is None:

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from app.analysis.metrics import measure
+from app.analysis.metrics import metrics_of
 from app.analysis.steady_force import steady_force_error
 from app.scenario.data import edited, from_plain, load, shipped, to_plain
 from app.scenario.errors import IrregularCorner, ScenarioError
 from app.scenario.schema import Scenario
-from app.session.changes import in_mode, possible, told, with_control, with_further
+from app.session.adaptation_sentence import adaptation_sentence
+from app.session.changes import in_mode, possible, with_control, with_further
 from app.session.headless_run import simulate
 from app.session.ways_out import way_out
 from app.simulation.assembly import assemble
@@ -67,7 +68,7 @@ CORNERS = ("ur5-corner", "ur5-corner-coupled", "ur5-corner-rigid", "ur5-groove-m
 @pytest.mark.parametrize("name", CORNERS)
 def test_shipped_corners_are_pressed_and_followed_by_a_heavier_arm(name: str) -> None:
     loop, _ = simulate(load(name))
-    found, rigid = measure(loop), loop.system.plant.kind.rigid
+    found, rigid = metrics_of(loop), loop.system.plant.kind.rigid
     assert loop.stopped is None
     assert found.motion_error_tail is None or found.motion_error_tail < 1e-4  # None: the tool only turns
     assert found.force_error_tail is not None
@@ -327,7 +328,7 @@ def test_a_corner_that_the_arm_cannot_reach_has_a_way_out() -> None:
     assert out.title == "Take the second surface away"
     assert out.scenario is not None
     done = possible(out.scenario, assemble).scenario
-    assert told(parallel, done) == "Adapted: second surface taken away."
+    assert adaptation_sentence(parallel, done) == "Adapted: second surface taken away."
 
 
 @pytest.mark.slow  # long simulations
@@ -338,6 +339,6 @@ def test_three_surfaces_hold_the_tool_in_a_point_and_each_gets_its_force() -> No
     last = loop.recording.at(loop.t)
     forces = [last[name][0] for name in ("multiplier", "multiplier_2", "multiplier_3")]
     assert forces == pytest.approx([20.0, 10.0, 15.0], abs=0.1)
-    assert measure(loop).promise.verdict == "holds"
+    assert metrics_of(loop).promise.verdict == "holds"
     in_rigid = possible(in_mode(loop.system.scenario, "constrained"), ClosedLoop)
     assert in_rigid.system.m == 3

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import nnls
 
-from app.analysis.metrics import measure
+from app.analysis.metrics import metrics_of
 from app.analysis.steady_force import steady_force_error
 from app.scenario.caption import caption
 from app.scenario.data import edited, from_plain, load, to_plain
@@ -232,7 +232,7 @@ def test_a_followed_face_is_met_and_left_without_a_force_error() -> None:
     settled = seen["t"] > 1.0
     assert np.abs(seen["multiplier"][settled] - 12.0).max() < 0.1
     assert len(set((seen["multiplier_2"][settled] > 0.0).tolist())) == 2
-    assert measure(loop).promise.verdict == "holds"
+    assert metrics_of(loop).promise.verdict == "holds"
     for depth in (0.004, -0.004):
         wrong = {"coupling.K_e_hat": [-500.0, 0.0, 0.0], "target_model.K_m": [900.0, 4000.0] + 4 * [4000.0]}
         resting = following(2, 1, **wrong, **{"motion.displacement": [0.0], "shift.by": [depth], "shift.duration": 0.5})

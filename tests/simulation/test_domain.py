@@ -27,7 +27,7 @@ from app.simulation.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import KEPT, ConstantsStore
 from controllers.bounds import InertiaRange
-from controllers.nominal_model import Steepness
+from controllers.estimate_rates import Steepness
 from environments.robots import CATALOGUE
 from environments.step_resolution import Mobility
 from tests.support.cases import scenario_of

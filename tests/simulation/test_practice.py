@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from app.analysis.metrics import measure
+from app.analysis.metrics import metrics_of
 from app.analysis.perturbation import PerturbationAnalysis
 from app.dashboard.widgets.status import status_html
 from app.evidence import baselines, practice, simulators
@@ -91,7 +91,7 @@ def test_the_arm_moves_by_the_torque_that_the_drives_give() -> None:
     asked, t = tau[first, joint - 1], record["t"][first]
     said = f"t = {t:.3f} s: the drive of joint {joint} saturates, the law asks for {asked:.4g} N·m"
     assert (loop.warning or "").startswith(said)
-    assert measure(loop).saturated_share == pytest.approx((tau != applied).any(axis=1).mean())
+    assert metrics_of(loop).saturated_share == pytest.approx((tau != applied).any(axis=1).mean())
 
 
 def test_what_the_drives_withhold_is_part_of_the_perturbation() -> None:
@@ -118,7 +118,7 @@ def test_limits_by_factor_and_in_newton_metres_are_the_same_and_none_is_none() -
     np.testing.assert_array_equal(by_factor.recording.rows(), by_torque.recording.rows())
     free = run(changed(shipped()["ur5-motion"], SPEEDY | {"truth.torque_limit": 0.0}), 0.7)
     assert free.warning is None
-    assert measure(free).saturated_share == 0.0
+    assert metrics_of(free).saturated_share == 0.0
 
 
 def test_a_saturated_past_comes_back_to_the_last_bit() -> None:
@@ -203,12 +203,12 @@ def test_baselines_lose_on_uncertain_arms_and_win_where_it_is_said() -> None:
         assert robust.over_bound is not None
         assert robust.over_bound <= 1e-9
         for worse in (inverse, simple):
-            assert worse.figures.path_rms > 5.0 * robust.figures.path_rms
-            assert (worse.figures.force_rms or 0.0) > 20.0 * (robust.figures.force_rms or np.inf)
-    assert (baselines.on_exact(ours).figures.force_rms or 0.0) < 1e-3  # on an exact arm nobody errs by much
-    assert baselines.on_exact(fast).figures.path_rms < 1e-6
-    loud = {who: baselines.on_uncertain(who, seeds[:1], 1.0)[0].figures for who in (ours, computed, pd)}
-    assert loud[pd].variation == pytest.approx(quiet[pd][0].figures.variation, rel=1e-9)
+            assert worse.account.path_rms > 5.0 * robust.account.path_rms
+            assert (worse.account.force_rms or 0.0) > 20.0 * (robust.account.force_rms or np.inf)
+    assert (baselines.on_exact(ours).account.force_rms or 0.0) < 1e-3  # on an exact arm nobody errs by much
+    assert baselines.on_exact(fast).account.path_rms < 1e-6
+    loud = {who: baselines.on_uncertain(who, seeds[:1], 1.0)[0].account for who in (ours, computed, pd)}
+    assert loud[pd].variation == pytest.approx(quiet[pd][0].account.variation, rel=1e-9)
     assert loud[computed].variation < 0.7 * loud[ours].variation
 
 

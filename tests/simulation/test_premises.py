@@ -26,7 +26,8 @@ from app.simulation.controlled_arm import ControlledArm
 from app.simulation.sampled_stability import sampled_loop
 from app.simulation.stations import APART
 from controllers.bounds import inertia_spread
-from controllers.premises import STATEMENTS, Premise, periods_between_looks
+from controllers.premise_statements import STATEMENTS
+from controllers.premises import Premise, periods_between_looks
 from tests.support.arms import random_spd
 
 pytestmark = pytest.mark.slow  # long or many simulations
@@ -377,7 +378,7 @@ def test_another_true_arm_has_the_settings_of_a_system_built_with_it(name: str) 
     truth = msgspec.structs.replace(loop.system.scenario.truth, payload_mass=0.4, viscous=2.0, torque_limit=80.0)
     twin = loop.with_truth(truth, 10, None)
     built = ControlledArm(twin.system, twin.state).settings
-    assert twin.memory[0].tobytes() == built.data.tobytes() != loop.memory[0].tobytes()
+    assert twin.kernel_data[0].tobytes() == built.data.tobytes() != loop.kernel_data[0].tobytes()
 
 
 def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one() -> None:
@@ -488,7 +489,7 @@ def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> Non
     with pytest.raises(
         UnboundedGain, match=r"declared\.link_scaling: .* no inertia is left .*; allowed: a smaller one"
     ):
-        doubted._watch.require_bounded_gain()
+        doubted._watch.require_bounded_gain((np.nan, np.nan))
 
 
 def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from app.analysis.steady_force import steady_force_error
 from app.evidence.closed_forms import certain, changed, pressed
 from app.scenario.data import edited, from_plain, shipped, to_plain, with_values
 from app.scenario.errors import ScenarioError
@@ -16,11 +17,12 @@ from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
 from app.simulation.period_map import Posture
 from app.simulation.sampled_stability import force_factor
 from app.simulation.state import State
 from app.simulation.system import System
-from controllers.force_loop import force_loop_factor
+from controllers.force_loop import force_loop_factors
 from controllers.premises import Premise
 from environments.truth import Truth
 from tests.support.cases import scenario_of
@@ -38,9 +40,26 @@ def test_steady_force_of_a_wall_under_impedance(K_m: float, K_f: float) -> None:
     loop, _ = simulate(scenario)
     last = loop.recording.at(loop.t)
     x_d, x_e, K_e = last["r_d"][2], 0.17, scenario.contact.K_e
-    expected = loop.system.controller.model.steady_force(2, K_e, -x_e, -x_d, 0.0)
-    assert expected == pytest.approx(K_e * K_m * (x_e - x_d) / (K_m + K_f * K_e))
-    assert last["multiplier"][0] == pytest.approx(expected, rel=1e-4)
+    assert last["multiplier"][0] == pytest.approx(K_e * K_m * (x_e - x_d) / (K_m + K_f * K_e), rel=1e-4)
+
+
+@pytest.mark.parametrize("law", ["vsmrc", "computed-torque", "pd-gravity"])
+def test_the_foretold_force_is_that_of_a_law_without_a_sensor_too(law: str) -> None:
+    """PD presses with the desired force, as with K_f = 1, whatever K_f is."""
+    scenario = with_values(
+        shipped()["ur5-hybrid"],
+        {
+            "controller.law": law, "controller.K_e_hat": 5000.0, "motion": {"kind": "hold"}, "truth": {},
+            "declared": {}, "simulation.duration": 3.0, "target_model.K_m": (2000.0,) + (4000.0,) * 5,
+            "target_model.K_f": ((3.0,) + (0.0,) * 5,) + ((0.0,) * 6,) * 5,
+        },
+    )  # fmt: skip
+    loop = ClosedLoop(scenario)
+    CompiledRun(loop).advance(3000)
+    last = loop.recording.at(loop.t)
+    error = last["multiplier"][0] - last["F_cd"][0]
+    assert error == pytest.approx(steady_force_error(loop.system, last["r_d"], last["F_cd"], last["s"]), rel=1e-2)
+    assert error == pytest.approx({"pd-gravity": 10.0 / 3.0}.get(law, 1.25), rel=1e-2)
 
 
 @pytest.mark.parametrize("M_e", [0.0, 3.0])
@@ -105,7 +124,9 @@ def test_sampled_force_loop_diverges_where_its_factor_says() -> None:
     assert H[0, 0] > 1.1 * h
     model, normal = system.controller.model, np.eye(6)[0]
     one = normal[:, None]
-    assert force_loop_factor(H, H, model, one, one, one, np.array([[np.inf]])) == pytest.approx(1 - h / model.M_m[0, 0])
+    assert force_loop_factors(H, H, model, one, one, one, np.array([[np.inf]])) == pytest.approx(
+        1 - h / model.M_m[0, 0]
+    )
     stable, error = on_rigid(h / 1.9)
     assert stable.warning is None
     assert error < 1e-3
@@ -350,7 +371,7 @@ def test_friction_moves_the_factor_of_the_force_loop_by_the_direction_of_slip(mo
         slip = np.array([np.cos(angle), np.sin(angle), 0.0])
         load = at.task.J_q_inv.T @ (e.J_v.T @ (normal + friction * slip))
         columns = one, load[:, None], one, mass
-        factor = force_loop_factor(at.H_hat, at.H_hat, system.controller.model, *columns)
+        (factor,) = force_loop_factors(at.H_hat, at.H_hat, system.controller.model, *columns)
         moving = np.linalg.solve(np.vstack([e.J_v, e.J_w]), np.concatenate([0.1 * slip, np.zeros(3)]))
         found.append(after_a_reading(system, moving))
         assert found[-1] == pytest.approx(factor, abs=2e-3)

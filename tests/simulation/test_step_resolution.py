@@ -11,12 +11,13 @@ import pinocchio as pin
 import pytest
 from scipy.linalg import expm
 
-from app.scenario.data import edited, shipped
+from app.scenario.data import edited, shipped, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
 from app.simulation.period_map import PeriodMap, Posture
 from app.simulation.sampled_stability import force_factor, sampled_loop
 from app.simulation.system import System
@@ -363,6 +364,75 @@ def test_the_closed_form_of_the_force_loop_is_an_eigenvalue_of_the_period(M_m1: 
     at = Posture.of(system, system.q_0, 0.0)
     values, factor = np.linalg.eigvals(PeriodMap(system, at).jacobian()), force_factor(system, at)
     assert np.abs(values - factor).min() < 1e-4 * abs(factor)
+
+
+@pytest.mark.parametrize("M_m1", [2.5, 10.0])
+@pytest.mark.parametrize(("cutoff", "delay"), [(20.0, 0.0), (50.0, 0.003), (0.0, 0.003)])
+def test_a_low_pass_changes_the_factor_of_the_force_loop_and_a_delay_alone_does_not(
+    M_m1: float, cutoff: float, delay: float
+) -> None:
+    """A low-pass of gain g makes 1 - g (1 - f) of the factor f; behind a delay, too, it is the fastest of several
+    eigenvalues that belong to the force loop."""
+    without = changed(
+        shipped()["ur5-constrained"], controller__law="computed-torque", target_model={"M_m": [M_m1] + [12.0] * 5},
+        truth__link_scaling=1.0,
+    )  # fmt: skip
+    plain, system = assemble(without), assemble(changed(without, sensor={"cutoff": cutoff, "delay": delay}))
+    at = Posture.of(system, system.q_0, 0.0)
+    f, factor = force_factor(plain, at), force_factor(system, at)
+    if cutoff == 0.0:
+        assert factor == pytest.approx(f, rel=1e-12)
+        return
+    gain = 1.0 - math.exp(-2 * math.pi * cutoff * 0.001)
+    values = np.linalg.eigvals(PeriodMap(system, at).jacobian())
+    if delay == 0.0:
+        assert factor == pytest.approx(1.0 - gain * (1.0 - f), rel=1e-12)
+        assert np.abs(values - factor).min() < 1e-4 * abs(factor)
+    else:
+        z = values[np.abs(np.abs(values) - factor).argmin()]
+        assert z**3 * (z - 1.0 + gain) == pytest.approx(gain * f, rel=1e-2)
+
+
+def test_a_force_loop_that_a_low_pass_calms_is_not_said_to_diverge() -> None:
+    fields = {"controller__gain": "constant", "controller__d": 60.0, "truth__link_scaling": 1.0}
+    scenario = changed(shipped()["ur5-constrained"], target_model={"M_m": [2.5] + [10.0] * 5}, **fields)
+    factors = []
+    for cutoff in (0.0, 20.0):
+        loop = ClosedLoop(changed(scenario, sensor={"cutoff": cutoff}))
+        for _ in range(400):
+            loop.advance()
+        last = loop.recording.at(loop.t)
+        settles = loop.stopped is None and abs(last["multiplier"][0] - last["F_cd"][0]) < 0.1
+        factors.append((loop.sampled.force_factor, settles, "force loop diverges" in (loop.warning or "")))
+    assert [(abs(factor) < 1.0, settles, said) for factor, settles, said in factors] == [
+        (False, False, True),
+        (True, True, False),
+    ]
+
+
+@pytest.mark.parametrize("law", ["pd-gravity", "computed-torque"])
+def test_estimates_along_the_reference_do_not_move_with_the_arm(law: str) -> None:
+    """G_hat(q_d) of Remark 3 does not follow q: with little stiffness gravity makes a deviation grow, as fast as the
+    period's map says."""
+    growth = {}
+    for estimates in ("online", "along-reference"):
+        scenario = with_values(
+            shipped()["ur5-joint"],
+            {
+                "controller.law": law, "controller.estimates": estimates, "motion": {"kind": "hold"}, "declared": {},
+                "truth": {},
+                "target_model.M_m": (1.0,) * 6, "target_model.B_m": (12.0,) * 6, "target_model.K_m": (2.0,) * 6,
+                "simulation.domain_radius": 0.6,
+            },
+        )  # fmt: skip
+        loop = ClosedLoop(scenario)
+        loop.state.arm.views.q[1:3] += 1e-4
+        CompiledRun(loop).advance(3000)
+        away = np.linalg.norm(loop.recording.signals(("e_r",))["e_r"], axis=1)
+        growth[estimates] = radius(loop.system), math.log(away[2999] / away[2499]) / 500
+    assert growth["online"][0] < 1.0 < growth["along-reference"][0]
+    assert growth["online"][1] < 0.0
+    assert growth["along-reference"][1] == pytest.approx(math.log(growth["along-reference"][0]), rel=0.06)
 
 
 def test_growth_is_foretold_where_the_normal_is_oblique_to_every_coordinate() -> None:

@@ -1,0 +1,64 @@
+"""Reuse keys: the parts of a scenario that a part of its system is made of. Where an edit leaves a key equal, the
+part is used again."""
+
+from __future__ import annotations
+
+import msgspec
+
+from app.scenario.schema import Scenario
+from controllers.modes import MODES
+
+
+def plant_key(scenario: Scenario) -> tuple[object, ...]:
+    """Parts of the scenario that the plant is made of, besides arm and surfaces."""
+    rules, met = scenario.simulation, tuple((each.place, each.contact) for each in scenario.surfaces)
+    return scenario.truth, met, scenario.face, scenario.coupling, rules.integrator, rules.substeps
+
+
+def sampled_loops_key(scenario: Scenario) -> Scenario:
+    """The scenario without what a sampled loop at rest at a station does not depend on: its names, and the forces that
+    are asked for."""
+    plain = Scenario()
+    second = msgspec.structs.replace(scenario.second, force=plain.second.force)
+    third = msgspec.structs.replace(scenario.third, force=plain.third.force)
+    return msgspec.structs.replace(scenario, name="", title="", force=plain.force, second=second, third=third)
+
+
+def surfaces_key(scenario: Scenario) -> tuple[object, ...]:
+    """Parts of the scenario that its surfaces depend on, and where they are checked."""
+    touched = tuple((each.form, each.contact.kind) for each in scenario.surfaces)
+    return touched, scenario.robot, scenario.mode, scenario.simulation
+
+
+def domain_key(scenario: Scenario) -> tuple[object, ...]:
+    """Parts of the scenario that Omega and the constants over it depend on, besides the start."""
+    names = ("robot", "task_space", "declared", "mode", "motion", "rotation", "shift", "simulation")
+    where = (*(getattr(scenario, name) for name in names), scenario.face.flat, scenario.face.normal)
+    where = (*where, *((each.form, each.pressed) for each in scenario.surfaces))
+    if scenario.controller.estimates == "along-reference":
+        return (
+            *where,
+            scenario.face,
+            scenario.coupling.K_e_hat,
+            *((each.force, each.K_e_hat) for each in scenario.surfaces),
+        )
+    return where
+
+
+def controller_key(scenario: Scenario) -> tuple[object, ...]:
+    """Parts of the scenario that the controller depends on, besides the constants over Omega: all but what it is not
+    told of the true arm and of the contact, and what is asked of it."""
+    told = (
+        "robot",
+        "mode",
+        "task_space",
+        "declared",
+        "controller",
+        "target_model",
+        "second",
+        "third",
+        "coupling",
+        "face",
+    )
+    met = scenario.contact if MODES[scenario.mode].feedback == "all" else scenario.contact.nature
+    return *(getattr(scenario, name) for name in told), met, scenario.contact.unilateral
