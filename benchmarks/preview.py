@@ -20,7 +20,7 @@ from app.dashboard.frame_rate import FPS
 from app.dashboard.page import SOONEST
 from app.dashboard.page_content import REFRESH
 from app.dashboard.plots.dock import Plots, Shown
-from app.dashboard.transport.visible_tabs import VisibleTabs
+from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.whatif import HORIZON, HeldControl, WhatIf
 from app.process.markdown import Table
@@ -50,8 +50,8 @@ class Pace(NamedTuple):
     late_worst: float
 
 
-class PreviewFigures(NamedTuple):
-    """Figures of previews.
+class DragMetrics(NamedTuple):
+    """Metrics of previews.
     first: s from the first movement to the first drawing, with a warm process.
     redraws: per second while the slider moves.
     reach: median length of the drawn previews, s.
@@ -68,8 +68,8 @@ class PreviewFigures(NamedTuple):
     dragging: Pace
 
 
-class BandFigures(NamedTuple):
-    """Figures of previews with true arms behind them.
+class BandMetrics(NamedTuple):
+    """Metrics of previews with true arms behind them.
     redraws: per second while the slider moves.
     banded: redraws per second with a band of true arms.
     reach: median length of these bands, s.
@@ -147,22 +147,22 @@ class _Page:
 def _drawn(t: float, outlook: Outlook, delay: float) -> Drawn:
     band = outlook.band
     reach = (0, 0.0) if band is None else (band.arms, band.reach)
-    return Drawn(t, outlook.figures.span, delay, *reach)
+    return Drawn(t, outlook.metrics.span, delay, *reach)
 
 
 def measure(effort: Effort) -> Table:
     """Table of previews."""
-    figures = [dragged(scenario, effort.drag) for scenario in SCENARIOS]
+    metrics = [dragged(scenario, effort.drag) for scenario in SCENARIOS]
     rows = [
-        ("redraws per s while dragging", *(f"{f.redraws:.1f}" for f in figures)),
-        ("first drawing after the first movement, s", *(f"{f.first:.2f}" for f in figures)),
-        ("median reach of these drawings, s", *(f"{f.reach:.1f}" for f in figures)),
-        ("from a movement to its whole horizon, median, ms", *(f"{1e3 * f.delay:.0f}" for f in figures)),
-        ("whole horizon after the last movement, s", *(f"{f.settled:.2f}" for f in figures)),
-        ("real-time factor, alone / dragging", *(f"{f.alone.rate:.3f} / {f.dragging.rate:.3f}" for f in figures)),
+        ("redraws per s while dragging", *(f"{f.redraws:.1f}" for f in metrics)),
+        ("first drawing after the first movement, s", *(f"{f.first:.2f}" for f in metrics)),
+        ("median reach of these drawings, s", *(f"{f.reach:.1f}" for f in metrics)),
+        ("from a movement to its whole horizon, median, ms", *(f"{1e3 * f.delay:.0f}" for f in metrics)),
+        ("whole horizon after the last movement, s", *(f"{f.settled:.2f}" for f in metrics)),
+        ("real-time factor, alone / dragging", *(f"{f.alone.rate:.3f} / {f.dragging.rate:.3f}" for f in metrics)),
     ]
     for title, name in (("median", "late_median"), ("p99", "late_p99"), ("max", "late_worst")):
-        pairs = (f"{getattr(f.alone, name):.2f} / {getattr(f.dragging, name):.2f}" for f in figures)
+        pairs = (f"{getattr(f.alone, name):.2f} / {getattr(f.dragging, name):.2f}" for f in metrics)
         rows.append((f"lateness {title}, alone / dragging, ms", *pairs))
     bands = [banded(scenario, effort.drag) for scenario in SCENARIOS]
     rows += [
@@ -179,8 +179,8 @@ def measure(effort: Effort) -> Table:
     return Table(("a slider is dragged", *SCENARIOS), rows)
 
 
-def banded(scenario: str, seconds: float) -> BandFigures:
-    """Figures of previews with true arms: a drag with few of them, then a rest with many."""
+def banded(scenario: str, seconds: float) -> BandMetrics:
+    """Metrics of previews with true arms: a drag with few of them, then a rest with many."""
     with _page(scenario) as page:
         page.whatif.arms = FEW
         page.watch(1.0, drag=True)  # builds the arms
@@ -189,7 +189,7 @@ def banded(scenario: str, seconds: float) -> BandFigures:
         page.watch(1.0, drag=True)
         _, still = page.watch(RESTS, drag=False)
         behind = [each for each in drawn if each.arms == FEW]
-        return BandFigures(
+        return BandMetrics(
             redraws=len(drawn) / seconds,
             banded=len(behind) / seconds,
             reach=float(np.median([each.band for each in behind])) if behind else 0.0,
@@ -199,15 +199,15 @@ def banded(scenario: str, seconds: float) -> BandFigures:
         )
 
 
-def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> PreviewFigures:
-    """Figures of previews: the scenario runs alone, then with a drag of the desired force, both for `seconds`."""
+def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> DragMetrics:
+    """Metrics of previews: the scenario runs alone, then with a drag of the desired force, both for `seconds`."""
     with _page(scenario) as page:
         page.whatif.horizon, page.whatif.arms = horizon, 0
         alone, _ = page.watch(seconds, drag=False)
         dragging, drawn = page.watch(seconds, drag=True)
         _, still = page.watch(2.0, drag=False)
         times = [each.t for each in drawn]
-        return PreviewFigures(
+        return DragMetrics(
             first=times[0],
             redraws=(len(times) - 1) / (times[-1] - times[0]),
             reach=float(np.median([each.span for each in drawn])),
@@ -224,7 +224,7 @@ def _page(scenario: str) -> Iterator[_Page]:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     runner, previewer = Runner(load(scenario)), Previewer()
     viewing, awake = Viewing(), threading.Event()
-    plots = Plots(server.gui, VisibleTabs(), viewing, contextlib.nullcontext())
+    plots = Plots(server.gui, VisibleParts(), viewing, contextlib.nullcontext())
     page = _Page(runner, WhatIf(previewer, awake.set), plots, viewing, awake)
     try:
         runner.start()

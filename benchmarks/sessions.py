@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 from tqdm import tqdm
 
-from app.gateway.serve import cores
 from app.process import precompile
+from app.process.cores import usable_cores
 from app.process.markdown import Table
 from app.workers.fork_server import SESSION
 from benchmarks.effort import Effort
@@ -59,7 +59,7 @@ def measure(effort: Effort) -> Table:
     if (compiling := precompile.start()) is not None:  # else every server would compile in the background
         compiling.wait()
     rows = []
-    machines = sorted(number for number in {1, 2, 4, 8, cores()} if number <= cores())
+    machines = sorted(number for number in {1, 2, 4, 8, usable_cores()} if number <= usable_cores())
     for number in tqdm(machines, desc="sessions", leave=False, disable=None):
         for count in COUNTS:
             fared = _fared(number, count, effort.pacing / 3)

@@ -16,9 +16,9 @@ import tyro
 from app.process import worker_pool
 from app.scenario.data import edited, shipped
 from app.sweep.axes import axis_of
-from app.sweep.figures_of_run import SweepRunner
 from app.sweep.fingerprint import fingerprint
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.run_metrics import SweepRunner
 from app.sweep.running import run, tasks_of
 
 DURATION = 3.0  # s, of a run
@@ -36,10 +36,10 @@ def main(runs: int = 200, whole: bool = False) -> None:
     scenario = edited(shipped()["ur5-hybrid"], "simulation.duration", DURATION)
     sweep = Sweep(scenario, tuple(map(axis_of, AXES)), program=fingerprint())
     runner = SweepRunner(sweep)
-    runner.figures(0)
+    runner.metrics(0)
     started = time.perf_counter()
     for number in range(1, runs + 1):
-        runner.figures(number)
+        runner.metrics(number)
     alone = runs / (time.perf_counter() - started)
     shared = rate(sweep, runs * workers, workers)
     print(f"one core: {alone:.1f} runs/s, {alone * DURATION:.0f} times real time, nothing kept")

@@ -1,42 +1,36 @@
-"""Visitor without a browser, which speaks viser's protocol: it reads the page's controls and acts as a page would."""
+"""Visitor without a browser that acts on the page's controls by their labels, as a user does."""
 
 from __future__ import annotations
 
 import contextlib
 import random
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
-import msgspec
-from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
 from app.dashboard.theme.style import COMMIT, RELEASED
-from drivers.viser_protocol import CAMERA, PROTOCOL, messages
+from drivers.visitors import VisitingPage, connected
 
 WIDGETS = ("GuiTextMessage", "GuiSliderMessage", "GuiDropdownMessage", "GuiCheckboxMessage", "RegisterCommandMessage")
 DRAG, PAUSE = 20, 0.05  # messages of a drag, and s between two of them
 SEEN = 1.0  # s, after which the status line shows the effect of a command
+OPENING, WAITING = 10.0, 60.0  # s that a page may take to open, and to have a widget
 
 
-class Visitor:
-    """Visitor, connected while the context of `visit` lasts. The server's messages are read all the time."""
+class Visitor(VisitingPage):
+    """Visitor, connected while the context of `visit` lasts."""
 
-    def __init__(self, connection: Connection) -> None:
-        self._connection = connection
-        self._widgets: dict[str, dict] = {}
-        self._html: dict[str, str] = {}
-        self._received = threading.Condition()
-        threading.Thread(target=self._read, daemon=True).start()
-        self._send(CAMERA)
+    def __init__(self, socket: Connection) -> None:
+        self._widgets: dict[str, dict[str, Any]] = {}
+        super().__init__(socket)
 
     def slider(self, label: str) -> str:
         """Identifier of the slider in the row with this label: both are in one form."""
         row = self._find("GuiTextMessage", label)["container_uuid"]
-        return self._wait(lambda w: w["type"] == "GuiSliderMessage" and w["container_uuid"] == row, label)["uuid"]
+        return self._widget(lambda w: w["type"] == "GuiSliderMessage" and w["container_uuid"] == row, label)["uuid"]
 
     def move(self, slider: str, to: float) -> None:
         """Move a slider to a position between 0 and 1."""
@@ -60,62 +54,54 @@ class Visitor:
     def tick(self, label: str, value: bool) -> None:
         self._update(self._find("GuiCheckboxMessage", label)["uuid"], value)
 
-    def press(self, key: str) -> None:
+    def strike(self, key: str) -> None:
         """Trigger the command of a key, as the page does when the key is pressed."""
-        command = self._wait(
+        command = self._widget(
             lambda w: (
                 w["type"] == "RegisterCommandMessage" and (w["props"]["hotkey"], w["props"]["modifier"]) == (key, None)
             ),
             key,
         )
-        self._send({"type": "CommandTriggerMessage", "uuid": command["uuid"]})
+        self.say({"type": "CommandTriggerMessage", "uuid": command["uuid"]})
 
     def play(self) -> None:
         """Play if the status line says that the run is paused, as when two visitors have paused at once."""
         time.sleep(SEEN)
-        if any("vs-status" in html and ">paused<" in html for html in list(self._html.values())):
-            self.press("space")
+        if any("vs-status" in html and ">paused<" in html for html in list(self.html.values())):
+            self.strike("space")
 
     def vanish(self) -> None:
         """Vanish without closing the connection, like a machine that is switched off."""
-        self._connection.socket.shutdown(socket.SHUT_RDWR)
+        self._socket.socket.shutdown(socket.SHUT_RDWR)
 
-    def _find(self, kind: str, label: str) -> dict:
-        return self._wait(lambda w: w["type"] == kind and w["props"].get("label") == label, label)
+    def take(self, message: dict[str, Any]) -> None:
+        super().take(message)
+        if message["type"] in WIDGETS:
+            self._widgets[message["uuid"]] = message
+        elif message["type"] == "GuiRemoveMessage":
+            self._widgets.pop(message["uuid"], None)
 
-    def _wait(self, is_it: Callable[[dict], bool], what: str) -> dict:
-        """Widget, once the server has sent it. Raises TimeoutError. what: name of the widget, for the error."""
-        with self._received:
-            found = self._received.wait_for(lambda: next(filter(is_it, self._widgets.values()), None), timeout=60.0)
-        if found is None:
-            raise TimeoutError(f"the page has no {what!r}")
-        return found
+    def _find(self, kind: str, label: str) -> dict[str, Any]:
+        return self._widget(lambda w: w["type"] == kind and w["props"].get("label") == label, label)
 
-    def _read(self) -> None:
-        with contextlib.suppress(ConnectionClosed):
-            for frame in self._connection:
-                assert isinstance(frame, bytes)
-                for message in messages(frame):
-                    if message["type"] in WIDGETS:
-                        with self._received:
-                            self._widgets[message["uuid"]] = message
-                            self._received.notify_all()
-                    elif message["type"] == "GuiRemoveMessage":
-                        with self._received:
-                            self._widgets.pop(message["uuid"], None)
-                    elif message["type"] == "GuiHtmlMessage":
-                        self._html[message["uuid"]] = message["props"]["content"]
-                    elif message["type"] == "GuiUpdateMessage" and "content" in message["updates"]:
-                        self._html[message["uuid"]] = message["updates"]["content"]
+    def _widget(self, is_it: Callable[[dict[str, Any]], bool], what: str) -> dict[str, Any]:
+        """Widget, once the server has sent it. Raises ConnectionClosed, and AssertionError where the page has none.
+        what: name of the widget, for the error."""
+        found: list[dict[str, Any]] = []
+
+        def there() -> bool:
+            found[:] = filter(is_it, self._widgets.values())
+            return bool(found)
+
+        self.wait(there, WAITING, told=lambda: f"the page has no {what!r}")
+        return found[0]
 
     def _update(self, uuid: str, value: object) -> None:
-        self._send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
-
-    def _send(self, message: dict) -> None:
-        self._connection.send(msgspec.msgpack.encode(message))
+        self.say({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
 
 @contextlib.contextmanager
 def visit(url: str) -> Iterator[Visitor]:
-    with connect(url.replace("http", "ws"), subprotocols=[PROTOCOL], max_size=None, compression=None) as connection:
+    """Context with a visitor of the page at this address."""
+    with connected(url, open_timeout=OPENING) as connection:
         yield Visitor(connection)

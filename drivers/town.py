@@ -25,7 +25,7 @@ HELLO = b"hello"
 class Actor:
     """Actor: the stand-in for the process of a session."""
 
-    key, looking, late = "key", frozenset[str](), None
+    key, report_fields, late = "key", frozenset[str](), None
 
     def __init__(self, port: int) -> None:
         self.port, self.alive = port, True

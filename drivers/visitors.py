@@ -17,7 +17,8 @@ from urllib.parse import urlsplit
 
 import msgspec
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 from drivers.viser_protocol import CAMERA, PROTOCOL, messages
 
@@ -29,13 +30,13 @@ PATIENCE = 180.0  # s; on an idle machine, a wait takes a fraction of a second
 class VisitingPage:
     """Visitor: an open page, with the content of its control panel as received, and its actions."""
 
-    def __init__(self, socket: ClientConnection) -> None:
+    def __init__(self, socket: Connection) -> None:
         self._socket = socket
         self.html: dict[str, str] = {}
         self.commands: dict[str, str] = {}
         self.buttons: dict[str, str] = {}
         self.received = 0
-        self._looking = ""  # field in which a page reports its visible tabs: the first one without a label
+        self._report_field = ""  # field in which a page reports its visible tabs: the first one without a label
         self._news = threading.Condition()
         self._ended: ConnectionClosed | None = None
         threading.Thread(target=self._listen, daemon=True).start()
@@ -67,9 +68,9 @@ class VisitingPage:
 
     def look_at(self, tab: str) -> None:
         """Report that this tab of plots and the first one of controls are visible, as the page's script does."""
-        self.wait(lambda: self._looking != "" and self._controls != "")
+        self.wait(lambda: self._report_field != "" and self._controls != "")
         seen = f"{tab},{self._controls}##"
-        self.say({"type": "GuiUpdateMessage", "uuid": self._looking, "updates": {"value": seen}})
+        self.say({"type": "GuiUpdateMessage", "uuid": self._report_field, "updates": {"value": seen}})
 
     @property
     def _controls(self) -> str:
@@ -109,38 +110,46 @@ class VisitingPage:
         try:
             while True:
                 frame = self._socket.recv()
+                assert isinstance(frame, bytes)
                 with self._news:
-                    self._take(frame)
+                    self.received += len(frame)
+                    for message in messages(frame):
+                        self.take(message)
                     self._news.notify_all()
         except ConnectionClosed as ended:
             with self._news:
                 self._ended = ended
                 self._news.notify_all()
 
-    def _take(self, frame: str | bytes) -> None:
-        assert isinstance(frame, bytes)
-        self.received += len(frame)
-        for message in messages(frame):
-            if message["type"] == "GuiHtmlMessage":
-                self.html[message["uuid"]] = message["props"]["content"]
-            elif message["type"] == "GuiUpdateMessage" and "content" in message["updates"]:
-                self.html[message["uuid"]] = message["updates"]["content"]
-            elif message["type"] == "GuiTextMessage" and not message["props"]["label"]:
-                self._looking = self._looking or message["uuid"]
-            elif message["type"] == "GuiButtonMessage":
-                self.buttons[message["props"]["label"]] = message["uuid"]
-            elif message["type"] == "RegisterCommandMessage":
-                self.commands[message["props"]["label"]] = message["uuid"]
+    def take(self, message: dict[str, Any]) -> None:
+        """Take up a message of the server, while nobody waits for the page's news."""
+        if message["type"] == "GuiHtmlMessage":
+            self.html[message["uuid"]] = message["props"]["content"]
+        elif message["type"] == "GuiUpdateMessage" and "content" in message["updates"]:
+            self.html[message["uuid"]] = message["updates"]["content"]
+        elif message["type"] == "GuiTextMessage" and not message["props"]["label"]:
+            self._report_field = self._report_field or message["uuid"]
+        elif message["type"] == "GuiButtonMessage":
+            self.buttons[message["props"]["label"]] = message["uuid"]
+        elif message["type"] == "RegisterCommandMessage":
+            self.commands[message["props"]["label"]] = message["uuid"]
 
 
 @contextmanager
 def visiting(url: str, **options: Any) -> Iterator[VisitingPage]:
     """Context with a page that is open at this address. options: of the web socket."""
+    with connected(url, **options) as socket:
+        yield VisitingPage(socket)
+
+
+@contextmanager
+def connected(url: str, **options: Any) -> Iterator[Connection]:
+    """Context with a web socket that is open at a page's address. options: of the web socket."""
     address = url.replace("http", "ws", 1).rstrip("/")
     usual = {"subprotocols": [PROTOCOL], "compression": None, "max_size": None, "open_timeout": PATIENCE}
     with connect(address, **usual | options) as socket:
         assert socket.subprotocol == PROTOCOL
-        yield VisitingPage(socket)
+        yield socket
 
 
 class Server(NamedTuple):

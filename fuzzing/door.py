@@ -29,7 +29,7 @@ _HEADERS = tuple(f"\r\n{name}: {value}".encode() for name, value in PAGE_HEADERS
 async def _begun() -> int:
     """Port of a gateway with one session; its cookies are named after that port."""
     lab = await _lasting.enter_async_context(town(tokens=TOKENS, serves={"deadline": DEADLINE}))
-    lab.pool._add(Session("usual", NAME, WATCH))
+    lab.pool._known.add(Session("usual", NAME, WATCH))
     return lab.port
 
 

@@ -61,7 +61,7 @@ def known_constants(tmp_path_factory: pytest.TempPathFactory) -> object:
 def no_own_laws() -> Iterator[None]:
     """Laws of one's own that a test has used are unknown to the next one."""
     yield
-    own_code = sys.modules.get("app.process.own_code")
+    own_code = sys.modules.get("app.scenario.own_code")
     if own_code is not None and os.environ.pop(own_code.VARIABLE, None) is not None:
         own_code.own_code.cache_clear()
 

@@ -79,7 +79,7 @@ _update = msgspec.msgpack.Decoder(_Update)
 
 # no page of this program sends them: viser would make the server known to a public one
 _NEVER = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
-_REPORT = re.compile(r"(?P<tabs>[\w ,+‖ℓ()/-]{0,200})#[0-9x]{0,11}#(?P<number>[0-9.e-]{0,30})")
+_REPORT = re.compile(r"""(?P<tabs>[^#<>&"'\x00-\x1f]{0,200})#[0-9x]{0,11}#(?P<number>[0-9.e-]{0,30})""")
 _LARGEST_PAGE = 16384  # px
 
 
@@ -139,10 +139,10 @@ class ConnectionRateLimiter:
         return True
 
 
-def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
+def harmless(raw: bytes, report_fields: Collection[str]) -> bytes | None:
     """Part of a watcher's message that may reach the session, None for nothing: the watcher's camera, and the tabs of
     plots on the watcher's screen, so that they are drawn. The run depends on neither.
-    looking: ids of the fields that take the tabs."""
+    report_fields: ids of the fields that take the tabs."""
     try:
         kind = _opened(raw, _envelope).type
         if kind == "ViewerCameraMessage":
@@ -156,7 +156,7 @@ def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
         if kind == "GuiUpdateMessage":
             update = _update.decode(raw)
             told = update.updates.get("value")
-            if update.uuid in looking and update.updates.keys() == {"value"} and isinstance(told, str):
+            if update.uuid in report_fields and update.updates.keys() == {"value"} and isinstance(told, str):
                 if (report := _REPORT.fullmatch(told)) is None:
                     return None
                 # the plots of all are fitted to the lowest scene: a watcher's does not count

@@ -73,10 +73,10 @@ class Asks(msgspec.Struct, frozen=True, tag=True):
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
-    """Message from the process: it is ready for `Begin`. looking: see `app.access.rate_limits.harmless`."""
+    """Message from the process: it is ready for `Begin`. report_fields: see `app.access.rate_limits.harmless`."""
 
     port: int
-    looking: frozenset[str]
+    report_fields: frozenset[str]
 
 
 class Changed(msgspec.Struct, frozen=True, tag=True):

@@ -6,6 +6,7 @@ simulation.
 
 from __future__ import annotations
 
+import errno
 import sys
 from collections.abc import Callable
 
@@ -23,13 +24,18 @@ from app.cli.run import run
 from app.cli.serve import serve
 from app.cli.status import BAD_INPUT, DONE, FAULT
 from app.cli.sweep import sweep
+from app.cli.sweep_plot import sweep_plot
 from app.cli.tune import tune
+from app.cli.typed_options import require_options
 from app.process import log
-from app.process.terminal_text import printable, unread
+from app.process.terminal_text import drop_output, printable, stand_in, unread
 from app.scenario.errors import ScenarioError
 from parameters import allowed
 
 events = structlog.get_logger()
+
+OPTIONS = (tyro.conf.DisallowNone,)  # an option that is not typed has no value to type
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 
 COMMANDS: dict[str, Callable[..., int]] = {
     "serve": serve,
@@ -48,20 +54,32 @@ COMMANDS: dict[str, Callable[..., int]] = {
 def execute(arguments: list[str]) -> int:
     """Execute the command with these arguments; returns its exit status, see `app.__main__`. Raises
     KeyboardInterrupt."""
+    stand_in()
     log.configure_as_parent()
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["serve", *arguments]
     if arguments[0] not in (*COMMANDS, "-h", "--help"):
-        print(f"vsmrc: {printable(arguments[0])}: no such command; {allowed(arguments[0], COMMANDS)}", file=sys.stderr)
+        given = printable(arguments[0]) or "an empty text"
+        print(f"vsmrc: {given}: no such command; {allowed(arguments[0], COMMANDS)}", file=sys.stderr)
         return BAD_INPUT
     try:
-        return tyro.extras.subcommand_cli_from_dict(COMMANDS, args=arguments, prog="vsmrc")
+        if arguments[:2] == ["sweep", "plot"]:
+            require_options("sweep plot", sweep_plot, arguments[2:], {"sweep": sweep})
+            return tyro.cli(sweep_plot, args=arguments[2:], prog="vsmrc sweep plot", config=OPTIONS)
+        if arguments[0] in COMMANDS:
+            others = {"sweep plot": sweep_plot} if arguments[0] == "sweep" else {}
+            require_options(arguments[0], COMMANDS[arguments[0]], arguments[1:], others)
+        return tyro.extras.subcommand_cli_from_dict(COMMANDS, args=arguments, prog="vsmrc", config=OPTIONS)
     except (ScenarioError, PortTaken) as error:
         print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
         return BAD_INPUT
     except Exception as error:
         if isinstance(error, BrokenPipeError) and unread():
             return DONE
+        if isinstance(error, OSError) and error.errno in FULL and error.filename is None:
+            print(f"vsmrc: standard output or a file cannot be written: {error.strerror}", file=sys.stderr)
+            drop_output()
+            return FAULT
         events.info("fault", stage=arguments[0], exc_info=error)
         print(f"vsmrc: internal error: {printable(f'{type(error).__name__}: {error}')}", file=sys.stderr)
         return FAULT

@@ -1,4 +1,4 @@
-"""Command `vsmrc compare`: puts the figures of runs side by side."""
+"""Command `vsmrc compare`: puts the metrics of runs side by side."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ import math
 from typing import Annotated
 
 import tyro
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, shown, use_own
+from app.cli.options import EngineOption, Files, Settings, configured, engine_of, note_unused, shown, use_own
 from app.cli.status import DONE, STOPPED
+from app.cli.tables import show_table
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
-from app.simulation.engines import Engine
 
-LEAST_PERIODS = 2  # of which figures are
+LEAST_PERIODS = 2  # of which metrics are
 ROUNDING = 1e-9
 
 
@@ -26,11 +23,11 @@ def compare(
     *,
     last: float | None = None,
     duration: float | None = None,
-    engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "pinocchio",
+    engine: EngineOption = None,
     use: Files = (),
     settings: Settings = (),
 ) -> int:
-    """Simulate scenarios and put their figures side by side, as the tab Runs does with pinned runs.
+    """Simulate scenarios and put their metrics side by side, as the tab Runs does with pinned runs.
 
     Args:
         scenarios: shipped scenarios or .toml files
@@ -39,7 +36,7 @@ def compare(
         engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
         use: a file with a law, surface or trajectory of your own (docs/extending.md)
     """
-    from app.analysis.metrics import FIGURES, account
+    from app.analysis.metrics import ACCOUNT_METRICS, account
     from app.session import headless_run
     from app.storage.constants_store import kept_memory
 
@@ -47,12 +44,13 @@ def compare(
         raise ScenarioError(f"--last {last:g}: allowed: more than 0 s")
     if not scenarios:
         raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
-    by: Engine = one_of("--engine", engine, ENGINES)
+    by = engine_of(engine)
     use_own(use)
     systems, accounts, stopped = [], [], False
     chosen = [(name, configured(name, settings, duration)) for name in scenarios]
     for name, scenario in chosen:
         _require_rows(name, scenario, last)
+    note_unused(*(scenario for _, scenario in chosen))
     for name, scenario in chosen:
         loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
         since = -math.inf if last is None else loop.t - last - 0.5 * loop.period
@@ -61,17 +59,23 @@ def compare(
         if loop.stopped:
             stopped = True
             print(f"{name} stopped: {loop.stopped}")
-    table = Table("", *(escape(name) for name in scenarios))
-    for figure in FIGURES:
-        table.add_row(escape(f"{figure.title} [{figure.units(systems)}]"), *(shown(figure.of(a)) for a in accounts))
-    Console().print(table)
+    show_table(
+        ("", *scenarios),
+        [
+            (f"{metric.title} [{metric.units(systems)}]", *(shown(metric.of(each)) for each in accounts))
+            for metric in ACCOUNT_METRICS
+        ],
+    )
     return STOPPED if stopped else DONE
 
 
 def _require_rows(name: str, scenario: Scenario, last: float | None) -> None:
-    """Raise ScenarioError where the figures would be of fewer than two control periods, which have none."""
-    least = LEAST_PERIODS * scenario.controller.period
-    for option, seconds in (("--last", last), ("simulation.duration:", scenario.simulation.duration)):
+    """Raise ScenarioError where the metrics would be of fewer than two control periods, which have none, or of more
+    than the run."""
+    least, whole = LEAST_PERIODS * scenario.controller.period, scenario.simulation.duration
+    if last is not None and last > whole * (1.0 + ROUNDING):
+        raise ScenarioError(f"--last {last:g}: longer than the run of {name}; allowed: at most {whole:g} s")
+    for option, seconds in (("--last", last), ("simulation.duration:", whole)):
         if seconds is not None and seconds < least * (1.0 - ROUNDING):
             raise ScenarioError(
                 f"{option} {seconds:g}: fewer than two control periods of {name}; allowed: {least:g} s or more"

@@ -5,30 +5,40 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import tyro
 
 from app.cli.options import (
-    ENGINES,
+    Default,
+    EngineOption,
     Files,
     Settings,
     braces,
     configured,
+    engine_of,
+    note_unused,
     one_of,
-    otherwise,
+    require_folder,
     typed,
     use_own,
-    usually,
     written_to,
 )
 from app.cli.status import DONE, STOPPED
+from app.export.figures import FigureOptions, inches_of
 from app.export.formats import ALL_PLOTS, Format, Kind
 from app.scenario.errors import ScenarioError, scenario_errors
-from app.simulation.engines import Engine
+
+if TYPE_CHECKING:
+    from app.scenario.schema import Scenario
+    from app.simulation.recording import Recording
 
 KINDS_OF_FILES: tuple[Kind, ...] = get_args(Kind)
 ON_PAPER: tuple[Kind, ...] = get_args(Format)
+PLOTS: Default[tuple[str, ...]] = Default((ALL_PLOTS,))
+TYPE_SIZE = Default(FigureOptions.type_size)
+LETTERS, CAPTION = Default(FigureOptions.letters), Default(FigureOptions.caption)
+START, END = Default(0.0), Default(math.inf)  # s
 
 
 def export(
@@ -37,18 +47,16 @@ def export(
     *,
     out: Path,
     to: Annotated[tuple[str, ...], tyro.conf.arg(metavar=braces(KINDS_OF_FILES))] = ("pdf",),
-    plots: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint=usually(repr(ALL_PLOTS)))] = (),
+    plots: Annotated[tuple[str, ...], PLOTS.hint] = (),
     series: tuple[str, ...] = (),
     width: str | None = None,
     height: str | None = None,
-    type_size: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(7.0))] = None,
-    letters: Annotated[tyro.conf.DisallowNone[bool | None], tyro.conf.arg(help_behavior_hint=usually(False))] = None,
-    caption: Annotated[tyro.conf.DisallowNone[bool | None], tyro.conf.arg(help_behavior_hint=usually(True))] = None,
-    start: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(0.0))] = None,
-    end: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(math.inf))] = None,
-    engine: Annotated[
-        str | None, tyro.conf.arg(metavar=braces(ENGINES), help_behavior_hint=usually("pinocchio"))
-    ] = None,
+    type_size: Annotated[float | None, TYPE_SIZE.hint] = None,
+    letters: Annotated[tyro.conf.DisallowNone[bool | None], LETTERS.hint] = None,
+    caption: Annotated[tyro.conf.DisallowNone[bool | None], CAPTION.hint] = None,
+    start: Annotated[float | None, START.hint] = None,
+    end: Annotated[float | None, END.hint] = None,
+    engine: EngineOption = None,
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -72,14 +80,8 @@ def export(
     """
     from app.dashboard.export import ExportedStretch, FigureChoice, write
     from app.dashboard.plots.paper_figures import plots_of
-    from app.export.figures import TYPE, FigureOptions
-    from app.session import headless_run
-    from app.storage.constants_store import kept_memory
-    from app.storage.recording_files import read_npz
 
-    by: Engine = one_of("--engine", otherwise(engine, "pinocchio"), ENGINES)
     kinds: list[Kind] = [one_of("--to", kind, KINDS_OF_FILES) for kind in to]
-    shown = {"--plots": plots, "--series": series}
     printed = {
         "--width": width,
         "--height": height,
@@ -87,36 +89,44 @@ def export(
         "--letters" if letters else "--no-letters": letters,
         "--caption" if caption else "--no-caption": caption,
     }
-    _require_kinds(kinds, (*ON_PAPER, "html"), shown)
+    _require_kinds(kinds, (*ON_PAPER, "html"), {"--plots": plots, "--series": series})
     _require_kinds(kinds, ON_PAPER, printed)
     _require_kinds(kinds, tuple(kind for kind in KINDS_OF_FILES if kind != "toml"), {"--start": start, "--end": end})
-    chosen = plots or (ALL_PLOTS,)
+    chosen = PLOTS.unless(plots)
     plots_of(chosen)  # before the simulation, which would be in vain
     with scenario_errors():
         wide, high = _inches("--width", width), _inches("--height", height)
         options = FigureOptions(
-            wide, high, otherwise(type_size, TYPE), otherwise(letters, False), otherwise(caption, True)
+            wide, high, TYPE_SIZE.unless(type_size), LETTERS.unless(letters), CAPTION.unless(caption)
         )
+    require_folder(out)
     use_own(use)
-    status = DONE
-    if run.endswith(".npz"):
-        if settings:
-            raise ScenarioError("--set: a recording cannot be changed any more; allowed: with a scenario")
-        if typed(engine):
-            raise ScenarioError(f"--engine {engine}: a recording is not computed again; allowed: with a scenario")
-        scenario, recording = read_npz(Path(run))
-    else:
-        scenario = configured(run, settings)
-        loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
-        recording = loop.recording
-        if loop.stopped:
-            print(f"stopped: {loop.stopped}")
-            status = STOPPED
+    scenario, recording, stopped = _recorded(run, engine, settings)
+    if stopped is not None:
+        print(f"stopped: {stopped}")
     with written_to(out):
-        stretch = ExportedStretch(scenario, recording, otherwise(start, 0.0), otherwise(end, math.inf))
+        stretch = ExportedStretch(scenario, recording, START.unless(start), END.unless(end))
         for path in write(stretch, kinds, FigureChoice(chosen, series, options), out):
             print(f"written: {path}")
-    return status
+    return DONE if stopped is None else STOPPED
+
+
+def _recorded(run: str, engine: str | None, settings: Settings) -> tuple[Scenario, Recording, str | None]:
+    """Scenario and recording of a file, or of a scenario that is simulated now, and why that stopped, if it did."""
+    from app.session import headless_run
+    from app.storage.constants_store import kept_memory
+    from app.storage.recording_files import read_npz
+
+    if not run.endswith(".npz"):
+        scenario, by = configured(run, settings), engine_of(engine)
+        note_unused(scenario)
+        loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
+        return scenario, loop.recording, loop.stopped
+    if settings:
+        raise ScenarioError("--set: a recording cannot be changed any more; allowed: with a scenario")
+    if typed(engine):
+        raise ScenarioError(f"--engine {engine}: a recording is not computed again; allowed: with a scenario")
+    return *read_npz(Path(run)), None
 
 
 def _require_kinds(kinds: list[Kind], takers: tuple[Kind, ...], options: Mapping[str, object]) -> None:
@@ -128,8 +138,6 @@ def _require_kinds(kinds: list[Kind], takers: tuple[Kind, ...], options: Mapping
 
 def _inches(flag: str, text: str | None) -> float | None:
     """Length of a flag in inches, None without one. Raises ValueError."""
-    from app.export.figures import inches_of
-
     try:
         return None if text is None else inches_of(text)
     except ValueError as error:

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import tyro
-
-from app.cli.options import ENGINES, braces, one_of, written_to
+from app.cli.options import EngineOption, engine_of, require_folder, written_to
 from app.cli.status import DONE
 from app.scenario.errors import ScenarioError
-from app.simulation.engines import Engine
 from parameters import allowed
 
 
@@ -19,7 +15,7 @@ def figures(
     out: Path,
     only: tuple[str, ...] = (),
     thin: int = 1,
-    engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "pinocchio",
+    engine: EngineOption = None,
 ) -> int:
     """Compute the evidence anew: evidence.md with every figure and number of docs/evidence.md, on all cores.
 
@@ -32,12 +28,13 @@ def figures(
     from app.evidence.make import make
     from app.evidence.sections import SECTIONS
 
-    by: Engine = one_of("--engine", engine, ENGINES)
+    by = engine_of(engine)
     names = [section.name for section in SECTIONS]
     if unknown := [name for name in only if name not in names]:
         raise ScenarioError(f"--only {unknown[0]}: {allowed(unknown[0], names)}")
     if thin < 1:
         raise ScenarioError(f"--thin {thin}: allowed: 1 or more")
+    require_folder(out)
     with written_to(out):
         page = make([section for section in SECTIONS if not only or section.name in only], thin, out, engine=by)
     print(f"written: {page}")

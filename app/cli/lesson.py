@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from app.cli.options import one_of
+from app.cli.options import one_of, require_folder
 from app.cli.status import BAD_INPUT, DONE
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
@@ -45,6 +45,8 @@ def lesson(
         raise ScenarioError(f"lesson list: {lessons[0]!r:.60}; allowed: no name, it lists all lessons")
     if figures is not None and doing != "run":
         raise ScenarioError(f"lesson {doing}: --figures {figures}; allowed: with `lesson run`")
+    if figures is not None:
+        require_folder(figures, "--figures")
     if doing == "list":
         for name, each in shipped_lessons().items():
             print(f"{name:24s} {each.head.minutes:3.0f} min  {each.head.title}")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeVar, get_args
+from typing import Annotated, Any, Generic, TypeVar, get_args
 
+import msgspec
 import tyro
 
-from app.scenario.data import edited, field_of, load, with_value
+from app.scenario.data import OWN, edited, field_of, kind_of, load, with_value
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.simulation.engines import Engine
@@ -25,6 +29,7 @@ Settings = Annotated[
     tyro.conf.arg(name="set", metavar="KEY=VALUE", help="change fields, e.g. --set force.value=30 contact.K_e=2e4"),
 ]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
+LONGEST_NAME = 200  # letters of a scenario's name
 MOST_WORKERS = 512  # processes of one machine
 
 
@@ -41,29 +46,64 @@ def braces(names: tuple[str, ...]) -> str:
     return f"{{{','.join(names)}}}"
 
 
-def usually(value: object) -> str:
-    """Hint of a command's help at an option that has this value where it is not typed. Its parameter is None there, so
-    that a typed value is told apart, whatever it is."""
-    return f"(default: {value})"
-
-
 def typed(*options: object) -> bool:
     """Whether one of these options was typed: has a value that is neither None nor empty."""
     return any(value is not None and value != () for value in options)
 
 
-def otherwise(value: Value | None, usual: Value) -> Value:
-    """Value of an option that was typed, else the usual one."""
-    return usual if value is None else value
+@dataclass(frozen=True)
+class Default(Generic[Value]):
+    """Default of an option whose parameter is None, or empty, where it is not typed, so that a typed value is told
+    apart, also where it is the same. value: of the option that is not typed."""
+
+    value: Value
+
+    @property
+    def hint(self) -> Any:
+        """Annotation of the parameter, by which the command's help shows the default."""
+        shown = " ".join(map(repr, self.value)) if isinstance(self.value, tuple) else self.value
+        return tyro.conf.arg(help_behavior_hint=f"(default: {shown})")
+
+    def unless(self, given: Value | None) -> Value:
+        """Value of the option: the given one where one was typed, else the default."""
+        return self.value if given is None or not typed(given) else given
+
+
+ENGINE = Default("pinocchio")
+EngineOption = Annotated[str | None, tyro.conf.arg(metavar=braces(ENGINES)), ENGINE.hint]
+
+
+def engine_of(given: str | None, default: Default[str] = ENGINE) -> Engine:
+    """The engine that was given to `--engine`, else the default one. Raises ScenarioError."""
+    return one_of("--engine", default.unless(given), ENGINES)
 
 
 def folder_of(command: str, out: Path | None) -> Path:
     """Folder of its own that was given to `--out` of this command. Raises ScenarioError."""
     if out is None:
         raise ScenarioError(f"{command}: no folder for the runs; allowed: --out FOLDER, or --dry-run")
-    if out == Path():  # also what an empty text is
+    if out == Path():
         raise ScenarioError("--out: no folder of its own; allowed: the name of a folder")
+    require_folder(out)
     return out
+
+
+def require_folder(out: Path, flag: str = "--out") -> None:
+    """Raise ScenarioError where no files can be written to a folder, before anything is computed for it. It may be one
+    that is not there yet, and is not made."""
+    for place in (out, *out.parents):
+        try:
+            place.lstat()
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError as error:
+            raise ScenarioError(f"{flag} {out}: cannot be written: {error.strerror}") from error
+        if not place.is_dir():
+            named = "" if place == out else f"{place} "
+            raise ScenarioError(f"{flag} {out}: {named}is a file; allowed: a folder")
+        if not os.access(place, os.W_OK | os.X_OK):
+            raise ScenarioError(f"{flag} {out}: {place} cannot be written; allowed: a folder of your own")
+        return
 
 
 def require_workers(workers: int | None) -> None:
@@ -91,9 +131,29 @@ def written_to(out: Path, besides: str = "") -> Iterator[None]:
 def use_own(files: tuple[Path, ...]) -> None:
     """Load the laws, surfaces and trajectories of a user's own files (`--use`). Raises ScenarioError."""
     if files:
-        from app.process import own_code
+        from app.scenario import own_code, own_laws
 
         own_code.use(files)
+        own_laws.require_callable(own_code.own_code().laws.values())
+
+
+def note_unused(*scenarios: Scenario) -> None:
+    """Say on standard error which laws, surfaces and trajectories of a user's own files none of these scenarios has,
+    and how they are chosen."""
+    from app.scenario.own_code import own_code
+
+    own = own_code()
+    chosen = {f"controller.law={each.controller.law}" for each in scenarios}
+    chosen |= {f"motion={kind_of(each.motion)}" for each in scenarios}
+    chosen |= {f"surface={kind_of(met.form)}" for each in scenarios for met in each.surfaces}
+    choices = (
+        *(("law", kind, f"controller.law={kind}") for kind in own.laws),
+        *(("surface", kind, f"surface={OWN}:{kind}") for kind in own.surfaces),
+        *(("trajectory", kind, f"motion={OWN}:{kind}") for kind in own.trajectories),
+    )
+    for noun, kind, choice in choices:
+        if choice not in chosen:
+            print(f"vsmrc: note: the {noun} {kind} of --use is not used; --set {choice} chooses it", file=sys.stderr)
 
 
 def configured(name_or_file: str, settings: Settings, duration: float | None = None) -> Scenario:
@@ -106,7 +166,10 @@ def configured(name_or_file: str, settings: Settings, duration: float | None = N
         from app.session.changes import with_robot
 
         if whole := {path.removeprefix("robot."): value for path, value in of_arm if path == field_of(path)}:
+            name = scenario.name
             scenario = with_robot(scenario, whole)
+            if scenario.name == Scenario().name != name:  # that of no scenario: another arm has lost it
+                scenario = msgspec.structs.replace(scenario, name=f"{name}-edited"[:LONGEST_NAME])
         for path, value in of_arm:
             if path != (field := field_of(path)):
                 name = field.removeprefix("robot.")
@@ -123,14 +186,20 @@ def configured(name_or_file: str, settings: Settings, duration: float | None = N
 
 def settings_of(settings: Settings) -> list[tuple[str, object]]:
     """Paths and values of all that was typed behind `--set`, in order. Raises ScenarioError."""
-    return [setting(text) for group in settings for text in group]
+    found = [setting(text) for group in settings for text in group]
+    paths = [path for path, _ in found]
+    if twice := next((path for path in paths if paths.count(path) > 1), None):
+        raise ScenarioError(f"--set {twice}: it is set more than once; allowed: once")
+    return found
 
 
 def setting(text: str) -> tuple[str, object]:
     """Path and value of a text KEY=VALUE. Raises ScenarioError."""
     path, equals, value = text.partition("=")
     if not equals:
-        raise ScenarioError(f"--set {text}: no '='; allowed: KEY=VALUE")
+        raise ScenarioError(f"--set {text!r:.100}: no '='; allowed: KEY=VALUE")
+    if not path.strip():
+        raise ScenarioError(f"--set {text!r:.100}: no field; allowed: KEY=VALUE")
     return path.strip(), _value(value.strip())
 
 
@@ -143,7 +212,7 @@ def _value(text: str) -> object:
 
 
 def shown(value: object) -> str:
-    """A figure's value as the terminal shows it."""
+    """A metric's value as the terminal shows it."""
     if isinstance(value, list):
         return "  ".join(shown(v) for v in value)
     return f"{value:.4g}" if isinstance(value, float) else "—" if value is None else str(value)

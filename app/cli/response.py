@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from app.cli.options import Files, Settings, configured, use_own, written_to
+from app.cli.options import Default, Files, Settings, configured, note_unused, require_folder, use_own, written_to
 from app.cli.status import DONE
 from app.scenario.data import shipped
 from app.scenario.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from app.scenario.schema import Scenario
+    from app.session.push_measurement import Measured
+    from app.simulation.closed_loop import ClosedLoop
+    from app.simulation.push_response import PushResponse
+    from app.simulation.sampled_stability import RespondingLoop
+    from app.simulation.search_memory import Memory
+
+NEWTONS, NEWTON_METRES = Default(2.0), Default(0.1)  # N, N m
 
 
 def response(
@@ -21,8 +32,8 @@ def response(
     at: float = 0.0,
     measure: tuple[float, ...] = (),
     chirp: tuple[float, float] | None = None,
-    newtons: float = 2.0,
-    newton_metres: float = 0.1,
+    newtons: Annotated[float | None, NEWTONS.hint] = None,
+    newton_metres: Annotated[float | None, NEWTON_METRES.hint] = None,
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -39,42 +50,61 @@ def response(
         newton_metres: size of that push about each axis, N·m
         use: a file with a law, surface or trajectory of your own (docs/extending.md)
     """
-    from app.export.printing import render
-    from app.export.response_files import figure_of, force_table_of, table_of, told
-    from app.process.atomic_write import write_whole
     from app.scenario.caption import title_of
-    from app.session import push_measurement
     from app.session.push_measurement import Chirp, PushExperiment
-    from app.simulation import force_margin
-    from app.simulation.closed_loop import ClosedLoop
-    from app.simulation.sampled_stability import oscillations, sampled_loop
+    from app.simulation.sampled_stability import sampled_loop
     from app.storage.constants_store import kept_memory
 
     if not 0.0 <= at < math.inf:
         raise ScenarioError(f"--at {at:g}: allowed: 0 s or more")
-    if not 0.0 < newtons < math.inf:
-        raise ScenarioError(f"--newtons {newtons:g}: allowed: more than 0 N")
-    if not 0.0 < newton_metres < math.inf:
-        raise ScenarioError(f"--newton-metres {newton_metres:g}: allowed: more than 0 N·m")
+    for flag, size, unit in (("--newtons", newtons, "N"), ("--newton-metres", newton_metres, "N·m")):
+        if size is not None and not 0.0 < size < math.inf:
+            raise ScenarioError(f"{flag} {size:g}: allowed: more than 0 {unit}")
+        if size is not None and not measure and chirp is None:
+            raise ScenarioError(f"{flag} {size:g}: nothing is pushed; allowed: with --measure or --chirp")
+    require_folder(out)
     use_own(use)
     chosen, memory = configured(scenario, settings), kept_memory()
-    if at > chosen.simulation.duration:
-        raise ScenarioError(f"--at {at:g}: allowed: 0 to {chosen.simulation.duration:g} s, the duration of the run")
-    loop = ClosedLoop(chosen, memory=memory)
+    note_unused(chosen)
+    loop = _loop_at(at, chosen, memory)
+    seen = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t)
+    if seen.response is None:
+        raise ScenarioError(f"response: {scenario} has none: the law chatters, the sensor is late, or J_q is singular")
+    pushes = NEWTONS.unless(newtons), NEWTON_METRES.unless(newton_metres)
+    experiment = PushExperiment(loop.state, seen.response.axes, *pushes, memory)
+    points = [experiment.sine(each) for each in measure]
+    points += [] if chirp is None else experiment.chirp(Chirp(*chirp))
+    _tell(seen, seen.response, points, loop)
+    caption = f"{title_of(chosen, shipped().get(chosen.name)).text}, at t = {loop.t:.3g} s."
+    _write(out, seen, seen.response, points, caption)
+    return DONE
+
+
+def _loop_at(at: float, scenario: Scenario, memory: Memory) -> ClosedLoop:
+    """Loop of a scenario at an instant, s. Raises ScenarioError where its run does not come there."""
+    from app.simulation.closed_loop import ClosedLoop
+
+    if at > scenario.simulation.duration:
+        raise ScenarioError(f"--at {at:g}: allowed: 0 to {scenario.simulation.duration:g} s, the duration of the run")
+    loop = ClosedLoop(scenario, memory=memory)
     while loop.t < at - 0.5 * loop.period and not loop.stopped:
         loop.step()
     if loop.stopped:
         raise ScenarioError(f"--at {at:g}: the run stops before, {loop.stopped}; allowed: an earlier instant")
-    seen = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t)
-    if seen.response is None:
-        raise ScenarioError(f"response: {scenario} has none: the law chatters, the sensor is late, or J_q is singular")
-    experiment = PushExperiment(loop.state, seen.response.axes, newtons, newton_metres, memory)
-    points = [experiment.sine(each) for each in measure]
-    points += [] if chirp is None else experiment.chirp(Chirp(*chirp))
-    for line in told(seen.response):
+    return loop
+
+
+def _tell(seen: RespondingLoop, predicted: PushResponse, points: list[Measured], loop: ClosedLoop) -> None:
+    """Print the response, what was measured, and the margins of the sampled loop."""
+    from app.export import response_files
+    from app.session import push_measurement
+    from app.simulation import force_margin
+    from app.simulation.sampled_stability import oscillations
+
+    for line in response_files.told(predicted):
         print(line)
     if points:
-        print(push_measurement.told(points, seen.response, push_measurement.not_linear(loop.state)))
+        print(push_measurement.told(points, predicted, push_measurement.not_linear(loop.state)))
     for pole in oscillations(seen):
         print(
             f"poles of the target model at {pole.omega:.4g} 1/s, damping {pole.zeta:.3g}: in the sampled loop "
@@ -84,16 +114,22 @@ def response(
         print(f"force loop: a sample multiplies an error by {seen.force_factor:.3g}; allowed below 1 in size")
     if seen.force_loop is not None:
         print(force_margin.told(seen.force_loop))
-    caption = f"{title_of(chosen, shipped().get(chosen.name)).text}, at t = {loop.t:.3g} s."
+
+
+def _write(out: Path, seen: RespondingLoop, predicted: PushResponse, points: list[Measured], caption: str) -> None:
+    """Write the files of a response to the folder `out`. Raises ScenarioError."""
+    from app.export.printing import render
+    from app.export.response_files import figure_of, force_table_of, table_of
+    from app.process.atomic_write import write_whole
+
     with written_to(out):
         out.mkdir(parents=True, exist_ok=True)
         files = {
-            "response.svg": render(figure_of(seen, seen.response, points, caption), "svg"),
-            "response.csv": table_of(seen.response, points).encode(),
+            "response.svg": render(figure_of(seen, predicted, points, caption), "svg"),
+            "response.csv": table_of(predicted, points).encode(),
         }
         if seen.force_loop is not None:
             files["force_loop.csv"] = force_table_of(seen.force_loop).encode()
         for name, content in files.items():
             write_whole(out / name, lambda file, content=content: file.write(content))
     print(f"written to {out}")
-    return DONE

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from app.cli.options import (
-    ENGINES,
+    Default,
+    EngineOption,
     Files,
     Settings,
-    braces,
     configured,
-    one_of,
-    otherwise,
+    engine_of,
+    note_unused,
+    require_folder,
     shown,
     typed,
     use_own,
-    usually,
     written_to,
 )
 from app.cli.status import BROKEN, DONE, STOPPED, UNPROMISED
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from app.analysis.metrics import Metrics
     from app.simulation.system import System
 
-TITLE = 40  # letters of a figure's name, before its value
+BLEND_AT, BLEND_OVER = Default(0.0), Default(2.0)  # s
+TITLE = 40  # letters of a metric's name, before its value
 
 
 def run(
@@ -44,12 +45,10 @@ def run(
     row: int | None = None,
     duration: float | None = None,
     blend_to: str | None = None,
-    blend_at: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(0.0))] = None,
-    blend_over: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(2.0))] = None,
+    blend_at: Annotated[float | None, BLEND_AT.hint] = None,
+    blend_over: Annotated[float | None, BLEND_OVER.hint] = None,
     strict: bool = False,
-    engine: Annotated[
-        str | None, tyro.conf.arg(metavar=braces(ENGINES), help_behavior_hint=usually("pinocchio"))
-    ] = None,
+    engine: EngineOption = None,
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -69,32 +68,28 @@ def run(
         use: a file with a law, surface or trajectory of your own (docs/extending.md)
     """
     from app.session import headless_run
-    from app.session.changes import blending_to
     from app.storage.constants_store import kept_memory
 
-    by: Engine = one_of("--engine", otherwise(engine, "pinocchio"), ENGINES)
+    require_folder(out)
     use_own(use)
-    until = 0.0
     if from_ is not None:
         if scenario is not None or row is None or settings or duration is not None:
             raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
-        if typed(blend_to, engine):
-            raise ScenarioError("--from: with --engine or --blend-to; allowed: the same run again, as it was")
+        if typed(blend_to, engine, use):
+            raise ScenarioError("--from: with --engine, --use or --blend-to; allowed: the same run again, as it was")
         chosen, by, until = _of_sweep(from_, row)
     elif row is not None:
         raise ScenarioError(f"--row {row} without --from; allowed: --from FOLDER --row N")
     elif scenario is None:
         raise ScenarioError("run: no scenario; allowed: one (see `vsmrc list`), or --from FOLDER --row N")
     else:
-        chosen = configured(scenario, settings, duration)
-    if blend_to is None and typed(blend_at, blend_over):
-        raise ScenarioError("--blend-at or --blend-over without --blend-to; allowed: with a scenario to go over to")
-    if blend_to is not None:
-        chosen = blending_to(chosen, load(blend_to), otherwise(blend_at, 0.0), otherwise(blend_over, 2.0))
+        chosen, by, until = configured(scenario, settings, duration), engine_of(engine), 0.0
+    chosen = _blending(chosen, blend_to, blend_at, blend_over)
+    note_unused(chosen)
     loop, metrics = headless_run.simulate(chosen, until=until, engine=by, show_progress=True, memory=kept_memory())
     with written_to(out):
         headless_run.write(loop, metrics, out)
-    _print_figures(metrics, loop.system)
+    _print_metrics(metrics, loop.system)
     _print_promise(metrics)
     for violation in loop.standing.outsiders:
         print(f"the truth is outside what was declared: {violation}")
@@ -104,6 +99,17 @@ def run(
     if strict and metrics.promise.verdict != "holds":
         return BROKEN if metrics.promise.verdict == "broken" else UNPROMISED
     return STOPPED if loop.stopped else DONE
+
+
+def _blending(scenario: Scenario, to: str | None, at: float | None, over: float | None) -> Scenario:
+    """The scenario, going over to the target model of the one named `to`, if there is one."""
+    from app.session.changes import blending_to
+
+    if to is not None:
+        return blending_to(scenario, load(to), BLEND_AT.unless(at), BLEND_OVER.unless(over))
+    if typed(at, over):
+        raise ScenarioError("--blend-at or --blend-over without --blend-to; allowed: with a scenario to go over to")
+    return scenario
 
 
 def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
@@ -118,13 +124,13 @@ def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
     return whole.scenario(whole.row(row)), asked.engine, asked.until
 
 
-def _print_figures(metrics: Metrics, system: System) -> None:
-    from app.analysis.metrics import METRICS
+def _print_metrics(metrics: Metrics, system: System) -> None:
+    from app.analysis.metrics import RUN_METRICS
 
-    for figure in METRICS:
-        value = figure.of(metrics)
-        unit = "" if value is None else figure.units([system])
-        print(f"{figure.title:{TITLE}s} {shown(value)} {unit}".rstrip())
+    for metric in RUN_METRICS:
+        value = metric.of(metrics)
+        unit = "" if value is None else metric.units([system])
+        print(f"{metric.title:{TITLE}s} {shown(value)} {unit}".rstrip())
     print(f"{'variation of the torques, per joint':{TITLE}s} {shown(metrics.torque_total_variation)} N·m/s")
     if metrics.stopped is not None:
         print(f"{'stopped':{TITLE}s} {metrics.stopped}")

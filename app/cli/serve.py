@@ -12,7 +12,7 @@ import tyro
 from app.access.admission import Names
 from app.access.given_token import given_token
 from app.access.rate_limits import ConnectionLimits
-from app.cli.options import Files, Settings, braces, configured, one_of, otherwise, typed, use_own, usually
+from app.cli.options import Default, Files, Settings, braces, configured, one_of, typed, use_own
 from app.cli.status import DONE
 from app.dashboard.theme.colors import Theme
 from app.gateway.server_settings import PageStyle, ServerSettings, Token
@@ -29,7 +29,7 @@ TOKENS: tuple[Token, ...] = get_args(Token)
 
 LEVELS: tuple[log.Level, ...] = get_args(log.Level)
 
-IDLE = 30.0  # minutes, after which a session that nobody looks at is closed
+IDLE_MINUTES, COPIES = Default(ServerSettings.idle_minutes), Default(True)
 
 FILES = (
     64 + 2 * ConnectionLimits().per_session
@@ -40,7 +40,7 @@ def serve(
     scenario: Annotated[str, tyro.conf.Positional] = OPENING,
     /,
     *,
-    host: str = "127.0.0.1",
+    host: Annotated[str, tyro.conf.arg(metavar="ADDRESS")] = "127.0.0.1",
     port: int = 8080,
     theme: Annotated[str, tyro.conf.arg(metavar=braces(THEMES))] = "dark",
     fps: float = 30.0,
@@ -54,9 +54,9 @@ def serve(
     origin: tuple[str, ...] = (),
     max_sessions: int | None = None,
     per_address: int | None = None,
-    copies: bool = True,
+    copies: Annotated[tyro.conf.DisallowNone[bool | None], COPIES.hint] = None,
     classes: Annotated[bool, tyro.conf.arg(name="class")] = False,
-    idle_minutes: Annotated[float | None, tyro.conf.arg(help_behavior_hint=usually(IDLE))] = None,
+    idle_minutes: Annotated[float | None, IDLE_MINUTES.hint] = None,
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -85,29 +85,21 @@ def serve(
         idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
         use: a file with a law, surface or trajectory of your own (docs/extending.md); it runs as your program
     """
-    from app.dashboard.frame_rate import check_fps
-
     chosen_theme: Theme = one_of("--theme", theme, THEMES)
     asking: Token = one_of("--token", token, TOKENS)
-    level: log.Level | None = None
-    if log_level is not None:
-        named: log.Level = one_of("--log-level", log_level, LEVELS)
-        level = named
-    try:
-        log.configure(level, log_file)
-    except OSError as error:
-        raise ScenarioError(f"--log-file {log_file}: cannot be written: {error.strerror}") from error
-    interruption = Interruption()
-    signal.signal(signal.SIGINT, interruption)  # a script with & starts programs with it ignored
-    for ending in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(ending) is not signal.SIG_IGN:  # nohup
-            signal.signal(ending, interruption)
+    _log(log_level, log_file)
+    interruption = _interruption()
+    _require_fps(fps)
     if not 0 <= port <= 65535:
         raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
-    if not shared and typed(max_sessions, per_address, idle_minutes):
-        raise ScenarioError(
-            "--max-sessions, --per-address or --idle-minutes: this server has one session; allowed: with --shared"
-        )
+    if not host.strip():
+        raise ScenarioError(f"--host {host!r}: no address; allowed: an address, 0.0.0.0 for all of this machine")
+    if stateless and state_dir is not None:
+        raise ScenarioError(f"--state-dir {state_dir}: --stateless keeps nothing; allowed: one of both")
+    limits = {"--max-sessions": max_sessions, "--per-address": per_address, "--idle-minutes": idle_minutes}
+    limits["--copies" if copies else "--no-copies"] = copies
+    if not shared and (needless := [flag for flag, given in limits.items() if typed(given)]):
+        raise ScenarioError(f"{needless[0]}: this server has one session; allowed: with --shared")
     use_own(use)
     chosen = configured(scenario, settings)
     people = other_people() if asking == "auto" else []
@@ -119,16 +111,12 @@ def serve(
         origins=origin,
         places=max_sessions,
         of_one_address=per_address,
-        copies=copies,
+        copies=COPIES.unless(copies),
         classes=classes,
-        idle_minutes=otherwise(idle_minutes, IDLE),
+        idle_minutes=IDLE_MINUTES.unless(idle_minutes),
         given=given_token(token_file, os.environ),
         crowded=bool(people),
     )
-    try:
-        check_fps(fps)
-    except ValueError as error:
-        raise ScenarioError(f"--{error}") from error
     if people and Names(host).local and not origin:
         say(f"{', '.join(people[:3])} can use this machine, too: the link has a token (--token never: none)")
     if server_settings.open:
@@ -143,3 +131,35 @@ def serve(
     dashboard = Dashboard(host=host, port=port, theme=chosen_theme, fps=fps, tokens=server_settings.tokens)
     local_server.serve(chosen, dashboard, interruption, state_dir=state_dir, stateless=stateless)
     return DONE
+
+
+def _require_fps(fps: float) -> None:
+    """Raises ScenarioError for a number of pictures per second that is not possible."""
+    from app.dashboard.frame_rate import check_fps
+
+    try:
+        check_fps(fps)
+    except ValueError as error:
+        raise ScenarioError(f"--{error}") from error
+
+
+def _log(log_level: str | None, log_file: Path | None) -> None:
+    """Log from this level on, also to this file. Raises ScenarioError."""
+    level: log.Level | None = None
+    if log_level is not None:
+        named: log.Level = one_of("--log-level", log_level, LEVELS)
+        level = named
+    try:
+        log.configure(level, log_file)
+    except OSError as error:
+        raise ScenarioError(f"--log-file {log_file}: cannot be written: {error.strerror}") from error
+
+
+def _interruption() -> Interruption:
+    """Handler of the signals that end the server, from now on."""
+    interruption = Interruption()
+    signal.signal(signal.SIGINT, interruption)  # a script with & starts programs with it ignored
+    for ending in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(ending) is not signal.SIG_IGN:  # nohup
+            signal.signal(ending, interruption)
+    return interruption

@@ -2,74 +2,77 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, NamedTuple, get_args
 
 import msgspec
 import tyro
 
 from app.cli.options import (
-    ENGINES,
+    Default,
+    EngineOption,
     Settings,
-    braces,
     configured,
+    engine_of,
     folder_of,
     one_of,
-    otherwise,
     require_until,
     require_workers,
     settings_of,
     typed,
-    usually,
     written_to,
 )
 from app.cli.status import DONE
-from app.process.terminal_text import say
 from app.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
     from app.sweep.cluster import Cluster
     from app.sweep.question import Sweep
 
+DESIGN, POINTS, DRAW, CORNERS, SEED = Default("grid"), Default(0), Default(0), Default(False), Default(0)
+ENGINE = Default("compiled")
+
+
+class _QuestionOptions(NamedTuple):
+    """Options that make the question of a sweep, as they were typed, see `sweep`."""
+
+    vary: tuple[str, ...]
+    design: str | None
+    points: int | None
+    draw: int | None
+    corners: bool | None
+    seed: int | None
+    duration: float | None
+    until: float | None
+    engine: str | None
+    settings: Settings
+
 
 def sweep(
     scenario: tyro.conf.Positional[str],
-    folder: tyro.conf.Positional[Path | None] = None,
     /,
     *,
     vary: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
-    design: Annotated[
-        str | None, tyro.conf.arg(metavar="{grid,latin,sobol}", help_behavior_hint=usually("grid"))
-    ] = None,
-    points: Annotated[int | None, tyro.conf.arg(help_behavior_hint=usually(0))] = None,
-    draw: Annotated[int | None, tyro.conf.arg(help_behavior_hint=usually(0))] = None,
-    corners: Annotated[tyro.conf.DisallowNone[bool | None], tyro.conf.arg(help_behavior_hint=usually(False))] = None,
-    seed: Annotated[int | None, tyro.conf.arg(help_behavior_hint=usually(0))] = None,
+    design: Annotated[str | None, tyro.conf.arg(metavar="{grid,latin,sobol}"), DESIGN.hint] = None,
+    points: Annotated[int | None, POINTS.hint] = None,
+    draw: Annotated[int | None, DRAW.hint] = None,
+    corners: Annotated[tyro.conf.DisallowNone[bool | None], CORNERS.hint] = None,
+    seed: Annotated[int | None, SEED.hint] = None,
     out: Path | None = None,
     duration: float | None = None,
     until: float | None = None,
-    engine: Annotated[
-        str | None, tyro.conf.arg(metavar=braces(ENGINES), help_behavior_hint=usually("compiled"))
-    ] = None,
+    engine: Annotated[EngineOption, ENGINE.hint] = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    dry_run: Annotated[tyro.conf.DisallowNone[bool | None], tyro.conf.arg(help_behavior_hint=usually(False))] = None,
-    of: Annotated[str | None, tyro.conf.arg(help_behavior_hint=usually("motion_error"))] = None,
-    within: float | None = None,
-    show: Annotated[str | None, tyro.conf.arg(metavar="{share,median,worst}")] = None,
-    over: tuple[str, ...] = (),
-    kind: Annotated[str | None, tyro.conf.arg(name="as", metavar="{map,slices,scatter,parallel}")] = None,
-    to: Annotated[str | None, tyro.conf.arg(metavar="{svg,pdf,png}")] = None,
+    dry_run: bool = False,
     settings: Settings = (),
 ) -> int:
     """Simulate a scenario with many settings and true arms, on all cores; the same command goes on where it was
     stopped. `vsmrc sweep plot FOLDER` draws what was found.
 
     Args:
-        scenario: a shipped scenario, a .toml file, or a sweep.toml; or the word plot
-        folder: of a sweep, for plot
+        scenario: a shipped scenario, a .toml file, or a sweep.toml
         vary: PATH=LOW:HIGH:COUNT, with :log behind for even steps of the logarithm, or PATH=VALUE,VALUE; PATH=LOW:HIGH
             for a design other than the grid
         design: the grid of all values, or so many points by a Latin hypercube or Sobol's sequence
@@ -77,147 +80,112 @@ def sweep(
         draw: true arms drawn inside the declared set, the same at every point
         corners: draw them at its corners
         seed: of arms and points
-        out: folder for the runs; for plot, the file
+        out: folder for the runs
         duration: simulated time of each run in s, instead of the scenario's
         until: when each run ends, s, before its duration, for which its constants are computed all the same
         engine: compiled, or pinocchio, whose digits differ by rounding
         workers: processes, instead of one for each core
         scheduler: tcp://HOST:PORT of a Dask scheduler, whose workers compute the runs (docs/scale.md)
         dry_run: only say what it would take
-        of: for plot, the metric (docs/sweeps.md)
-        within: for plot, a limit in SI units: the share of arms that keep it is shown
-        show: for plot, what is shown of the arms of a point
-        over: for plot, the fields that are the axes
-        kind: for plot, the chart
-        to: for plot, the form of the file, by default that of its name, or svg
     """
-    of_question = (vary, draw, settings, points, duration, until, design, corners, seed, engine)
-    if scenario == "plot":
-        if typed(*of_question, workers, scheduler, dry_run):
-            raise ScenarioError(
-                "sweep plot: an option of a sweep; allowed: --of, --within, --show, --over, --as, --to and --out"
-            )
-        return _plot_sweep(folder, out, otherwise(of, "motion_error"), within, show, over, kind, to)
-    if folder is not None:
-        raise ScenarioError(f"sweep: {folder} behind a scenario; allowed: `vsmrc sweep plot FOLDER`")
-    if typed(of, within, show, over, kind, to):
-        raise ScenarioError(
-            "sweep: --of, --within, --show, --over, --as or --to; allowed: for `vsmrc sweep plot FOLDER`"
-        )
-    from app.sweep import question, running
-    from app.sweep.axes import axis_of, fitted
+    from app.sweep import question
     from app.sweep.cluster import Cluster
-    from app.sweep.fingerprint import another_program, fingerprint
 
-    if Path(scenario).name == question.FILE:
-        if typed(*of_question):
-            raise ScenarioError(
-                f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --seed, ..."
-            )
-        asked = question.read(Path(scenario))
-        if asked.program != fingerprint(asked):
-            raise ScenarioError(f"sweep: {scenario} was asked of {another_program(asked)}; allowed: ask it anew")
-    else:
-        chosen = configured(scenario, settings, duration)
-        asked = question.Sweep(
-            scenario=chosen,
-            vary=tuple(fitted(axis_of(each), chosen) for each in vary),
-            design=one_of("--design", otherwise(design, "grid"), get_args(question.Design)),
-            points=otherwise(points, 0),
-            draw=otherwise(draw, 0),
-            corners=otherwise(corners, False),
-            seed=otherwise(seed, 0),
-            until=otherwise(until, 0.0),
-            engine=one_of("--engine", otherwise(engine, "compiled"), ENGINES),
-        )
-        _require_effective(asked, settings, duration)
-        asked = msgspec.structs.replace(asked, program=fingerprint(asked))
-    for name, given in (("points", points), ("draw", draw), ("seed", seed)):
-        if given is not None and given < 0:
-            raise ScenarioError(f"--{name} {given}; allowed: 0 or more")
-    require_until(until)
+    options = _QuestionOptions(vary, design, points, draw, corners, seed, duration, until, engine, settings)
+    asked = _read(Path(scenario), options) if Path(scenario).name == question.FILE else _asked(scenario, options)
     require_workers(workers)
     if scheduler is not None and workers is not None:
         raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
-    count = question.SweepQuestion(asked).count
+    count = question.SweepQuestion(asked).count  # before a folder is made: a question may make no sense
     folder = None if dry_run and out is None else folder_of("sweep", out)
     with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
-        if dry_run or folder is None:
-            print(running.estimated(asked, count, on))
-            return DONE
-        return _sweep_into(folder, asked, on)
+        return _foretell(asked, count, on) if dry_run or folder is None else _sweep_into(folder, asked, on)
 
 
-def _require_effective(asked: Sweep, settings: Settings, duration: float | None) -> None:
+def _read(path: Path, options: _QuestionOptions) -> Sweep:
+    """Question of a sweep.toml. Raises ScenarioError, also where another option makes a question."""
+    from app.sweep import question
+    from app.sweep.fingerprint import another_program, fingerprint
+
+    if typed(*options):
+        raise ScenarioError(f"sweep: {path} is the whole question; allowed: without --vary, --draw, --seed, ...")
+    asked = question.read(path)
+    if asked.program != fingerprint(asked):
+        raise ScenarioError(f"sweep: {path} was asked of {another_program(asked)}; allowed: ask it anew")
+    return asked
+
+
+def _asked(scenario: str, options: _QuestionOptions) -> Sweep:
+    """Question about a scenario. Raises ScenarioError."""
+    from app.sweep import question
+    from app.sweep.axes import axis_of, fitted
+    from app.sweep.fingerprint import fingerprint
+
+    for name, given in (("points", options.points), ("draw", options.draw), ("seed", options.seed)):
+        if given is not None and given < 0:
+            raise ScenarioError(f"--{name} {given}; allowed: 0 or more")
+    require_until(options.until)
+    chosen = configured(scenario, options.settings, options.duration)
+    asked = question.Sweep(
+        scenario=chosen,
+        vary=tuple(fitted(axis_of(each), chosen) for each in options.vary),
+        design=one_of("--design", DESIGN.unless(options.design), get_args(question.Design)),
+        points=POINTS.unless(options.points),
+        draw=DRAW.unless(options.draw),
+        corners=CORNERS.unless(options.corners),
+        seed=SEED.unless(options.seed),
+        until=options.until or 0.0,
+        engine=engine_of(options.engine, ENGINE),
+    )
+    _require_effective(asked, options)
+    if options.seed is not None and not asked.draw and asked.design == "grid":
+        raise ScenarioError(
+            f"--seed {options.seed}: nothing is drawn; allowed: with --draw, or --design latin or sobol"
+        )
+    return msgspec.structs.replace(asked, program=fingerprint(asked))
+
+
+def _require_effective(asked: Sweep, options: _QuestionOptions) -> None:
     """Raise ScenarioError where a value that was typed would have no effect: of a field that is drawn or varied."""
     from app.sweep.question import DURATION, require_not_drawn
 
-    given = dict(settings_of(settings))
+    given = dict(settings_of(options.settings))
     require_not_drawn(asked, given)
     for axis in asked.vary:
         if axis.path in given:
             raise ScenarioError(f"--set {axis.path}: it is varied, too; allowed: one of both")
-        if axis.path == DURATION and duration is not None:
-            raise ScenarioError(f"--duration {duration:g}: {DURATION} is varied, too; allowed: one of both")
+        if axis.path == DURATION and options.duration is not None:
+            raise ScenarioError(f"--duration {options.duration:g}: {DURATION} is varied, too; allowed: one of both")
+
+
+def _foretell(asked: Sweep, count: int, on: int | Cluster | None) -> int:
+    """Say what a sweep of so many runs would take."""
+    import numpy as np
+
+    from app.sweep import running
+
+    print(running.estimated(asked, np.arange(count), on))
+    return DONE
 
 
 def _sweep_into(out: Path, asked: Sweep, on: int | Cluster | None) -> int:
+    """Compute the runs that are not in the folder yet."""
+    import numpy as np
+
     from app.sweep import running
     from app.sweep.run_store import RunStore
 
     with written_to(out, "; what is there stays"), RunStore(out, asked) as store:
-        count, left = len(store.done), int((~store.done).sum())
-        if left < count:
-            print(f"{count - left} of {count} runs are there already")
-        if left:
+        count, left = len(store.done), np.flatnonzero(~store.done)
+        if len(left) < count:
+            print(f"{count - len(left)} of {count} runs are there already")
+        if len(left):
             print(running.estimated(asked, left, on))
         try:
             failed = running.run(store, asked, on, show_progress=True)
         except KeyboardInterrupt:
-            store.settle()  # for `vsmrc sweep plot`
+            store.flush()  # for `vsmrc sweep plot`
             print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
             raise
-    print(f"{count} runs in {out}" + (f", {failed} of the last {left} stopped or refused" if failed else ""))
-    return DONE
-
-
-def _plot_sweep(
-    folder: Path | None,
-    out: Path | None,
-    of: str,
-    within: float | None,
-    show: str | None,
-    over: tuple[str, ...],
-    kind: str | None,
-    to: str | None,
-) -> int:
-    from app.export.formats import Format
-    from app.process.atomic_write import write_whole
-    from app.sweep import charts, points
-    from app.sweep.fingerprint import another_program, fingerprint
-    from app.sweep.run_store import table_of
-
-    if folder is None:
-        raise ScenarioError("sweep plot: no folder; allowed: the folder of a sweep")
-    if within is not None and not math.isfinite(within):
-        raise ScenarioError(f"--within {within}; allowed: a finite number")
-    named = "" if out is None else out.suffix.lower().removeprefix(".")
-    form: Format = one_of("--to", to or (named if named in get_args(Format) else "svg"), get_args(Format))
-    if named and named != form:
-        raise ScenarioError(f"--out {out}: a file of {form}; allowed: a name that ends in .{form}")
-    view = points.SweepView(
-        metric=of,
-        within=within,
-        statistic=None if show is None else one_of("--show", show, get_args(points.Statistic)),
-        over=over,
-        kind=None if kind is None else one_of("--as", kind, get_args(points.Kind)),
-    )
-    asked, columns = table_of(folder)
-    if asked.program != fingerprint(asked):
-        say(f"this sweep was computed by {another_program(asked)}: a figure may have had another meaning")
-    path, drawn = out or folder / f"{of}.{form}", charts.chart(asked, columns, view, form)
-    with written_to(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, lambda file: file.write(drawn))
-    print(f"written: {path}")
+    print(f"{count} runs in {out}" + (f", {failed} of the last {len(left)} stopped or refused" if failed else ""))
     return DONE

@@ -7,21 +7,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import tyro
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from app.cli.options import (
     Settings,
     configured,
     folder_of,
-    otherwise,
     require_until,
     require_workers,
     settings_of,
     written_to,
 )
 from app.cli.status import DONE
+from app.cli.tables import show_table
 from app.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -51,7 +48,7 @@ def tune(
     Args:
         scenario: a shipped scenario or a .toml file, whose gains are to be beaten
         move: gain that may move, PATH=LOW:HIGH, with :log behind where its logarithm is to be drawn evenly
-        aims: figure that counts, the smaller the better (docs/tuning.md); two give a front
+        aims: metric that counts, the smaller the better (docs/tuning.md); two give a front
         draw: true arms drawn inside the declared set, the same for every candidate; 0: the scenario's own one
         budget: candidates besides the scenario's own gains
         unseen: further true arms, on which the own gains and those that are offered are compared
@@ -78,7 +75,7 @@ def tune(
         points=budget + 1,
         draw=draw,
         seed=seed,
-        until=otherwise(until, 0.0),
+        until=until or 0.0,
         aims=aims,
         unseen=unseen,
     )
@@ -107,10 +104,7 @@ def _tune_into(out: Path, asked: Tuning, workers: int | None) -> int:
             raise
         outcome.write(asked, found, out)
     head, *rows = outcome.told(asked, found)
-    table = Table(*map(escape, head))
-    for row in rows:
-        table.add_row(*map(escape, row))
-    Console().print(table)
+    show_table(head, rows)
     for sentence in outcome.verdict(asked, found):
         print(sentence)
     print(f"written to {out}")

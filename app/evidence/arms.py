@@ -61,7 +61,7 @@ class RefusedPlant(DrawnPlant):
 
 @dataclass(frozen=True)
 class Reaching(DrawnPlant):
-    """Reaching of one run; all figures count only periods with a promise, and are nan where there are none.
+    """Reaching of one run; all metrics count only periods with a promise, and are nan where there are none.
 
     s_0: ||s|| at the start, m/s.
     share: of the run's periods that have a promise.
@@ -105,7 +105,7 @@ class Reaching(DrawnPlant):
 
 @dataclass(frozen=True)
 class Outside:
-    """Run of an arm outside of the declared set, from s(0) = 0 on, judged as if the arm were inside. All figures count
+    """Run of an arm outside of the declared set, from s(0) = 0 on, judged as if the arm were inside. All metrics count
     the periods in which all other premises hold, and are nan without any.
     scale: distance of the true arm from the nominal one over the declared distance.
     over_band: largest ||s|| over its band.
@@ -203,7 +203,7 @@ def _deadline(promised: float | None, measured: float | None, until: float, end:
 def _with_true_perturbation(
     found: Reaching, loop: ClosedLoop, record: Mapping[str, np.ndarray], promised: np.ndarray, early: np.ndarray
 ) -> Reaching:
-    """Reaching with the figures that only the simulation can know: those from V and from the perturbation."""
+    """Reaching with the metrics that only the simulation can know: those from V and from the perturbation."""
     looks = np.unique(np.concatenate([_some(np.flatnonzero(early)), _some(np.flatnonzero(promised & ~early))]))
     known = PerturbationAnalysis(loop.system).recorded(record, tuple(loop.recording.epochs), looks)
     real, d, epsilon = known["perturbation"][looks], record["d"][looks], loop.system.controller.epsilon
@@ -249,7 +249,7 @@ def outside(robot: str, mode: str, seed: int) -> list[Outside]:
 
 
 def _outside(loop: ClosedLoop, scenario: Scenario, scale: float) -> Outside:
-    """Figures of a loop that takes its arm for one inside the declared set, so that it still judges the other premises
+    """Metrics of a loop that takes its arm for one inside the declared set, so that it still judges the other premises
     and the band."""
     record = loop.recording.signals(tuple(loop.recording.columns))
     limit = record["s_bound"] + record["s_band"]

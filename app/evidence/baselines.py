@@ -21,7 +21,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System
 
 PLANTS, LOT = 100, 10  # number of plants, and of those in a job
-DURATION, SETTLED = 4.0, 1.5  # s, length of a run, and instant from which on its figures count
+DURATION, SETTLED = 4.0, 1.5  # s, length of a run, and instant from which on its metrics count
 DECLARED = {
     "link_scaling": 0.15, "payload_mass": 1.0, "payload_offset": 0.05, "coulomb": 0.5, "viscous": 0.3,
     "disturbance": 2.0,
@@ -70,12 +70,12 @@ CONTESTANTS = (
 @dataclass(frozen=True)
 class Outcome:
     """Outcome of a run.
-    figures: from `SETTLED` on.
+    account: from `SETTLED` on.
     over_bound: largest excess of ||s|| over (20) with its band where they are promised, m/s; None where they never are.
     promised: share of the control periods in which they are.
     stopped: reason for which the run ended early, None for none."""
 
-    figures: Account
+    account: Account
     over_bound: float | None
     promised: float
     stopped: str | None
@@ -101,12 +101,12 @@ def uncertain(scenario: Scenario, seed: int) -> Scenario:
 def _run(scenario: Scenario, previous: System | None) -> tuple[Outcome, System]:
     loop = ClosedLoop(scenario, previous=previous)
     play(loop, round(scenario.simulation.duration / loop.period))
-    figures = account(loop.system, loop.recording, SETTLED, loop.t)
-    if figures is None:
+    counted = account(loop.system, loop.recording, SETTLED, loop.t)
+    if counted is None:
         raise RuntimeError(f"{scenario.name}: {loop.stopped}")
     s = loop.recording.signals(("s_norm", "s_bound", "s_band"))
     over_bound, promised = _beyond(s["s_norm"] - s["s_bound"] - s["s_band"])
-    return Outcome(figures, over_bound, promised, loop.stopped), loop.system
+    return Outcome(counted, over_bound, promised, loop.stopped), loop.system
 
 
 def _beyond(excess: np.ndarray) -> tuple[float | None, float]:
@@ -153,8 +153,8 @@ def conclude(results: Sequence[list[Outcome] | Outcome]) -> Findings:
     noisy = {who: [_listed(next(found)) for _ in NOISES] for who in CONTESTANTS}
     robust = [outcome for who in CONTESTANTS[:2] for outcome in main[who]]
     excesses = [outcome.over_bound for outcome in robust if outcome.over_bound is not None]
-    path = {who: float(np.median([o.figures.path_rms or 0.0 for o in main[who]])) for who in CONTESTANTS}
-    force = {who: float(np.median([o.figures.force_rms or 0.0 for o in main[who]])) for who in CONTESTANTS}
+    path = {who: float(np.median([o.account.path_rms or 0.0 for o in main[who]])) for who in CONTESTANTS}
+    force = {who: float(np.median([o.account.force_rms or 0.0 for o in main[who]])) for who in CONTESTANTS}
     ours, _, computed, fast, *_ = CONTESTANTS
     return Findings(
         numbers={
@@ -169,8 +169,8 @@ def conclude(results: Sequence[list[Outcome] | Outcome]) -> Findings:
             "path_gain_fast": f"{path[fast] / path[ours]:.1f}",
             "force_gain": f"{force[computed] / force[ours]:.0f}",
             "noise_ratio": f"{_variation(noisy[ours][-1]) / _variation(noisy[computed][-1]):.1f}",
-            "exact_computed": f"{1e3 * (exact[fast].figures.path_rms or 0.0):.2g}",
-            "exact_ours": f"{1e3 * (exact[ours].figures.path_rms or 0.0):.2g}",
+            "exact_computed": f"{1e3 * (exact[fast].account.path_rms or 0.0):.2g}",
+            "exact_ours": f"{1e3 * (exact[ours].account.path_rms or 0.0):.2g}",
             "loudest": f"{NOISES[-1]:g}",
         },
         tables={"uncertain": _table(main), "exact": _exact_table(exact), "noise": _noise_table(noisy)},
@@ -184,7 +184,7 @@ def _percent(outcomes: Sequence[Outcome]) -> str:
 
 
 def _variation(outcomes: Sequence[Outcome]) -> float:
-    return float(np.median([outcome.figures.variation for outcome in outcomes]))
+    return float(np.median([outcome.account.variation for outcome in outcomes]))
 
 
 def _listed(result: list[Outcome] | Outcome) -> list[Outcome]:
@@ -192,8 +192,8 @@ def _listed(result: list[Outcome] | Outcome) -> list[Outcome]:
 
 
 def _of(outcomes: Sequence[Outcome]) -> dict[str, np.ndarray]:
-    """Figures of runs, in the units in which they are shown."""
-    of = [outcome.figures for outcome in outcomes]
+    """Metrics of runs, in the units in which they are shown."""
+    of = [outcome.account for outcome in outcomes]
     return {
         "path": np.array([1e3 * (each.path_rms or 0.0) for each in of]),
         "force": np.array([each.force_rms or 0.0 for each in of]),

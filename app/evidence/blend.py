@@ -136,7 +136,7 @@ def swung(zeta: float) -> float:
 
 @dataclass(frozen=True)
 class Blended:
-    """Run of a UR5 that is pushed with 20 N while its model changes. curves: (x, y). Figures are from `BEGIN` on."""
+    """Run of a UR5 that is pushed with 20 N while its model changes. curves: (x, y). Metrics are from `BEGIN` on."""
 
     curves: dict[str, tuple[np.ndarray, np.ndarray]]
     s_before: float  # m/s, largest in the second before

@@ -18,9 +18,9 @@ from app.simulation.system import System
 from app.storage.constants_store import kept_memory
 from app.sweep.axes import axis_of
 from app.sweep.charts import chart
-from app.sweep.figures_of_run import Figures, SweepRunner, columns_of
 from app.sweep.points import SweepView
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.run_metrics import RunMetrics, SweepRunner, columns_of
 from app.sweep.titles import said
 
 LAWS = ("vsmrc", "computed-torque")
@@ -37,7 +37,7 @@ class Rows:
     """Rows of a law's map, one for each run."""
 
     law: str
-    rows: list[Figures]
+    rows: list[RunMetrics]
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def band_of(law: str) -> Sweep:
 def map_rows(law: str, numbers: tuple[int, ...]) -> Rows:
     """Rows of a law's map. numbers: of the rows."""
     runner = SweepRunner(map_of(law))
-    return Rows(law, [runner.figures(number) for number in numbers])
+    return Rows(law, [runner.metrics(number) for number in numbers])
 
 
 def arms(law: str, numbers: tuple[int, ...]) -> Arms:
@@ -131,7 +131,7 @@ def conclude(results: Sequence[object]) -> Findings:
     return Findings(numbers, {}, {"map": maps["vsmrc"], "torque_map": maps["computed-torque"], "band": _band(bands)})
 
 
-def _map(law: str, rows: list[Figures]) -> bytes:
+def _map(law: str, rows: list[RunMetrics]) -> bytes:
     sweep = map_of(law)
     titled = msgspec.structs.replace(sweep.scenario, name=f"ur5-hybrid, {said('controller.law', law)}")
     return chart(msgspec.structs.replace(sweep, scenario=titled), columns_of(rows), SweepView("force_error"), "svg")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
@@ -13,6 +12,7 @@ from tqdm import tqdm
 
 from app.evidence.section import EvidenceSection, Job
 from app.process import worker_pool
+from app.process.cores import usable_cores
 from app.simulation.engines import Engine, in_force
 
 PICTURES = "evidence"  # folder beside evidence.md
@@ -35,7 +35,7 @@ def make(
     pictures = out / PICTURES
     pictures.mkdir(parents=True, exist_ok=True)
     jobs = {section.name: section.jobs(thin) for section in sections if not section.missing()}
-    results = _run(jobs, workers or os.cpu_count() or 1, engine)
+    results = _run(jobs, workers or usable_cores(), engine)
     texts = [_opening(out, thin, engine)]
     for section in sections:
         if missing := section.missing():

@@ -29,7 +29,7 @@ POINTS = 600  # of a drawn curve
 
 @dataclass(frozen=True)
 class Run:
-    """Run of one case under one law. curves: (x, y), by their chart. Figures are from `SETTLED` on."""
+    """Run of one case under one law. curves: (x, y), by their chart. Metrics are from `SETTLED` on."""
 
     curves: dict[str, tuple[np.ndarray, np.ndarray]]
     account: Account

@@ -20,7 +20,7 @@ from app.simulation.sampled_stability import sampled_loop
 from app.simulation.system import System
 from controllers.premises import Premise
 
-DURATION, SETTLED = 4.0, 1.5  # s, length of a run, and instant from which on its figures count
+DURATION, SETTLED = 4.0, 1.5  # s, length of a run, and instant from which on its metrics count
 STEP = 5e-4  # s, longest step of the plant
 FORCE_GOOD, PATH_GOOD, VARIATION_GOOD = 1.0, 1e-3, 1e3  # N, m, N m/s
 
@@ -29,7 +29,7 @@ Changes = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Cell:
-    """Cell of a map: figures of one run from `SETTLED` on, nan where the run stopped early.
+    """Cell of a map: metrics of one run from `SETTLED` on, nan where the run stopped early.
     force, path: RMS errors, N and m.
     variation: of the torques, N m/s.
     saturated: share of the control periods in which a torque was cut.

@@ -1,1 +1,1 @@
-"""Export of files: figures, films, and the jobs that make them."""
+"""Export of files: figures, playbacks, and the jobs that make them."""

@@ -26,7 +26,7 @@ from app.process import launcher
 from app.storage.recording_files import RecordingTable, Tell
 
 PATIENCE = 2.0  # s in which the process may end by itself
-LONGEST_NAME = 60
+LONGEST_NAME, LONGEST_CONTENT = 60, 150  # letters of a part of a file's name
 PLAYBACK_LIMIT = 25e6  # bytes
 
 
@@ -91,14 +91,16 @@ class Failure:
     reason: str
 
 
-def file_name(scenario_name: str, t: float, extension: str) -> str:
-    """File name such as "vsmrc-ur5-hybrid-12.34s.svg", with letters, digits, dots and dashes only. t: instant, s."""
-    return f"vsmrc-{plain_name(scenario_name) or 'run'}-{t:.2f}s.{extension}"
+def file_name(scenario_name: str, t: float, extension: str, content: str = "") -> str:
+    """File name such as "vsmrc-ur5-hybrid-torques-12.34s.svg", with letters, digits, dots and dashes only. t: instant,
+    s; content: what is in it, where that is not all of the run."""
+    parts = ("vsmrc", plain_name(scenario_name) or "run", plain_name(content, LONGEST_CONTENT), f"{t:.2f}s")
+    return f"{'-'.join(filter(None, parts))}.{extension}"
 
 
-def plain_name(text: str) -> str:
+def plain_name(text: str, longest: int = LONGEST_NAME) -> str:
     """Part of a file name from a text: letters, digits and dashes only, and not too long."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", text)[:LONGEST_NAME].strip("-")
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text)[:longest].strip("-")
 
 
 class ExportJobs:

@@ -23,6 +23,7 @@ from app.gateway.responses import html
 from app.gateway.session import Session
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_request import session_of
+from app.process.json_text import decode_json
 
 GATHERED = 0.1  # s that answers of a class wait for others: each time all of them are handed over
 
@@ -52,12 +53,12 @@ class ClassPages:
     async def _question(self, request: web.Request) -> web.StreamResponse:
         """Response with the present question of a class, and the visitor's own answer to it."""
         session = self._of_class(request)
-        own = session.room.own(self._access.greeted(request).browser)
-        return web.json_response({"question": msgspec.to_builtins(session.room.question), "own": own})
+        own = session.classroom.own(self._access.greeted(request).browser)
+        return web.json_response({"question": msgspec.to_builtins(session.classroom.question), "own": own})
 
     async def _answer(self, request: web.Request) -> web.StreamResponse:
         session, visitor = self._of_class(request), self._access.visitor(request)
-        room = session.room
+        classroom = session.classroom
         try:
             async with asyncio.timeout(DEADLINE):
                 body = await request.read()
@@ -66,18 +67,18 @@ class ClassPages:
         except web.HTTPRequestEntityTooLarge as error:
             return web.json_response({"refused": "answer: too long; allowed: at most 64 kB"}, status=error.status)
         try:
-            said = msgspec.json.decode(body, type=dict[str, Any])
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            said = decode_json(body, dict[str, Any])
+        except ValueError as error:
             return web.json_response({"refused": f"answer: {error}"}, status=400)
         try:
-            room.give(visitor.browser, visitor.address, said.get("number"), said.get("given"))
+            classroom.give(visitor.browser, visitor.address, said.get("number"), said.get("given"))
         except AnswerRefusal as error:
             self._refusals["answers of a class"] += 1
             return web.json_response({"refused": str(error)}, status=409)
         if not session.gathers:
             session.gathers = True
             asyncio.get_running_loop().call_later(GATHERED, _hand_over, session)
-        return web.json_response({"own": room.own(visitor.browser)})
+        return web.json_response({"own": classroom.own(visitor.browser)})
 
     def _of_class(self, request: web.Request) -> Session:
         """Session whose class is meant. Raises HTTPNotFound, also where there are no classes."""
@@ -89,5 +90,5 @@ class ClassPages:
 def _hand_over(session: Session) -> None:
     """Hand the answers of a session's class to its process."""
     session.gathers = False
-    if session.process is not None and session.room.question is not None:
-        session.process.answer(Answers(session.room.number, session.room.given))
+    if session.process is not None and session.classroom.question is not None:
+        session.process.answer(Answers(session.classroom.number, session.classroom.given))

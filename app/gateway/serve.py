@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
-import os
 import signal
 import socket
 import sys
@@ -23,6 +22,7 @@ from app.gateway.session_store import SessionStore
 from app.gateway.visitors import Shares
 from app.gateway.worker import Worker, started
 from app.process import open_files, precompile
+from app.process.cores import usable_cores
 from app.process.deadline import end_within
 from app.process.fork_server import ForkServer
 from app.process.terminal_text import say
@@ -60,14 +60,9 @@ def serve(scenario: Scenario, style: PageStyle, server_settings: ServerSettings,
         raise ScenarioError(str(error)) from error
 
 
-def cores() -> int:
-    """Processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def places() -> int:
     """Number of sessions that this machine can run at once."""
-    return max(1, math.floor(cores() * SESSIONS_PER_CORE))
+    return max(1, math.floor(usable_cores() * SESSIONS_PER_CORE))
 
 
 def _files(sessions: int) -> int:

@@ -187,7 +187,7 @@ class Gateway:
         meter = ConnectionRateLimiter(limits)
 
         def watching(raw: bytes) -> bytes | None:
-            return harmless(raw, process.looking)
+            return harmless(raw, process.report_fields)
 
         with self._pool.viewing(session, viewer):
             judge = watching if looks_only else bytes

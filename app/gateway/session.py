@@ -21,7 +21,7 @@ class Process(Protocol):
 
     port: int
     key: str
-    looking: frozenset[str]
+    report_fields: frozenset[str]
     late: float | None
 
     @property
@@ -49,10 +49,15 @@ class Session:
     crashes: number of its processes that ended unexpectedly.
     looked_at: whether a page has been open once.
     kept: whether it has a folder.
-    room: the class that its lecturer asks.
+    classroom: the class that its lecturer asks.
     gathers: whether answers of the class are about to be handed to its process.
     asked: when a visitor last requested it; seen: when it was last requested, started, or left by a page; s of the
     pool's clock.
+    life: task of the pool that looks after it as long as it has a place, None while it has none.
+    opened: whether a page has been open in this life.
+    runs: event that is set while its process runs.
+    falls: when its processes of the last minute ended unexpectedly, s of the pool's clock.
+    closing: whether its process is to end, and no other one to begin.
     """
 
     scenario: str
@@ -71,15 +76,15 @@ class Session:
     crashes: int = 0
     looked_at: bool = False
     kept: bool = False
-    room: Classroom = field(default_factory=Classroom)
+    classroom: Classroom = field(default_factory=Classroom)
     gathers: bool = False
     asked: float = 0.0
     seen: float = 0.0
-    _falls: list[float] = field(default_factory=list)
-    _ever_seen: bool = False
-    _runs: asyncio.Event = field(default_factory=asyncio.Event)
-    _life: asyncio.Task[None] | None = None
-    _closing: bool = False
+    life: asyncio.Task[None] | None = None
+    opened: bool = False
+    runs: asyncio.Event = field(default_factory=asyncio.Event)
+    falls: list[float] = field(default_factory=list)
+    closing: bool = False
 
     def __post_init__(self) -> None:
         self.folder = self.folder or self.watch

@@ -6,17 +6,16 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections import Counter
 from collections.abc import Callable, Coroutine, Iterator
 
 import structlog
 
-from app.access.session_messages import Answers, Asks, Begin, KeptFolder
+from app.access.session_messages import Answers, Asks, Begin
+from app.gateway.known_sessions import KnownSessions
 from app.gateway.session import Process, Session
-from app.gateway.session_store import MOST, SessionStore, StoredSession
+from app.gateway.session_store import MOST, SessionStore
 from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, places_share
 from app.gateway.worker import WorkerError
-from app.process.redaction import new_secret
 
 log = structlog.get_logger()
 
@@ -26,7 +25,6 @@ UNSEEN = 60.0  # s: a process that nobody ever looked at is closed
 HURRIED = 120.0  # s: while others wait, a session that nobody looks at loses its place after so long
 CRASHES, WITHIN = 3, 60.0  # after that many crashes of its process within that many s a session is given up
 SPARE_AFTER = 2.0  # s from the start of a process to that of the spare: a page that is being loaded comes first
-MOST_KEPT = 2000  # sessions without a folder; see `SessionPool._has_room`
 UNKEPT = f"this session is not kept on disk: {MOST} others are, and none of them may go for it"
 
 
@@ -62,39 +60,30 @@ class SessionPool:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._scenario, self._launch, self.places, self._idle = scenario, launch, places, idle
-        self._store, self._wants_spare, self._clock = store, spare, clock
+        self._wants_spare, self._clock = spare, clock
         self.classes = classes
         self.shares, self._place_share = shares or Shares(), places_share(places, of_one_address)
-        self._by_name: dict[str, Session] = {}
-        self._by_watch: dict[str, Session] = {}
         self._queue: list[Session] = []
         self._spare: asyncio.Task[Process] | None = None
         self._doing: set[asyncio.Task[object]] = set()
         self._closed = False
         self.crashes = 0
         self._started = clock() - SPARE_AFTER
-        self._noting = asyncio.Lock()  # one at a time: the links on disk are those noted last
-        for known in store.known() if store is not None else ():
-            session = Session(
-                known.scenario, known.name, known.watch, known.pinned, known.folder, owner=Visitor(known.owner)
-            )
-            session.kept = session.looked_at = True
-            session.seen = clock()
-            self._add(session)
+        self._known = KnownSessions(store, self._do, clock())
 
     @property
     def taken(self) -> int:
         """Number of places that are taken."""
-        return sum(session._life is not None for session in self._by_name.values())
+        return sum(session.life is not None for session in self._known)
 
     @property
     def sessions(self) -> list[Session]:
         """All known sessions."""
-        return list(self._by_name.values())
+        return list(self._known)
 
     def crowded(self, session: Session, viewer: Viewer) -> str:
         """Reason why this page cannot be opened as well; "" where it can."""
-        shares, everywhere = self.shares, self._by_name.values()
+        shares, everywhere = self.shares, self._known
         share = shares.steering if viewer.kind == "steer" else shares.watching
         refusal = share.refusal(viewer.visitor, session.visitors(viewer.kind))
         if not refusal and viewer.kind == "watch":
@@ -104,10 +93,10 @@ class SessionPool:
         return refusal or shares.pages.refusal(viewer.visitor, every)
 
     def named(self, name: str) -> Session | None:
-        return self._by_name.get(name)
+        return self._known.named(name)
 
     def watched(self, name: str) -> Session | None:
-        return self._by_watch.get(name)
+        return self._known.watched(name)
 
     def new(self, owner: Visitor = NOBODY) -> Session:
         """New resting session with the usual scenario."""
@@ -115,7 +104,7 @@ class SessionPool:
 
     def copy(self, original: Session, owner: Visitor) -> Session:
         """New resting session with the scenario of this one. Raises Excess."""
-        now, every = self._clock(), self._by_name.values()
+        now, every = self._clock(), self._known
         copies = [s for s in every if s.original is not None and (s.phase in _ASKING or now - s.seen < FORGOTTEN)]
         of_it = [copy.owner for copy in copies if copy.original is original]
         refusal = self.shares.link_copies.refusal(owner, of_it)
@@ -125,13 +114,13 @@ class SessionPool:
 
     def _entered(self, session: Session) -> Session:
         session.seen = self._clock()
-        self._has_room(session, MOST_KEPT, kept=False)
-        return self._add(session)
+        self._known.make_room(session, kept=False, waiting=self._queue)
+        return self._known.add(session)
 
     def everyone(self) -> Session:
         """The session of a pool that has one for all visitors: it keeps its earlier links and has the usual
         scenario."""
-        session = next(iter(self._by_name.values()), None) or self.new()
+        session = next(iter(self._known), None) or self.new()
         session.scenario, session.offers = self._scenario, True
         return session
 
@@ -147,7 +136,7 @@ class SessionPool:
     @property
     def _holders(self) -> list[Visitor]:
         """Owners of the sessions that have a place."""
-        return [session.owner for session in self._by_name.values() if session._life is not None]
+        return [session.owner for session in self._known if session.life is not None]
 
     def want(self, session: Session) -> None:
         """Request a session, for a visitor: run it, or keep its place in the queue, unless that place is due to
@@ -163,7 +152,7 @@ class SessionPool:
         """Whether the session runs, or will within `patience` s: with a spare process it does."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(patience):
-                await session._runs.wait()
+                await session.runs.wait()
         return session.phase == "running"
 
     def place(self, session: Session) -> int:
@@ -174,7 +163,7 @@ class SessionPool:
         """Begin a failed session anew, with the usual scenario."""
         if session.phase == "failed":
             session.scenario, session.phase, session.told = self._scenario, "resting", ""
-            session._falls.clear()
+            session.falls.clear()
             self.want(session)
 
     async def renew(self, session: Session) -> None:
@@ -186,15 +175,7 @@ class SessionPool:
         await asyncio.shield(self._do(self._renewed(session)))  # as a whole, also where the caller stops waiting
 
     async def _renewed(self, session: Session) -> None:
-        async with self._noting:
-            name, watch = new_secret(16), new_secret(16)
-            if self._store is not None and session.kept:
-                await asyncio.to_thread(self._store.enter, _known(session)._replace(name=name, watch=watch))
-            if self._by_name.pop(session.name, None) is None:
-                return  # the session has been forgotten meanwhile
-            del self._by_watch[session.watch]
-            session.name, session.watch = name, watch
-            self._add(session)
+        if await self._known.renew(session):
             taken_back, session.taken_back = session.taken_back, asyncio.Event()
             taken_back.set()
             log.info("new links", session=session.called, pages=len(session.pages))
@@ -203,8 +184,8 @@ class SessionPool:
     def viewing(self, session: Session, viewer: Viewer) -> Iterator[None]:
         """Context of an open page; from the first page on, the session is kept on disk."""
         session.pages.append(viewer)
-        if not session._ever_seen:
-            session._ever_seen = session.looked_at = True
+        if not session.opened:
+            session.opened = session.looked_at = True
             self._do(self._keep(session))
         try:
             yield
@@ -215,10 +196,10 @@ class SessionPool:
     def tick(self) -> None:
         """Update the pool, to be called each second: free places of unseen sessions, advance the queue, launch a spare
         process."""
-        for session in self._by_name.values():
+        for session in self._known:
             if session.phase == "running" and not session.pages and self._unseen(session) and session.process:
                 log.info("session closed", session=session.called, reason="nobody looks at it")
-                session._closing = True
+                session.closing = True
                 session.phase = "resting"
                 session.process, process = None, session.process
                 self._do(process.end())
@@ -233,21 +214,21 @@ class SessionPool:
     async def close(self) -> None:
         """End every process, and start no other one; returns when they have ended."""
         self._closed = True
-        lives = [session._life for session in self._by_name.values() if session._life is not None]
+        lives = [session.life for session in self._known if session.life is not None]
         if self._spare is not None:
             lives.append(asyncio.create_task(_end(self._spare)))
-        for session in self._by_name.values():
-            session._closing = True
+        for session in self._known:
+            session.closing = True
             if session.process is not None:
                 self._do(session.process.end())
-            elif session._life is not None:
-                session._life.cancel()
+            elif session.life is not None:
+                session.life.cancel()
         await asyncio.gather(*lives, *self._doing, return_exceptions=True)
 
     def _unseen(self, session: Session) -> bool:
         if self._idle is None:
             return False
-        least = self._idle if session._ever_seen else min(UNSEEN, self._idle)
+        least = self._idle if session.opened else min(UNSEEN, self._idle)
         if self._queue and self.taken >= self.places:  # some wait for their visitor's own share only
             least = min(least, HURRIED)
         return self._clock() - session.seen > least
@@ -265,40 +246,40 @@ class SessionPool:
             if now - session.asked > FORGOTTEN:
                 session.phase = "resting"
             elif self._may_begin(session, now):
-                session.phase, session._closing, session._ever_seen = "starting", False, False
-                session._life = asyncio.create_task(self._live(session))
+                session.phase, session.closing, session.opened = "starting", False, False
+                session.life = asyncio.create_task(self._live(session))
             else:
                 waiting.append(session)
         self._queue = waiting
 
     def _may_begin(self, session: Session, now: float) -> bool:
         # a session that is being closed may begin again once it is closed
-        asks = session._life is None and now - session.asked <= SILENT
+        asks = session.life is None and now - session.asked <= SILENT
         free = not self._closed and self.taken < self.places
         return asks and free and not self._place_share.refusal(session.owner, self._holders)
 
     async def _live(self, session: Session) -> None:
         """Life of a session, from its place in the pool to its end, over as many processes as it takes."""
         try:
-            while not session._closing:
+            while not session.closing:
                 session.phase = "starting"
                 process = await self._process(session)
                 session.process, session.phase, session.seen = process, "running", self._clock()
-                session._runs.set()
+                session.runs.set()
                 log.info("session opened", session=session.called, sessions=self.taken)
                 async for changed in process.changes():
                     if isinstance(changed, Asks):
-                        session.room.ask(changed.question)
-                        if session.room.given:
-                            process.answer(Answers(session.room.number, session.room.given))
+                        session.classroom.ask(changed.question)
+                        if session.classroom.given:
+                            process.answer(Answers(session.classroom.number, session.classroom.given))
                         continue
                     session.scenario, session.offers, session.pinned = changed.scenario, False, changed.pinned
                     if changed.pinned and not session.kept:
                         self._do(self._keep(session))
-                session._runs.clear()
+                session.runs.clear()
                 how = await process.end()
                 session.process = None
-                if not session._closing:
+                if not session.closing:
                     self._fallen(session, how)
         except WorkerError as error:
             session.phase, session.told = "failed", str(error)
@@ -310,24 +291,24 @@ class SessionPool:
                 self._do(session.process.end())
                 session.process = None
         finally:
-            session._life = None
-            session._runs.clear()
+            session.life = None
+            session.runs.clear()
             if session.phase in ("starting", "running"):
                 session.phase = "resting"
 
     def _fallen(self, session: Session, how: str) -> None:
         now = self._clock()
-        session._falls = [fall for fall in session._falls if now - fall < WITHIN] + [now]
+        session.falls = [fall for fall in session.falls if now - fall < WITHIN] + [now]
         session.crashes += 1
         self.crashes += 1
         log.warning("session crashed", session=session.called, how=how)
-        if len(session._falls) >= CRASHES:
+        if len(session.falls) >= CRASHES:
             raise WorkerError(f"its process has ended unexpectedly {CRASHES} times within a minute ({how})")
         session.told = f"its process ended unexpectedly ({how}); another one has begun its last scenario anew"
 
     async def _process(self, session: Session) -> Process:
         """The spare process, or a new one; it has begun the session's scenario."""
-        scenario, kept = session.scenario, await self._folder(session) if session.kept else None
+        scenario, kept = session.scenario, await self._known.folder(session) if session.kept else None
         spare, self._spare = self._spare, None
         process = None
         if spare is not None:
@@ -338,62 +319,24 @@ class SessionPool:
             changed = None
         else:
             changed = None if scenario == self._scenario else scenario
-        process.begin(Begin(changed, kept, session.owner.marks, self.classes, session.room.number))
+        process.begin(Begin(changed, kept, session.owner.marks, self.classes, session.classroom.number))
         self._started = self._clock()
         return process
 
-    async def _folder(self, session: Session) -> KeptFolder | None:
-        """Folder of this session, made if need be; None without a store."""
-        if self._store is None:
-            return None
-        async with self._noting:
-            folder = await asyncio.to_thread(self._store.entered, _known(session))
-        return KeptFolder(str(folder), "offered" if session.offers else "shown")
-
     async def _keep(self, session: Session) -> None:
         """Let the process of a session that somebody looks at keep it in a folder from now on, if there is room."""
-        if self._store is None or session.kept or (process := session.process) is None:
+        if not self._known.on_disk or session.kept or (process := session.process) is None:
             return
-        if not self._has_room(session, MOST, kept=True):
+        if not self._known.make_room(session, kept=True, waiting=self._queue):
             process.remark(UNKEPT)
             return
         session.kept = True
-        kept = await self._folder(session)
+        kept = await self._known.folder(session)
         if kept is not None and session.process is process:  # another process has begun with the folder
             process.keep(kept)
 
-    def _add(self, session: Session) -> Session:
-        self._by_name[session.name] = self._by_watch[session.watch] = session
-        return session
-
-    def _has_room(self, session: Session, most: int, *, kept: bool) -> bool:
-        """Whether there is room for this session among those that have a folder, or among those that have none.
-        If need be, a resting session of no higher standing is removed: of those of the lowest standing, one of the
-        owner who has most, and of these the one not seen for longest."""
-        held = [other for other in self._by_name.values() if other is not session and other.kept == kept]
-        if len(held) < most:
-            return True
-        waiting = set(self._queue)
-        resting = [o for o in held if o._life is None and o not in waiting and o.standing <= session.standing]
-        if not resting:
-            return False
-        count = Counter(other.owner.address or other.owner.browser for other in held)
-        self._forget(min(resting, key=lambda o: (o.standing, -count[o.owner.address or o.owner.browser], o.seen)))
-        return True
-
-    def _forget(self, session: Session) -> None:
-        del self._by_name[session.name], self._by_watch[session.watch]
-        if self._store is not None and session.kept:
-            self._do(asyncio.to_thread(self._store.forget, session.folder))
-
 
 _ASKING = ("waiting", "starting", "running")
-
-
-def _known(session: Session) -> StoredSession:
-    """Record of this session on disk."""
-    owner = session.owner.browser
-    return StoredSession(session.name, session.watch, session.scenario, session.pinned, owner, session.folder)
 
 
 def _of_use(launch: asyncio.Task[Process]) -> bool:

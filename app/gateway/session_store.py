@@ -13,6 +13,7 @@ import msgspec
 import structlog
 
 from app.process.atomic_write import write_whole
+from app.process.json_text import decode_json
 from app.storage.session_index import LARGEST, StateError, last_state, occupied
 from environments.regular_file import read_regular
 
@@ -93,8 +94,8 @@ class SessionStore:
 def _known(link: Path) -> StoredSession | None:
     folder = link.parent.name
     try:
-        read = msgspec.json.decode(read_regular(link, LARGEST), type=_Link)
-    except (OSError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        read = decode_json(read_regular(link, LARGEST), _Link)
+    except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         log.warning("saved session unreadable", session=folder[:6], reason=str(reason))
         return None

@@ -56,7 +56,7 @@ async def started(file: int) -> ChildProcess:
 class Worker:
     """Worker: the process of a session, or a spare one. It is killed when it gives no sign of life for `silence` s.
     port, key: of its dashboard, which answers only requests with this key.
-    looking: see `app.access.rate_limits.harmless`.
+    report_fields: see `app.access.rate_limits.harmless`.
     late: see `Alive`."""
 
     def __init__(
@@ -70,7 +70,7 @@ class Worker:
         self._process, self._reader, self._writer = process, reader, writer
         self.key = key
         self.port = 0
-        self.looking: frozenset[str] = frozenset()
+        self.report_fields: frozenset[str] = frozenset()
         self.late: float | None = None
         self._failure = ""
         self._silence, self._allowed = silence, STARTING
@@ -157,7 +157,7 @@ class Worker:
     async def _ready(self) -> None:
         async for message in self._messages():
             if isinstance(message, Ready):
-                self.port, self.looking, self._listens = message.port, message.looking, True
+                self.port, self.report_fields, self._listens = message.port, message.report_fields, True
                 return
         raise WorkerError(f"the session's process could not begin: {await self.end()}")
 

@@ -8,24 +8,29 @@ from pathlib import Path
 from typing import BinaryIO
 
 
-def write_whole(path: Path, write: Callable[[BinaryIO], object], mode: int = 0o666) -> None:
+def write_whole(path: Path, write: Callable[[BinaryIO], object], mode: int = 0o666, *, synced: bool = True) -> None:
     """Write a file atomically: the file at `path` becomes what `write` writes. Until then the old file stays, also when
-    `write` fails, the process is killed or the machine stops. Raises OSError, and what `write` raises.
-    mode: permissions, of which the user's umask may take some away. A process that is killed can leave ".NAME.NUMBER"
-    beside the file."""
+    `write` fails, the process is killed or the machine stops. A process that is killed can leave ".NAME.NUMBER" beside
+    the file. Raises OSError, and what `write` raises.
+
+    mode: permissions, of which the user's umask may take some away.
+    synced: whether it is on the disk on return; else a power cut may lose the file, and nothing waits for the disk.
+    """
     being_written = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with open(being_written, "wb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
             write(file)
-            file.flush()
-            os.fsync(file.fileno())
+            if synced:
+                file.flush()
+                os.fsync(file.fileno())
         being_written.replace(path)
     finally:
         being_written.unlink(missing_ok=True)
-    _settle(path.parent)
+    if synced:
+        _sync_folder(path.parent)
 
 
-def _settle(folder: Path) -> None:
+def _sync_folder(folder: Path) -> None:
     """Flush this folder to disk, so that a file moved in it stays moved."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:

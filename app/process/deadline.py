@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import os
 import signal
 import sys
@@ -10,6 +11,7 @@ import threading
 from typing import NoReturn
 
 ENDING = 1.8  # s
+UNWRITTEN = 1  # exit status where what was printed is lost
 
 
 def end_within(seconds: float = ENDING) -> None:
@@ -33,7 +35,9 @@ def end(status: int) -> NoReturn:
         sys.stdout.flush()
         sys.stderr.flush()
     except BrokenPipeError:
-        os._exit(status)  # the reader of the pipe has closed it, as `head` does
-    except OSError:
-        sys.exit(status)  # the interpreter reports that the output was not written
+        pass  # the reader of the pipe has closed it, as `head` does
+    except OSError as error:
+        status = status or UNWRITTEN
+        with contextlib.suppress(OSError):
+            os.write(2, f"vsmrc: standard output cannot be written: {error.strerror}\n".encode())
     os._exit(status)

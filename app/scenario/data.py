@@ -65,9 +65,19 @@ def from_file(content: bytes) -> Scenario:
     if len(content) > LARGEST:
         raise ScenarioError(f"a file of {len(content) / 1e6:.3g} MB or more; allowed: at most {LARGEST / 1e6:g} MB")
     try:
-        return from_toml(content.decode("utf-8-sig").replace("\r\n", "\n"))
+        text = text_of(content)
+    except ValueError as error:
+        raise ScenarioError(f"not a TOML file: {error}") from error
+    return from_toml(text)
+
+
+def text_of(content: bytes) -> str:
+    """Text of a file's content, whose lines end with a line feed alone. Raises ValueError, with a sentence, for content
+    that is not in UTF-8."""
+    try:
+        return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
-        raise ScenarioError("not a TOML file: it is no UTF-8 text; allowed: a text in UTF-8") from error
+        raise ValueError("it is no UTF-8 text; allowed: a text in UTF-8") from error
 
 
 def to_toml(scenario: Scenario) -> str:
@@ -191,9 +201,10 @@ def load(name_or_file: str) -> Scenario:
     if path.suffix != ".toml":
         named = allowed(name_or_file, scenarios).replace("allowed: ", "allowed: a .toml file or ", 1)
         raise ScenarioError(f"scenario {name_or_file!r:.200}: unknown; {named}")
+    if path.exists() and not path.is_file():  # a pipe would never end
+        what = "a folder" if path.is_dir() else "a pipe or a device"
+        raise ScenarioError(f"scenario {name_or_file!r:.200}: is {what}; allowed: a file")
     try:
-        if path.exists() and not path.is_file():  # a folder, or a pipe that would never end
-            raise ScenarioError(f"scenario {name_or_file!r:.200}: cannot be read: no file")
         with path.open("rb") as file:
             content = file.read(LARGEST + 1)
     except (OSError, ValueError) as error:  # ValueError: a zero in the name
@@ -250,9 +261,10 @@ def _sentence(message: str, data: object) -> str:
     if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason, re.DOTALL):
         where = f"{path}." if path else ""
         return f"{where}{unknown[1]:.60}: no such field; {allowed(unknown[1], _fields_at(path, data))}"
-    reason = re.sub(" matching regex .*", " in one line, without control characters", reason, flags=re.DOTALL)
-    for technical, plain in _PLAIN.items():
-        reason = reason.replace(technical, plain)
+    if missing := re.fullmatch("Object missing required field `(.*)`", reason, re.DOTALL):
+        kinds = [str(kind.__struct_config__.tag) for kind in _structs_at(path)] if missing[1] == "kind" else []
+        return f"{path}.{missing[1]}: missing; allowed: {', '.join(kinds) or 'a value'}".removeprefix(".")
+    reason = plain_reason(reason)
     if not path:
         return f"scenario: {reason}"
     value = _at(path, data)
@@ -262,7 +274,17 @@ def _sentence(message: str, data: object) -> str:
     if reason.startswith("Invalid value"):  # the tag of a section that has several kinds
         kinds = _structs_at(path.rpartition(".")[0])
         reason = allowed(str(value), (str(kind.__struct_config__.tag) for kind in kinds))
+    if re.fullmatch(r"controller\.own\.[^.]+", path):
+        reason = f"allowed: a table, in the form controller.own.<law>.<parameter>, {reason.partition(', ')[2]}"
     return f"{path}: {shown}{reason[:1].lower()}{reason[1:]}"
+
+
+def plain_reason(reason: str) -> str:
+    """Reason of msgspec in plain words."""
+    reason = re.sub(" matching regex .*", " in one line, without control characters", reason, flags=re.DOTALL)
+    for technical, plain in _PLAIN.items():
+        reason = reason.replace(technical, plain)
+    return reason
 
 
 def _keys_named(path: str, data: object) -> str:

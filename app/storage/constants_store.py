@@ -9,20 +9,21 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import math
-import os
-import tempfile
 from functools import cached_property
 from importlib import metadata
 from pathlib import Path
 
 import msgspec
 
+from app.process.atomic_write import write_whole
+from app.process.json_text import decode_json
 from app.process.kernel_cache import cache_folder
 from app.simulation.search_memory import Memory, Numbers
-from app.storage.room import make_room
+from app.storage.cache_eviction import evict
 
 KEPT = 1000  # files
 LONGEST = 1000  # bytes of one
+_PRIVATE = 0o600
 
 
 class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -51,8 +52,8 @@ class ConstantsStore:
                 content = file.read(LONGEST + 1)
             if len(content) > LONGEST:
                 return None
-            entry = msgspec.json.decode(content, type=_Entry)
-        except (OSError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+            entry = decode_json(content, _Entry)
+        except (OSError, ValueError):
             return None
         sound = len(entry.numbers) == count and all(math.isfinite(x) and x >= 0.0 for x in entry.numbers)
         return entry.numbers if sound and entry.checksum == _checksum(path.name, entry.numbers) else None
@@ -63,14 +64,8 @@ class ConstantsStore:
         content = msgspec.json.encode(_Entry(numbers, _checksum(path.name, numbers)))
         with contextlib.suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
-            make_room(self._folder, self._kept)
-            descriptor, being_written = tempfile.mkstemp(dir=self._folder)
-            try:
-                with open(descriptor, "wb") as file:
-                    file.write(content)
-                os.replace(being_written, path)
-            finally:
-                Path(being_written).unlink(missing_ok=True)
+            evict(self._folder, self._kept)
+            write_whole(path, lambda file: file.write(content), _PRIVATE, synced=False)
 
     def _path(self, key: str) -> Path:
         return self._folder / (hashlib.sha256(f"{self._version} {key}".encode()).hexdigest() + ".json")

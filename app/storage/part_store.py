@@ -18,8 +18,8 @@ import numpy as np
 
 from app.process.atomic_write import write_whole
 from app.process.kernel_cache import cache_folder
+from app.storage.cache_eviction import evict
 from app.storage.link_meshes import Rgb
-from app.storage.room import make_room
 from environments.robots import Robot
 
 KEPT = 100  # files, of a few hundred kB each
@@ -60,7 +60,7 @@ class PartStore:
         """Keep the parts of an arm."""
         with contextlib.suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
-            make_room(self._folder, self._kept)
+            evict(self._folder, self._kept)
             write_whole(
                 self._path(robot, cell, coat),
                 lambda file: np.savez(

@@ -6,10 +6,11 @@ import contextlib
 import fcntl
 import os
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
 
+from app.process.json_text import decode_json
 from app.process.private_folder import NotOwnError, own
 from environments.regular_file import read_regular
 
@@ -18,6 +19,7 @@ SESSION, OFFER, LOCK = "session.json", "offer.json", "lock"
 PINS = 3  # runs that a session keeps for comparison
 LARGEST = 4_000_000  # bytes of an index
 _PRIVATE = 0o600
+Decoded = TypeVar("Decoded")
 _LATEST = 253_402_300_799.0  # s since 1970: the last second of the year 9999, which a date can have
 
 
@@ -98,15 +100,19 @@ def decoded(path: Path) -> Index:
         raise StateError(f"{path} cannot be read: {error.strerror}") from error
     if len(content) > LARGEST:
         raise StateError(f"{path} has more than {LARGEST / 1e6:g} MB")
-    try:
-        kind = msgspec.json.decode(content, type=_Kind)
-        if kind.format != FORMAT:
-            raise StateError(f"{path} is no session of this program")
-        if kind.version > VERSION:
-            raise StateError(f"{path} was written by a newer version of this program")
-        index = msgspec.json.decode(content, type=Index)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise StateError(f"{path} is no session of this program") from error
+    kind = _decoded(content, _Kind, path)
+    if kind.format != FORMAT:
+        raise StateError(f"{path} is no session of this program")
+    if kind.version > VERSION:
+        raise StateError(f"{path} was written by a newer version of this program")
+    index = _decoded(content, Index, path)
     if not 0.0 <= index.saved <= _LATEST:
         raise StateError(f"{path} is no session of this program: saved {index.saved:g} s after 1970")
     return index if len(index.pinned) <= PINS else msgspec.structs.replace(index, pinned=index.pinned[-PINS:])
+
+
+def _decoded(content: bytes, kind: type[Decoded], path: Path) -> Decoded:
+    try:
+        return decode_json(content, kind)
+    except ValueError as error:
+        raise StateError(f"{path} is no session of this program") from error

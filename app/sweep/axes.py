@@ -46,6 +46,11 @@ class Axis(Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
             value = low + share * (high - low)
         return min(max(round(value), round(self.low)), round(self.high)) if self.whole else float(value)
 
+    def __str__(self) -> str:
+        if self.values:
+            return f"{self.path}={','.join(map(_told, self.values))}"
+        return f"{self.path}={self.low:g}:{self.high:g}" + (":log" if self.logarithmic else "")
+
     @property
     def numeric(self) -> bool:
         """Whether all its values are numbers."""
@@ -121,6 +126,10 @@ def fitted(axis: Axis, scenario: Scenario) -> Axis:
     if values:
         return msgspec.structs.replace(axis, values=tuple(map(round, values)))
     return msgspec.structs.replace(axis, whole=True)
+
+
+def _told(value: Value) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _value(text: str) -> Value:

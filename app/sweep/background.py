@@ -11,9 +11,9 @@ from multiprocessing import Pipe
 from typing import Any
 
 from app.process import launcher, worker_pool
-from app.sweep.figures_of_run import Figures, SweepRunner
 from app.sweep.question import Sweep, SweepQuestion
-from app.sweep.running import rows_of, tasks_of
+from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
+from app.sweep.running import tasks_of
 
 STRIDES = (4, 2, 1)  # from one tile of a map to the next, of those computed first, second and last
 LINGER = 10.0  # s that a process has to end
@@ -118,23 +118,24 @@ class BackgroundSweep(Background):
     noun = "map"
 
     def __init__(self, sweep: Sweep, workers: int, at_once: int | None = None) -> None:
-        self._rows: list[Figures] = []
+        self._rows: list[RunMetrics] = []
         super().__init__(sweep, workers, at_once)
 
     @property
-    def rows(self) -> Sequence[Figures]:
+    def rows(self) -> Sequence[RunMetrics]:
         """Rows so far, in the order in which they were computed."""
         return self._rows[:]
 
-    def take(self, result: Figures) -> None:
+    def take(self, result: RunMetrics) -> None:
         self._rows.append(result)
 
 
-def results(sweep: Sweep, workers: int) -> Iterator[Figures]:
+def results(sweep: Sweep, workers: int) -> Iterator[RunMetrics]:
     """Rows of a sweep, in the order in which they are computed, coarse first."""
-    tasks = tasks_of(coarse_first(SweepQuestion(sweep)), workers)
-    for task, figures in worker_pool.results(SweepRunner.computing, (sweep,), tasks, workers):
-        yield from rows_of(sweep, task, figures)
+    question = SweepQuestion(sweep)
+    tasks = tasks_of(coarse_first(question), workers)
+    for task, metrics in worker_pool.results(SweepRunner.computing, (sweep,), tasks, workers):
+        yield from rows_of(question, map(question.row, task), metrics)
 
 
 def coarse_first(question: SweepQuestion) -> list[int]:

@@ -15,9 +15,9 @@ from app.export.printing import file_of
 from app.export.ticks import plain_decades
 from app.scenario.errors import ScenarioError
 from app.sweep.axes import Axis
-from app.sweep.figures_of_run import COLUMNS
 from app.sweep.points import Kind, Points, SweepView, interval, points_of, statistic_of
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.run_metrics import COLUMNS
 from app.sweep.titles import named, said, title_of, unit_of
 from parameters import allowed
 
@@ -31,6 +31,7 @@ EVEN = 1e-4  # share by which the steps of a logarithm may differ: the page roun
 WIDE = 100.0  # ratio of values from which on they are shown by their logarithm
 COLORS = "viridis"
 ASPECT = 0.75
+SHORT = 28  # letters of a legend of two columns
 LABEL = 2.3  # in, longest line beside an axis
 
 
@@ -141,7 +142,15 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
             _cross(plot, stopped, np.full(len(stopped), 0.03), transform=plot.get_xaxis_transform())
     if any(keys) and rest:
         left_out = f"{len(drawn)} of {len(lines)} lines" if len(drawn) < len(lines) else None
-        plot.legend(frameon=False, fontsize=6.0, title=left_out, title_fontsize=6.0)
+        canvas.legend(
+            *plot.get_legend_handles_labels(),
+            loc="outside upper center",
+            ncols=1 if max(map(len, plot.get_legend_handles_labels()[1])) > SHORT else 2,
+            frameon=False,
+            fontsize=6.0,
+            title=left_out,
+            title_fontsize=6.0,
+        )
     _log_scales(plot, np.unique(np.asarray(points.values[x.path], dtype=float)), None)
     if statistic_of(view) != "share" and wide(points.number):
         plot.set_yscale("log")
@@ -172,6 +181,8 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) ->
 def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Canvas:
     from matplotlib import colormaps
 
+    if len(axes) < 2 and axes[0].numeric:
+        raise ScenarioError(f"--as parallel over {axes[0].path} alone; allowed: two or more fields, or --as slices")
     canvas, plot = sheet(DOUBLE, _caption(sweep, points, view, missing="Grey", stopped="Grey"))
     norm, map_ = _norm(points, view), colormaps[COLORS]
     columns = [_shares(axis, points.values[axis.path]) for axis in axes]
@@ -264,7 +275,7 @@ def _caption(sweep: Sweep, points: Points, view: SweepView, missing: str, stoppe
     if never := int((points.never & ~points.stopped).sum()):
         told += f". {missing}: not on every arm ({_counted(never)})"
     if none := int((np.isnan(points.number) & ~points.never & ~points.stopped).sum()):
-        told += f". {missing}: no run has this figure ({_counted(none)})"
+        told += f". {missing}: no run has this metric ({_counted(none)})"
     return told + "."
 
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from app.process.worker_pool import FALLEN, Fallen
 from app.scenario.errors import ScenarioError
 from app.sweep import cluster_worker
-from app.sweep.figures_of_run import Figures
 from app.sweep.question import Sweep
+from app.sweep.run_metrics import RunMetrics
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -69,8 +69,8 @@ class Cluster:
 
     def results(
         self, sweep: Sweep, numbers: Sequence[int], say: Callable[[str], object], chunk: int = CHUNK
-    ) -> Iterator[tuple[tuple[int, ...], list[Figures] | Fallen]]:
-        """Runs by their numbers with their figures, in the order in which they are done; `FALLEN` for a run whose
+    ) -> Iterator[tuple[tuple[int, ...], list[RunMetrics] | Fallen]]:
+        """Runs by their numbers with their metrics, in the order in which they are done; `FALLEN` for a run whose
         worker has ended each time, also with no other run beside. Only a few are handed out ahead, so there may be any
         number of them.
 
@@ -91,7 +91,7 @@ class Cluster:
                     lonely = not lonely
                     say(NOBODY.format(self._address) if lonely else "a worker has come")
             for task in _ready(waiting, alone, len(under_way), workers, chunk):
-                future = self._client.submit(cluster_worker.figures, asked, task, pure=False)
+                future = self._submitted(asked, task)
                 under_way[future] = task
                 future.add_done_callback(done.put)
             try:
@@ -99,14 +99,23 @@ class Cluster:
             except queue.Empty:
                 continue
             task = under_way.pop(future)
-            figures = self._figures(future)
-            if figures is FALLEN and not suspected.issuperset(task):
+            metrics = self._metrics(future)
+            if metrics is FALLEN and not suspected.issuperset(task):
                 suspected.update(task)
                 alone.extend(task)
             else:
-                yield task, figures
+                yield task, metrics
 
-    def _figures(self, future: Future[Any]) -> list[Figures] | Fallen:
+    def _submitted(self, asked: bytes, task: tuple[int, ...]) -> Future[Any]:
+        """Future of a task that is handed to the scheduler. Raises ScenarioError where the client closes meanwhile."""
+        from distributed.client import ClosedClientError
+
+        try:
+            return self._client.submit(cluster_worker.metrics, asked, task, pure=False)
+        except ClosedClientError as error:
+            raise self._lost() from error
+
+    def _metrics(self, future: Future[Any]) -> list[RunMetrics] | Fallen:
         from distributed import KilledWorker
         from distributed.client import FutureCancelledError
 

@@ -7,22 +7,22 @@ import threading
 from functools import lru_cache
 
 from app.scenario.errors import ScenarioError
-from app.sweep.figures_of_run import Figures, SweepRunner
 from app.sweep.fingerprint import fingerprint, own_arms
 from app.sweep.question import Sweep
+from app.sweep.run_metrics import RunMetrics, SweepRunner
 
 # A runner is for one thread, and a worker may have several: a second one waits.
 _alone = threading.Lock()
 
 
-def figures(asked: bytes, numbers: tuple[int, ...]) -> list[Figures]:
-    """Figures of runs by their numbers. Raises ScenarioError where this machine has another version of the program.
+def metrics(asked: bytes, numbers: tuple[int, ...]) -> list[RunMetrics]:
+    """Metrics of runs by their numbers. Raises ScenarioError where this machine has another version of the program.
 
     asked: the sweep, pickled, because a sweep with parameters of the user's own has no hash.
     """
     with _alone:
         runner = _runner(asked)
-        return [runner.figures(number) for number in numbers]
+        return [runner.metrics(number) for number in numbers]
 
 
 @lru_cache(maxsize=2)

@@ -17,7 +17,7 @@ URDF = "robot.urdf"
 
 
 def fingerprint(asked: Sweep | None = None, packages: tuple[str, ...] = (), libraries: tuple[str, ...] = ()) -> str:
-    """Fingerprint of all that the figures of a run depend on besides the sweep: this program, the libraries that
+    """Fingerprint of all that the metrics of a run depend on besides the sweep: this program, the libraries that
     compute, the descriptions of arms, and the files that the sweep names as its arm. With more packages or
     libraries."""
     root, digest = Path(__file__).parents[2], hashlib.sha256()

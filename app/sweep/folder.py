@@ -11,23 +11,23 @@ from pathlib import Path
 import msgspec
 
 from app.export.export_jobs import plain_name
-from app.sweep.figures_of_run import Figures
 from app.sweep.fingerprint import fingerprint
 from app.sweep.question import Sweep
+from app.sweep.run_metrics import RunMetrics
 from app.sweep.run_store import LOCK, RunStore
 
 
-def zipped(sweep: Sweep, rows: Sequence[Figures]) -> bytes:
+def zipped(sweep: Sweep, rows: Sequence[RunMetrics]) -> bytes:
     """ZIP file of the folder of this sweep; the same command goes on in it. Raises OSError."""
     asked = msgspec.structs.replace(sweep, program=fingerprint(sweep))
     return packed(f"{asked.scenario.name}-sweep", lambda folder: _written(folder, asked, rows))
 
 
-def _written(folder: Path, sweep: Sweep, rows: Sequence[Figures]) -> None:
+def _written(folder: Path, sweep: Sweep, rows: Sequence[RunMetrics]) -> None:
     with RunStore(folder, sweep) as store:
         for row in rows:
             store.add(row)
-        store.settle()
+        store.flush()
 
 
 def packed(name: str, write: Callable[[Path], None]) -> bytes:

@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 
 from app.scenario.errors import ScenarioError
-from app.sweep.figures_of_run import COLUMNS, METRICS, Column
 from app.sweep.question import Sweep
+from app.sweep.run_metrics import COLUMNS, METRIC_COLUMNS, Column
 from controllers.premises import Premise
 from parameters import allowed
 
@@ -66,11 +66,12 @@ class Points:
 
 def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) -> Points:
     """Points of a table's columns. Raises ScenarioError for a metric that there is not."""
-    if view.metric not in METRICS:
-        raise ScenarioError(f"--of {view.metric!r:.60}; {allowed(view.metric, METRICS)}")
+    if view.metric not in METRIC_COLUMNS:
+        raise ScenarioError(f"--of {view.metric!r:.60}; {allowed(view.metric, METRIC_COLUMNS)}")
     statistic = statistic_of(view)
     if (statistic == "share") != (view.within is not None):
-        raise ScenarioError(f"--show {statistic}: --within {view.within}; allowed: share with --within, others without")
+        given = "without --within" if view.within is None else f"with --within {view.within:g}"
+        raise ScenarioError(f"--show {statistic}: {given}; allowed: share with --within, others without")
     order = np.argsort(columns["point"], kind="stable")
     point = columns["point"][order]
     begins = np.flatnonzero(np.r_[True, np.diff(point) > 0])
@@ -103,6 +104,13 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
     )
 
 
+def require_metric(columns: Mapping[str, np.ndarray], metric: str) -> None:
+    """Raise ScenarioError for a metric that no run of a table has, of which a chart would be empty."""
+    known = [name for name in METRIC_COLUMNS if np.isfinite(np.asarray(columns[name], dtype=float)).any()]
+    if metric in METRIC_COLUMNS and metric not in known:
+        raise ScenarioError(f"--of {metric}: no run of this sweep has it; {allowed(metric, known)}")
+
+
 def statistic_of(view: SweepView) -> Statistic:
     """Statistic that a view shows: by default the share where the view has a limit, else the worst."""
     return view.statistic or ("worst" if view.within is None else "share")
@@ -130,7 +138,7 @@ def _all_from(values: np.ndarray, least: float) -> float:
 
 def _statistic(values: np.ndarray, stopped: np.ndarray, statistic: Statistic, column: Column) -> float:
     """Median or worst of a column's values; inf where arms never came to it, NaN where no arm has one. An arm that
-    stopped or was refused never came to it, for the end of its run is not that of the others', but for a figure that a
+    stopped or was refused never came to it, for the end of its run is not that of the others', but for a metric that a
     stopped run has as well."""
     ended = stopped & (not column.also_stopped)
     lacks = np.isnan(values) | ended

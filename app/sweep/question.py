@@ -15,10 +15,12 @@ import numpy as np
 import tomli_w
 from msgspec import Meta, Struct
 
-from app.scenario.data import field_of, to_plain, with_value, with_values
+from app.scenario.data import differences as fields_that_differ
+from app.scenario.data import field_of, text_of, to_plain, with_value, with_values
 from app.scenario.departures import DRAWN, Departure
 from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, WrongKind
 from app.scenario.schema import RobotSection, Scenario
+from app.scenario.struct_refusals import struct_refusal
 from app.simulation.controller_builder import law_of
 from app.simulation.engines import Engine
 from app.simulation.environment_builder import robot_of
@@ -30,6 +32,7 @@ from parameters import allowed
 MOST_ROWS = 10_000_000
 UNREAD = ("name", "title")  # fields on which no run depends
 LARGEST_FILE = 4_000_000  # bytes of sweep.toml
+LONGEST_VALUE, MOST_TOLD = 80, 4  # letters of a value, and differences, in the refusal of another folder
 LONGEST_NAME = 150  # letters of the scenario's name in that of a run's or a candidate's
 FILE = "sweep.toml"
 DURATION = "simulation.duration"
@@ -123,19 +126,21 @@ class SweepQuestion:
     @property
     def seconds(self) -> float:
         """Simulated time of all runs, s, where none stops."""
+        return self.seconds_of(np.arange(self.count))
+
+    def seconds_of(self, numbers: np.ndarray) -> float:
+        """Simulated time of the runs of these numbers, s, where none stops; 0 of one that is refused for its
+        duration."""
         sweep = self.sweep
         at = next((k for k, axis in enumerate(sweep.vary) if axis.path == DURATION), None)
         if at is None or sweep.until:
-            return self.count * sweep.length
-        axis = sweep.vary[at]
+            return len(numbers) * sweep.length
+        axis, points = sweep.vary[at], np.asarray(numbers, dtype=int) // self.arms
         if sweep.design == "grid":
-            return self.count * sum(self.lasting({DURATION: value}) for value in axis.values) / len(axis.values)
-        return self.arms * sum(self.lasting({DURATION: axis.at(float(share))}) for share in self._shares[:, at])
-
-    def lasting(self, values: Mapping[str, Value]) -> float:
-        """Simulated time of a run with these values of the axes, s, where it does not stop; 0 of one that is refused
-        for its duration."""
-        return self.sweep.until or max(float(values.get(DURATION, self.sweep.length)), 0.0)
+            values, places = axis.values, np.unravel_index(points, [len(axis.values) for axis in sweep.vary])[at]
+        else:
+            values, places = [axis.at(float(share)) for share in self._shares[:, at]], points
+        return float(np.array([max(float(value), 0.0) for value in values])[places].sum())
 
     def row(self, number: int) -> SweepRow:
         """Run of this number. Raises ScenarioError for one that there is not."""
@@ -289,19 +294,45 @@ def read(path: Path, kind: type[Asked] = Sweep) -> Asked:
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST_FILE + 1)
-        if len(content) > LARGEST_FILE:
-            raise ScenarioError(f"{path}: more than {LARGEST_FILE / 1e6:g} MB; allowed: a {kind.file}")
-        return msgspec.convert(tomllib.loads(content.decode("utf-8-sig")), kind)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
-    except msgspec.ValidationError as error:
-        raise ScenarioError(f"{path}: {error}; allowed: what `vsmrc {Path(kind.file).stem}` has written") from error
-    except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path}: not a TOML file: it is no UTF-8 text; allowed: a text in UTF-8") from error
+    if len(content) > LARGEST_FILE:
+        raise ScenarioError(f"{path}: more than {LARGEST_FILE / 1e6:g} MB; allowed: a {kind.file}")
+    try:
+        data = tomllib.loads(text_of(content))
     except (ValueError, RecursionError) as error:
         raise ScenarioError(f"{path}: not a TOML file: {error}") from error
+    try:
+        return msgspec.convert(data, kind)
+    except msgspec.ValidationError as error:
+        told = struct_refusal(error, data, kind)
+        raise ScenarioError(f"{path}: {told} (`vsmrc {Path(kind.file).stem}` writes this file)") from error
+    except RecursionError as error:
+        raise ScenarioError(f"{path}: nested without end; allowed: a {kind.file} as it was written") from error
 
 
-def differences(one: Sweep, other: Sweep) -> list[str]:
-    """Names of the parts in which two sweeps differ."""
-    return [name for name in one.__struct_fields__ if getattr(one, name) != getattr(other, name)]
+def differences(kept: Sweep, asked: Sweep) -> dict[str, tuple[object, object]]:
+    """Parts in which two sweeps differ, each with both values: of the scenario its fields, by dotted path."""
+    pairs: dict[str, tuple[object, object]] = dict(fields_that_differ(kept.scenario, asked.scenario))
+    for name in UNREAD:
+        pairs[name] = (getattr(kept.scenario, name), getattr(asked.scenario, name))
+    for name in kept.__struct_fields__:
+        if name != "scenario":
+            pairs[name] = (getattr(kept, name), getattr(asked, name))
+    return {path: (one, other) for path, (one, other) in pairs.items() if one != other}
+
+
+def difference_told(found: Mapping[str, tuple[object, object]]) -> str:
+    """Differences of two sweeps in words, the first few of them; "" where only the program is another one."""
+    told = [f"{path} {_short(a)} there, {_short(b)} here" for path, (a, b) in found.items() if path != "program"]
+    more = f"; and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
+    return "; ".join(told[:MOST_TOLD]) + more
+
+
+def _short(value: object) -> str:
+    """Value of a part of a question, in few letters."""
+    if isinstance(value, tuple):
+        text = " ".join(map(str, value)) or "not given"
+    else:
+        text = "not given" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"

@@ -17,9 +17,9 @@ import pyarrow.parquet as pq
 
 from app.process.atomic_write import write_whole
 from app.scenario.errors import ScenarioError
-from app.sweep.figures_of_run import COLUMNS, Figures
 from app.sweep.fingerprint import another_program
-from app.sweep.question import FILE, Sweep, SweepQuestion, differences, read, to_toml
+from app.sweep.question import FILE, Sweep, SweepQuestion, difference_told, differences, read, to_toml
+from app.sweep.run_metrics import COLUMNS, RunMetrics
 from app.sweep.titles import title_of, unit_of
 
 PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"
@@ -32,7 +32,7 @@ class _Coming(NamedTuple):
     written again under its own name, never as a second one."""
 
     number: int
-    rows: list[Figures]
+    rows: list[RunMetrics]
 
 
 class RunStore:
@@ -72,17 +72,17 @@ class RunStore:
         os.close(self._journal)
         self._lock.close()
 
-    def add(self, figures: Figures) -> None:
-        """Keep the figures of a run. Raises OSError where they cannot be written."""
-        line = msgspec.json.encode(figures) + b"\n"
+    def add(self, metrics: RunMetrics) -> None:
+        """Keep the metrics of a run. Raises OSError where they cannot be written."""
+        line = msgspec.json.encode(metrics) + b"\n"
         if os.write(self._journal, line) != len(line):
             raise OSError(28, "No space left on device")
-        self._coming.rows.append(figures)
-        self.done[figures["row"]] = True
+        self._coming.rows.append(metrics)
+        self.done[metrics["row"]] = True
         if len(self._coming.rows) >= ROWS:
-            self.settle()
+            self.flush()
 
-    def settle(self) -> None:
+    def flush(self) -> None:
         """Write the rows of the journal as a Parquet file. Raises OSError where it cannot be written."""
         number, rows = self._coming
         if not rows:
@@ -95,8 +95,8 @@ class RunStore:
         os.close(before)
 
     @property
-    def rows(self) -> list[Figures]:
-        """Figures of all runs so far."""
+    def rows(self) -> list[RunMetrics]:
+        """Metrics of all runs so far."""
         return [
             row for part in parts(self._folder) for row in _read(part, self._schema, len(self.done)).to_pylist()
         ] + self._coming.rows
@@ -111,7 +111,7 @@ class RunStore:
             write_whole(path, lambda file: file.write(text))
             return
         if other := differences(read(path, type(sweep)), sweep):
-            what = f"made by {another_program(sweep)}" if other == ["program"] else f"another {', '.join(other)}"
+            what = difference_told(other) or f"made by {another_program(sweep)}"
             raise ScenarioError(
                 f"--out {self._folder}: holds another {sweep.noun} ({what}); allowed: a folder of its own"
             )
@@ -123,7 +123,7 @@ class RunStore:
         return os.open(self._folder / JOURNAL, os.O_WRONLY | os.O_APPEND)
 
 
-def journaled(folder: Path, count: int) -> list[Figures]:
+def journaled(folder: Path, count: int) -> list[RunMetrics]:
     """Rows of a folder's journal, without a last line that was cut off and lines that are no rows of a sweep with
     `count` of them."""
     path = folder / JOURNAL

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,16 +10,17 @@ import numpy as np
 from tqdm import tqdm
 
 from app.process import worker_pool
+from app.process.cores import usable_cores
 from app.sweep.cluster import Cluster
-from app.sweep.figures_of_run import Figures, SweepRunner
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
 
 if TYPE_CHECKING:
     from app.sweep.run_store import RunStore  # pyarrow is large, and the page needs none
 
 BYTES = 90  # of a run on disk, measured (docs/sweeps.md)
 CHUNK = 8  # runs that a process takes at once, at most
-BEGIN = 2.0  # s until the processes have their first runs, measured (docs/sweeps.md)
+BEGIN = 1.7  # s until the processes have their first runs, measured (docs/sweeps.md)
 
 
 @dataclass(frozen=True)
@@ -35,11 +34,11 @@ class SweepEstimate:
     size: float
 
     @classmethod
-    def of(cls, runs: int, simulated: float, each: float, on: int | Cluster | None) -> SweepEstimate:
-        """Estimate from the computing time of one run, `each` s. on: see `run`."""
-        cores = os.cpu_count() or 1
+    def of(cls, runs: int, simulated: float, computing: float, on: int | Cluster | None) -> SweepEstimate:
+        """Estimate from the computing time of all runs on one core, s. on: see `run`."""
+        cores = usable_cores()
         workers = on.workers if isinstance(on, Cluster) else min(on or cores, cores)  # more processes take turns
-        return cls(runs, simulated, BEGIN + runs * each / (workers or 1), runs * BYTES)
+        return cls(runs, simulated, BEGIN + computing / (workers or 1), runs * BYTES)
 
     def __str__(self) -> str:
         return (
@@ -56,22 +55,17 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.2g} s"
 
 
-def estimated(sweep: Sweep, left: int, on: int | Cluster | None = None) -> SweepEstimate:
-    """Estimate for `left` runs of a sweep, from the computing time of one run on this machine. Two neighbours are
-    played: the first one also computes what all runs have in common, and the second what each has for itself, whose
-    time is scaled where the duration is varied. on: see `run`."""
+def estimated(sweep: Sweep, left: np.ndarray, on: int | Cluster | None = None) -> SweepEstimate:
+    """Estimate for the runs of a sweep that are left, from the computing time of one run on this machine. Two
+    neighbours are played: the first one also computes what all runs have in common, and the second what each has for
+    itself, whose time is scaled where the duration is varied. left: their numbers. on: see `run`."""
     question, runner = SweepQuestion(sweep), SweepRunner(sweep)
-    each, middle, seconds = question.seconds / question.count, question.count // 2, 0.0
-    for number in (middle, middle + 1) if left else ():
-        seconds = _seconds(runner, number % question.count)
-    lasts = question.lasting(question.row((middle + 1) % question.count).values)
-    return SweepEstimate.of(left, left * each, seconds * each / lasts if lasts else seconds, on)
-
-
-def _seconds(runner: SweepRunner, number: int) -> float:
-    started = time.perf_counter()
-    runner.figures(number)
-    return time.perf_counter() - started
+    simulated, middle, seconds = question.seconds_of(left), question.count // 2, 0.0
+    for number in (middle, (middle + 1) % question.count) if len(left) else ():
+        seconds = runner.metrics(number)["wall_time"]
+    lasts = question.seconds_of(np.array([(middle + 1) % question.count]))
+    computing = seconds * simulated / lasts if lasts else seconds * len(left)
+    return SweepEstimate.of(len(left), simulated, computing, on)
 
 
 def run(store: RunStore, sweep: Sweep, on: int | Cluster | None = None, *, show_progress: bool = False) -> int:
@@ -80,24 +74,24 @@ def run(store: RunStore, sweep: Sweep, on: int | Cluster | None = None, *, show_
     on: number of processes, or a cluster, None for a process on each core. Raises OSError where runs cannot be written,
     and ScenarioError where the cluster is lost; what was written stays.
     """
-    left, failed = np.flatnonzero(~store.done).tolist(), 0
+    question, left, failed = SweepQuestion(sweep), np.flatnonzero(~store.done).tolist(), 0
     with tqdm(total=len(left), unit=" runs", desc="sweep", disable=not show_progress) as bar:
-        for numbers, figures in _computed(sweep, left, on, bar.write):
-            for each in rows_of(sweep, numbers, figures):
+        for numbers, metrics in _computed(sweep, left, on, bar.write):
+            for each in rows_of(question, map(question.row, numbers), metrics):
                 store.add(each)
                 failed += bool(each.get("stopped"))
             bar.set_postfix_str(f"{failed} stopped or refused" if failed else "")
             bar.update(len(numbers))
-    store.settle()
+    store.flush()
     return failed
 
 
 def _computed(
     sweep: Sweep, numbers: Sequence[int], on: int | Cluster | None, say: Callable[[str], object]
-) -> Iterator[tuple[tuple[int, ...], list[Figures] | worker_pool.Fallen]]:
+) -> Iterator[tuple[tuple[int, ...], list[RunMetrics] | worker_pool.Fallen]]:
     if isinstance(on, Cluster):
         return on.results(sweep, numbers, say)
-    workers = on or os.cpu_count() or 1
+    workers = on or usable_cores()
     return worker_pool.results(SweepRunner.computing, (sweep,), tasks_of(numbers, workers), workers)
 
 
@@ -108,10 +102,3 @@ def tasks_of(numbers: Sequence[int], workers: int) -> Iterator[tuple[int, ...]]:
         size = max(1, min(CHUNK, (len(numbers) - at) // (4 * workers)))
         yield tuple(numbers[at : at + size])
         at += size
-
-
-def rows_of(sweep: Sweep, numbers: tuple[int, ...], figures: list[Figures] | worker_pool.Fallen) -> list[Figures]:
-    if not isinstance(figures, worker_pool.Fallen):
-        return figures
-    question = SweepQuestion(sweep)
-    return [question.told(question.row(n)) | {"stopped": "the process that computed it has ended"} for n in numbers]

@@ -3,12 +3,12 @@ one."""
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from app.process.cores import usable_cores
 from app.scenario.errors import ScenarioError
 from app.sweep.background import Background
 
@@ -27,7 +27,7 @@ class Allowance:
     runs: int | None = None
 
     def __str__(self) -> str:
-        by = f"{self.workers} of this machine's {_cores()} cores"
+        by = f"{self.workers} of this machine's {usable_cores()} cores"
         if self.runs is None or self.at_once is None:
             return by
         return (
@@ -36,13 +36,9 @@ class Allowance:
         )
 
 
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def allowance_of(*, shared: bool) -> Allowance:
     """Allowance of a session of this machine: all cores but one, or one core where the machine is shared."""
-    spare = max(1, _cores() - 1)
+    spare = max(1, usable_cores() - 1)
     return Allowance(1, spare, 1500) if shared else Allowance(spare)
 
 

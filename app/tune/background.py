@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 
 from app.process import worker_pool
 from app.sweep.background import Background
-from app.sweep.figures_of_run import Figures
+from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate
 from app.tune.question import Tuning
 from app.tune.running import Found, TuningCourse, computing, most_runs
 
-Result = Figures | Candidate | Found
+Result = RunMetrics | Candidate | Found
 
 
 class BackgroundTuning(Background):
@@ -25,7 +25,7 @@ class BackgroundTuning(Background):
     def __init__(self, tuning: Tuning, workers: int, at_once: int | None = None) -> None:
         self.tuning, self.most = tuning, most_runs(tuning)
         self.found: Found | None = None
-        self._rows: list[Figures] = []
+        self._rows: list[RunMetrics] = []
         self._candidates: list[Candidate] = []
         super().__init__(tuning, workers, at_once)
 
@@ -35,7 +35,7 @@ class BackgroundTuning(Background):
         return self._candidates[:]
 
     @property
-    def rows(self) -> Sequence[Figures]:
+    def rows(self) -> Sequence[RunMetrics]:
         """Rows so far, in the order in which they were computed."""
         return self._rows[:]
 
@@ -56,8 +56,8 @@ class BackgroundTuning(Background):
 def results(tuning: Tuning, workers: int) -> Iterator[Result]:
     """Rows of runs, candidates as soon as they are judged, and at the end what was found."""
     course, told = TuningCourse(tuning, {}), 0
-    for rows, figures in worker_pool.results(computing, (tuning,), course.tasks(), workers):
-        yield from course.take(rows, figures)
+    for rows, metrics in worker_pool.results(computing, (tuning,), course.tasks(), workers):
+        yield from course.take(rows, metrics)
         yield from course.candidates[told:]
         told = len(course.candidates)
     yield from course.candidates[told:]

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from app.sweep.axes import Value
-from app.sweep.figures_of_run import Figures
+from app.sweep.run_metrics import RunMetrics
 from app.tune.question import Tuning
-from controllers.premises import STATEMENTS, Premise
+from controllers.premise_statements import STATEMENTS
+from controllers.premises import Premise
 
 LIMITS = {
     premise.name.lower(): STATEMENTS[premise].title
@@ -42,8 +43,8 @@ class Candidate:
         return all(mine <= its for mine, its in pairs) and any(mine < its for mine, its in pairs)
 
 
-def judged(tuning: Tuning, number: int, values: dict[str, Value], runs: Sequence[Figures]) -> Candidate:
-    """Candidate with the figures of its runs, one for each arm."""
+def judged(tuning: Tuning, number: int, values: dict[str, Value], runs: Sequence[RunMetrics]) -> Candidate:
+    """Candidate with the metrics of its runs, one for each arm."""
     reasons = [_reason(tuning, run) for run in runs]
     broken = [reason for reason in reasons if reason]
     badge = ""
@@ -55,13 +56,13 @@ def judged(tuning: Tuning, number: int, values: dict[str, Value], runs: Sequence
     return Candidate(number, values, aims, badge, len(broken) / len(runs), kept)
 
 
-def aim_of(run: Figures, aim: str) -> float:
-    """Figure of a run for an aim; inf where the run has none, or was stopped before its end."""
+def aim_of(run: RunMetrics, aim: str) -> float:
+    """Metric of a run for an aim; inf where the run has none, or was stopped before its end."""
     value = None if run.get("stopped") else run.get(aim)
     return math.inf if value is None else float(value)
 
 
-def _reason(tuning: Tuning, run: Figures) -> str:
+def _reason(tuning: Tuning, run: RunMetrics) -> str:
     """Why a run keeps its candidate from being offered; "" where it does not."""
     if run.get("stopped"):
         return str(run["stopped"])

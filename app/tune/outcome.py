@@ -19,9 +19,9 @@ from app.export.ticks import plain_decades
 from app.process.atomic_write import write_whole
 from app.scenario import data
 from app.sweep.charts import sheet, wide
-from app.sweep.figures_of_run import COLUMNS, Figures
 from app.sweep.folder import packed
 from app.sweep.question import LONGEST_NAME
+from app.sweep.run_metrics import COLUMNS, RunMetrics
 from app.sweep.run_store import RunStore, column
 from app.sweep.titles import unit_of
 from app.tune.candidates import Candidate, aim_of, front
@@ -39,11 +39,11 @@ SOON = 0.4  # share of a run by which it has to have settled, for its end not to
 
 
 class Comparison(NamedTuple):
-    """Figure of a candidate beside that of the scenario's own gains, on the arms that were not seen.
+    """Metric of a candidate beside that of the scenario's own gains, on the arms that were not seen.
 
     value, before: worst over these arms, and that of the own gains, SI units; inf where an arm has none.
     change: of the worst against that of the own gains, as a share; nan where either has none.
-    better: number of arms on which the figure is smaller than with the own gains.
+    better: number of arms on which the metric is smaller than with the own gains.
     """
 
     aim: str
@@ -72,7 +72,7 @@ def _smaller(aim: str, found: Found, number: int) -> list[bool]:
 
 def offered(tuning: Tuning, found: Found) -> list[Candidate]:
     """Candidates that may be used: those that were tried, and have no badge on the arms that were not seen either, and
-    do not leave every figure there as it is with the own gains, as gains without effect do."""
+    do not leave every metric there as it is with the own gains, as gains without effect do."""
     return [
         each
         for number, each in found.tried.items()
@@ -81,7 +81,7 @@ def offered(tuning: Tuning, found: Found) -> list[Candidate]:
 
 
 def _changes_nothing(tuning: Tuning, found: Found, number: int) -> bool:
-    """Whether a candidate has the own gains' figures on every arm that was not seen."""
+    """Whether a candidate has the own gains' metrics on every arm that was not seen."""
     return all(
         aim_of(mine, aim) == aim_of(own, aim)
         for mine, own in zip(found.runs[number], found.runs[0], strict=True)
@@ -111,7 +111,7 @@ def write(tuning: Tuning, found: Found, folder: Path) -> None:
         write_whole(folder / name, lambda file, text=text: file.write(text))
 
 
-def zipped(tuning: Tuning, rows: Sequence[Figures], found: Found) -> bytes:
+def zipped(tuning: Tuning, rows: Sequence[RunMetrics], found: Found) -> bytes:
     """ZIP file of the folder that `vsmrc tune` writes. Raises OSError."""
     asked = msgspec.structs.replace(tuning, program=program(tuning))
 
@@ -119,7 +119,7 @@ def zipped(tuning: Tuning, rows: Sequence[Figures], found: Found) -> bytes:
         with RunStore(folder, asked) as store:
             for row in rows:
                 store.add(row)
-            store.settle()
+            store.flush()
         write(asked, found, folder)
 
     return packed(f"{asked.scenario.name}-tune", fill)
@@ -220,11 +220,11 @@ def told(tuning: Tuning, found: Found) -> list[list[str]]:
         if number and number not in files:
             continue
         gains = [f"{each.values[a.path]:g}" if number else _own(tuning, a.path) for a in tuning.vary]
-        figures = [
+        metrics = [
             f"{c.value:.4g}" + (f"\n{_percent(c.change)}, {c.better} of {tuning.unseen}" if number else "")
             for c in comparisons(tuning, found, number)
         ]
-        rows.append([files.get(number, OWN), *gains, *figures, f"{100 * each.kept:.3g} %"])
+        rows.append([files.get(number, OWN), *gains, *metrics, f"{100 * each.kept:.3g} %"])
     return rows
 
 
@@ -277,7 +277,7 @@ def verdict(tuning: Tuning, found: Found) -> list[str]:
 
 
 def _short(tuning: Tuning, found: Found) -> str:
-    """Sentence on runs that are too short for figures of their end, "" where they are not: what is best there may be
+    """Sentence on runs that are too short for metrics of their end, "" where they are not: what is best there may be
     worse in the long run."""
     aims = [aim.replace("_", " ") for aim in tuning.aims if COLUMNS[aim].at_the_end]
     length, times = tuning.length, [run.get("settling_time") for run in found.runs.get(0, [])]
@@ -292,5 +292,5 @@ def _short(tuning: Tuning, found: Found) -> str:
 
 
 def _beats(tuning: Tuning, compared: Comparison) -> bool:
-    """Whether a figure is better than with the own gains. The worst arm alone may be chance."""
+    """Whether a metric is better than with the own gains. The worst arm alone may be chance."""
     return compared.value < compared.before and 2 * compared.better > tuning.unseen

@@ -1,4 +1,4 @@
-"""Question of a tuning: the gains that may move, the figures that count, the arms, and how many candidates."""
+"""Question of a tuning: the gains that may move, the metrics that count, the arms, and how many candidates."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from app.scenario.units import Units
 from app.simulation.controller_builder import mode_of
 from app.simulation.environment_builder import positions_of, robot_of
 from app.sweep.axes import Axis
-from app.sweep.figures_of_run import COLUMNS
 from app.sweep.fingerprint import fingerprint
 from app.sweep.question import Design, Sweep, SweepQuestion, arms_differ
+from app.sweep.run_metrics import COLUMNS
 from parameters import allowed
 
 AIMS = (
@@ -36,7 +36,7 @@ class Tuning(Sweep, frozen=True):
     design: of the first candidates, before there is anything to learn from.
     points: candidates; the first one has the scenario's own gains.
     draw: true arms on which a candidate is judged by its worst; 0: the scenario's own one.
-    aims: figures that count, one or two, the smaller the better.
+    aims: metrics that count, one or two, the smaller the better.
     unseen: further true arms, on which no candidate is chosen and what was found is tried.
     """
 
@@ -68,7 +68,7 @@ def require_sound(tuning: Tuning) -> None:
         )
     if not 1 <= len(set(tuning.aims)) == len(tuning.aims) <= MOST_AIMS:
         given = " ".join(tuning.aims) or "nothing"
-        raise ScenarioError(f"--for {given}; allowed: one figure or two different ones of {', '.join(AIMS)}")
+        raise ScenarioError(f"--for {given}; allowed: one metric or two different ones of {', '.join(AIMS)}")
     if not tuning.vary:
         raise ScenarioError(f"--move: no gain may move; {SHAPE}")
     for axis in tuning.vary:

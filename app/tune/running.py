@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,10 +10,11 @@ import numpy as np
 from tqdm import tqdm
 
 from app.process import worker_pool
+from app.process.cores import usable_cores
 from app.scenario.errors import ScenarioError
 from app.sweep.axes import Value
-from app.sweep.figures_of_run import Figures, SweepRunner
 from app.sweep.question import SweepQuestion, SweepRow
+from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
 from app.sweep.running import CHUNK, SweepEstimate
 from app.tune.candidates import Candidate, front, judged
 from app.tune.question import Tuning
@@ -35,12 +34,12 @@ class Found:
 
     candidates: all, judged on the arms that the search sees; the scenario's own gains first.
     tried: by number, the scenario's own gains and the candidates that are offered, judged on the unseen arms.
-    runs: by the same numbers, the figures on each unseen arm.
+    runs: by the same numbers, the metrics on each unseen arm.
     """
 
     candidates: list[Candidate]
     tried: dict[int, Candidate]
-    runs: dict[int, list[Figures]]
+    runs: dict[int, list[RunMetrics]]
 
 
 def estimated(tuning: Tuning, left: int, workers: int | None = None) -> SweepEstimate:
@@ -48,10 +47,8 @@ def estimated(tuning: Tuning, left: int, workers: int | None = None) -> SweepEst
     first time also computes what all runs have in common."""
     runner, seconds = SweepRunner(tuning), 0.0
     for _ in range(2 if left else 0):
-        started = time.perf_counter()
-        runner.figures_of(SweepRow(0, 0, 0, {}))
-        seconds = time.perf_counter() - started
-    return SweepEstimate.of(left, left * tuning.length, seconds, workers)
+        seconds = runner.metrics_of(SweepRow(0, 0, 0, {}))["wall_time"]
+    return SweepEstimate.of(left, left * tuning.length, left * seconds, workers)
 
 
 def most_runs(tuning: Tuning) -> int:
@@ -67,38 +64,36 @@ def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_pro
     written stays.
     """
     course = TuningCourse(tuning, {row["row"]: row for row in store.rows})
-    total, workers = most_runs(tuning), workers or os.cpu_count() or 1
+    total, workers = most_runs(tuning), workers or usable_cores()
     with tqdm(total=total, initial=len(course.known), unit=" runs", desc="tune", disable=not show_progress) as bar:
-        for rows, figures in worker_pool.results(computing, (tuning,), course.tasks(), workers):
-            for each in course.take(rows, figures):
+        for rows, metrics in worker_pool.results(computing, (tuning,), course.tasks(), workers):
+            for each in course.take(rows, metrics):
                 store.add(each)
             bar.update(len(rows))
-    store.settle()
+    store.flush()
     return course.found()
 
 
-def computing(tuning: Tuning) -> Callable[[Task], list[Figures]]:
-    """Function that computes the figures of runs, for a pool of processes."""
+def computing(tuning: Tuning) -> Callable[[Task], list[RunMetrics]]:
+    """Function that computes the metrics of runs, for a pool of processes."""
     runner = SweepRunner(tuning)
-    return lambda rows: [runner.figures_of(row) for row in rows]
+    return lambda rows: [runner.metrics_of(row) for row in rows]
 
 
 class TuningCourse:
-    """Course of a tuning: gives out its tasks, which depend on the figures so far, and takes their figures."""
+    """Course of a tuning: gives out its tasks, which depend on the metrics so far, and takes their metrics."""
 
-    def __init__(self, tuning: Tuning, known: dict[int, Figures]) -> None:
+    def __init__(self, tuning: Tuning, known: dict[int, RunMetrics]) -> None:
         self.known = known
         self._tuning, self._question = tuning, SweepQuestion(tuning)
         self.candidates: list[Candidate] = []  # as far as they are judged
         self._offered: list[Candidate] = []
 
-    def take(self, rows: Task, figures: list[Figures] | worker_pool.Fallen) -> list[Figures]:
-        """Take up the figures of a task's runs, which are known from now on; returns them."""
-        if isinstance(figures, worker_pool.Fallen):
-            reason = {"stopped": "the process that computed it has ended"}
-            figures = [self._question.told(row) | reason for row in rows]
-        self.known |= {each["row"]: each for each in figures}
-        return figures
+    def take(self, rows: Task, metrics: list[RunMetrics] | worker_pool.Fallen) -> list[RunMetrics]:
+        """Take up the metrics of a task's runs, which are known from now on; returns them."""
+        known = rows_of(self._question, rows, metrics)
+        self.known |= {each["row"]: each for each in known}
+        return known
 
     def tasks(self) -> Iterator[Task | worker_pool.Barrier]:
         """Tasks of all runs that are not known."""
@@ -134,7 +129,7 @@ class TuningCourse:
     def _judged(self, number: int, values: dict[str, Value], arms: range) -> Candidate:
         return judged(self._tuning, number, values, self._runs(number, arms))
 
-    def _runs(self, number: int, arms: range) -> list[Figures]:
+    def _runs(self, number: int, arms: range) -> list[RunMetrics]:
         return [self.known[number * self._tuning.arms + arm] for arm in arms]
 
     def _missing(self, number: int, values: dict[str, Value], arms: range) -> Iterator[Task]:

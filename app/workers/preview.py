@@ -18,7 +18,7 @@ from app.process.priority import step_back
 from app.scenario.errors import ScenarioError
 from app.session.arm_band import LATER, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.headless_run import engine_ready
-from app.session.preview import Figures, Foresight, Hurry, Outlook, PreviewDone, PreviewRefusal, Question
+from app.session.preview import Foresight, Hurry, Outlook, PreviewDone, PreviewMetrics, PreviewRefusal, Question
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
@@ -43,16 +43,16 @@ class _Known:
     """Results of earlier answers that the next one may use.
     band: of true arms.
     system: of the running scenario.
-    question, today: a question about the running scenario, and its figures, which hold for its `horizon` s."""
+    question, today: a question about the running scenario, and its metrics, which hold for its `horizon` s."""
 
     memory: Memory
     band: _GrowingBand
     system: System | None = None
     question: Question | None = None
-    today: Figures | None = None
+    today: PreviewMetrics | None = None
 
-    def figures_for(self, question: Question) -> Figures | None:
-        """Figures of this question about the running scenario, if they are known; else None."""
+    def metrics_for(self, question: Question) -> PreviewMetrics | None:
+        """Metrics of this question about the running scenario, if they are known; else None."""
         known = self.question
         if known is None or (known.horizon, known.push) != (question.horizon, question.push):
             return None
@@ -186,7 +186,7 @@ def _answer(question: Question, asked: float, asker: Connection, known: _Known) 
         foresight = Foresight(question, known.system, known.memory, engine_ready())
         known.system = foresight.base
         known.band.follow(foresight)
-        today = known.figures_for(foresight.unchanged)
+        today = known.metrics_for(foresight.unchanged)
         newest = _look_ahead(foresight, asked + BANDED, asker, today, known.band)
         if newest is not None and question.compared and today is None:
             newest = _compare(foresight, asker, known) or newest
@@ -204,7 +204,7 @@ def _answer(question: Question, asked: float, asker: Connection, known: _Known) 
 
 
 def _look_ahead(
-    foresight: Foresight, banded: float, asker: Connection, today: Figures | None, band: _GrowingBand
+    foresight: Foresight, banded: float, asker: Connection, today: PreviewMetrics | None, band: _GrowingBand
 ) -> Outlook | None:
     """Send the answer, before it intermediate ones if they are wanted, each with the band as far as it is. Returns the
     answer, None where a newer question has overtaken it.
@@ -234,15 +234,15 @@ def _send(answer: Outlook | PreviewRefusal, asker: Connection, band: _GrowingBan
 
 
 def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook | None:
-    """Answer once more, with the figures of the running scenario. A newer question does not interrupt this, because all
-    answers while the slider is held have the same figures beside theirs."""
+    """Answer once more, with the metrics of the running scenario. A newer question does not interrupt this, because all
+    answers while the slider is held have the same metrics beside theirs."""
     question = foresight.unchanged
     running = Foresight(question, known.system, known.memory, engine_ready())
     while running.share < 1.0:
         running.advance(running.batch)
     if isinstance(outlook := running.outlook(), Outlook):
-        known.question, known.today = question, outlook.figures
-        return _send(foresight.outlook(outlook.figures), asker, known.band)
+        known.question, known.today = question, outlook.metrics
+        return _send(foresight.outlook(outlook.metrics), asker, known.band)
     return None
 
 

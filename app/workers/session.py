@@ -121,7 +121,7 @@ def serve(gateway: GatewayConnection, previewer: Previewer) -> None:
     runner = Runner(scenario, Reach((given,) if given else ()))
     dashboard.attach(runner)
     preparing.stop()  # nobody listens to a spare process
-    gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
+    gateway.tell(Ready(dashboard.port, dashboard.report_fields))
     begin = gateway.next()
     assert isinstance(begin, Begin)
     Pulse(gateway, dashboard, lambda: None if (pace := runner.latest.pace) is None else pace.late_median)

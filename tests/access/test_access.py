@@ -139,10 +139,11 @@ def test_a_watcher_has_a_camera_and_tabs_and_nothing_else() -> None:
         passed = harmless(packed(**camera), LOOKING)
         assert passed is not None
         assert msgspec.msgpack.decode(passed) == msgspec.msgpack.decode(packed(**CAMERA))
-    report = {"type": "GuiUpdateMessage", "uuid": "field", "updates": {"value": "Force#1280x300#0.25"}}
-    passed = harmless(packed(**report), LOOKING)
-    assert passed is not None  # without the scene's size: the plots are not fitted to it
-    assert msgspec.msgpack.decode(passed) == report | {"updates": {"value": "Force##0.25"}}
+    for tabs in ("Force", "Overview,controls: Task", "‖s‖ (20),κ, ℓ·θ + x/y"):
+        report = {"type": "GuiUpdateMessage", "uuid": "field", "updates": {"value": f"{tabs}#1280x300#0.25"}}
+        passed = harmless(packed(**report), LOOKING)
+        assert passed is not None  # without the scene's size: the plots are not fitted to it
+        assert msgspec.msgpack.decode(passed) == report | {"updates": {"value": f"{tabs}##0.25"}}
     for message in (
         CAMERA | {"fov": math.nan},
         CAMERA | {"image_height": 10**9},

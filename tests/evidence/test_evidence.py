@@ -84,7 +84,7 @@ def test_what_cannot_be_made_is_refused_in_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="--thin 0: allowed: 1 or more"):
         figures(out=tmp_path, thin=0)
     (tmp_path / "file").write_text("")
-    with pytest.raises(ScenarioError, match=r"--out .*file: cannot be written"):
+    with pytest.raises(ScenarioError, match=r"--out .*file: is a file; allowed: a folder"):
         figures(out=tmp_path / "file", only=("paper_cases",))
 
 

@@ -325,6 +325,7 @@ def test_playback_over_its_limit_is_refused_with_what_fits(loop: ClosedLoop) -> 
 
 def test_file_names_are_tame() -> None:
     assert file_name("ur5-hybrid", 12.3456, "svg") == "vsmrc-ur5-hybrid-12.35s.svg"
+    assert file_name("ur5-hybrid", 2.0, "svg", "normal force tau_1") == "vsmrc-ur5-hybrid-normal-force-tau_1-2.00s.svg"
     assert file_name("../../etc/<pass wd>\n", 0.0, "csv") == "vsmrc-etc-pass-wd-0.00s.csv"
     assert file_name("Ä", 0.0, "csv") == "vsmrc-run-0.00s.csv"
     assert len(file_name("x" * 500, 1.0, "npz")) < 80
@@ -356,12 +357,12 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert sorted(p.name for p in first.iterdir()) == sorted(
-        f"vsmrc-ur5-hybrid-0.50s.{kind}" for kind in ("svg", "pdf", "png", "csv", "npz", "html", "toml")
+        [f"vsmrc-ur5-hybrid-Overview-Sliding-0.50s.{kind}" for kind in ("svg", "pdf", "png", "html")]
+        + [f"vsmrc-ur5-hybrid-0.50s.{kind}" for kind in ("csv", "npz", "toml")]
     )
     saved = str(first / "vsmrc-ur5-hybrid-0.50s.npz")
     assert vsmrc("export", saved, "--out", str(again), "--to", "svg", "csv", *plots).returncode == 0
-    for kind in ("svg", "csv"):
-        name = f"vsmrc-ur5-hybrid-0.50s.{kind}"
+    for name in ("vsmrc-ur5-hybrid-Overview-Sliding-0.50s.svg", "vsmrc-ur5-hybrid-0.50s.csv"):
         assert (again / name).read_bytes() == (first / name).read_bytes()
     for arguments, said in (
         ((saved, "--start", "3", "--out", str(again)), "nothing recorded there; allowed: within 0 to 0.499 s"),
@@ -384,7 +385,7 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
         ((saved, "--to", "toml", "--end", "0.1", "--out", str(again)), "--end: with --to toml; allowed: with --to svg"),
         ((saved, "--to", "html", "--width", "single", "--out", str(again)), "--width: with --to html; allowed: with"),
         ((saved, "--to", "npz", "csv", "--series", "d", "--out", str(again)), "--series: with --to npz csv; allowed"),
-        ((saved, "--out", "/dev/null/x"), "--out /dev/null/x: cannot be written: Not a directory"),
+        ((saved, "--out", "/dev/null/x"), "--out /dev/null/x: /dev/null is a file; allowed: a folder"),
     ):
         assert commands.execute(["export", *arguments]) == 2
         refusal = capfd.readouterr().err

@@ -26,7 +26,7 @@ QUESTION = ClassQuestion(1, "choice", "Which way, <b>then</b>?", options=("there
 async def asked(lab: Town, question: ClassQuestion | None, number: int = 0) -> None:
     """Let the lecturer ask, and wait until the gateway knows."""
     lab.actors[number].say(Asks(question))
-    while not any(session.room.question == question for session in lab.pool.sessions):
+    while not any(session.classroom.question == question for session in lab.pool.sessions):
         await asyncio.sleep(0.005)
 
 

@@ -188,7 +188,7 @@ def test_links_taken_back_stay_so_after_a_restart_or_are_not_taken_back(
             statuses = sorted(answer.status for answer in await asyncio.gather(*asked))
             assert statuses[0] == 303
             session.pinned = 1  # and what is noted of it later on has the new links
-            await lab.pool._folder(session)
+            await lab.pool._known.folder(session)
             known.append((first, Links(f"/s/{session.name}/", f"/watch/{session.watch}/")))
 
     @in_a_loop

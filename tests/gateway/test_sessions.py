@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from app.access.session_messages import Begin, Changed, KeptFolder
-from app.gateway import session_pool
+from app.gateway import known_sessions, session_pool
 from app.gateway.session import Session
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import LINK, MOST, SessionStore
@@ -29,7 +29,7 @@ PAGE = Viewer(NOBODY, "steer")
 class Fake:
     """A process: what it was told, and a handle to make it speak or fall."""
 
-    port, key, looking, late = 0, "", frozenset[str](), None
+    port, key, report_fields, late = 0, "", frozenset[str](), None
 
     def __init__(self, prepared: str) -> None:
         self.prepared, self.begun, self.alive = prepared, "", True
@@ -150,7 +150,7 @@ async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
     await town.pass_time(session_pool.SILENT + 1)
     town.pool.want(c)
     town.made[0].fall()
-    a._closing = True
+    a.closing = True
     await town.pass_time()
     await town.pass_time()
     assert (b.phase, c.phase) == ("waiting", "running")
@@ -256,7 +256,7 @@ async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() ->
     await town.wanted(kept)
     await town.looked_at(kept)
     town.made[0].fall()
-    kept._closing = True
+    kept.closing = True
     await town.pass_time()
     assert kept.phase == "resting"
     await town.wanted(town.pool.new())
@@ -264,7 +264,7 @@ async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() ->
     assert await town.wanted(asked) == "waiting"
     await town.pass_time(session_pool.FORGOTTEN + 1)
     assert asked.phase == "resting"
-    others = [town.pool.new() for _ in range(session_pool.MOST_KEPT + 5)]
+    others = [town.pool.new() for _ in range(known_sessions.MOST_UNKEPT + 5)]
     assert town.pool.named(kept.name) is kept is town.pool.watched(kept.watch)  # somebody looked at it
     assert town.pool.named(asked.name) is None
     assert town.pool.named(others[0].name) is None
@@ -333,7 +333,7 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
             crowded = Town(places=MOST, store=store)
             ran = [s for name, _ in links if (s := crowded.pool.named(name))]
             for _ in range(MOST - len(ran)):
-                crowded.pool._add(Session(USUAL, kept=True, looked_at=True, seen=2000.0))
+                crowded.pool._known.add(Session(USUAL, kept=True, looked_at=True, seen=2000.0))
             new = crowded.pool.new()
             await crowded.wanted(new)
             assert [crowded.pool.named(s.name) for s in ran] == ran  # nor by a session that nobody looks at
@@ -352,9 +352,9 @@ def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> Non
         town = Town(places=4, store=store)
         pool, mine, theirs = town.pool, Visitor("b" * 22, "203.0.113.1"), Visitor("c" * 22, "203.0.113.2")
         for owner in (mine, *(theirs,) * (MOST - 1)):
-            pool._add(Session(USUAL, owner=owner, pinned=1, kept=True, looked_at=True, seen=pool._clock()))
+            pool._known.add(Session(USUAL, owner=owner, pinned=1, kept=True, looked_at=True, seen=pool._clock()))
             town.now += 1.0
-        oldest = next(iter(pool._by_name.values()))
+        oldest = next(iter(pool._known))
         new = pool.new(theirs)
         await town.looked_at(new)
         assert "none of them may go for it" in town.made[0].remarks[0]
@@ -364,7 +364,7 @@ def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> Non
         assert new.kept  # with pinned runs of its own it takes the room of one of who has most, not of the oldest
         assert town.made[0].kept is not None
         assert pool.named(oldest.name) is oldest
-        assert len([session for session in pool._by_name.values() if session.kept]) == MOST
+        assert len([session for session in pool._known if session.kept]) == MOST
         await pool.close()
 
     with closing(SessionStore(tmp_path)) as store:

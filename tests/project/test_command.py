@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.analysis.metrics import FIGURES, METRICS
+from app.analysis.metrics import ACCOUNT_METRICS, RUN_METRICS
 from app.cli.run import run
 from app.scenario.data import edited, from_toml, load, to_toml
 from app.scenario.schema import Scenario
@@ -87,7 +87,7 @@ def test_run_says_in_which_units_its_figures_are(
     assert not re.search(r"[a-z]_[a-z]", told.replace(str(tmp_path), "")), "words, as on the page"
     units = {line[:40].strip(): line.split()[-1] for line in told.splitlines()}
     assert units["path error at the end, largest"] == length
-    excess = next(figure for figure in METRICS if figure.field == "envelope_violation")
+    excess = next(figure for figure in RUN_METRICS if figure.field == "envelope_violation")
     assert excess.unit(JOINT if space == "joint" else CARTESIAN) == f"{length}/s"
     assert units["least margin of (17)"] == units["residual of (8) at the end, RMS"] == force
     assert units["s = 0 by (18) within"] == units["simulated time"] == "s"
@@ -108,7 +108,7 @@ def test_runs_are_compared_side_by_side(here: Callable[..., Done]) -> None:
     done = here("compare", "planar3r-hybrid", "planar2r-semicircle", "--duration", "0.3", "--last", "0.1")
     assert done.returncode == 0, done.stderr
     figures = {line.split("│")[1].strip(): line.split("│")[2:4] for line in done.stdout.splitlines() if "│" in line}
-    assert len(figures) == len(FIGURES)
+    assert len(figures) == len(ACCOUNT_METRICS)
     assert all(float(value) >= 0.0 for value in figures["‖s‖, largest [mm/s]"])
 
 
@@ -245,12 +245,49 @@ main()
     assert "ended" in ended.stdout.splitlines()
 
 
-def test_what_cannot_be_printed_is_no_success() -> None:
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_what_cannot_be_printed_is_no_success(unbuffered: str) -> None:
     with open("/dev/full", "w") as full:
         listed = [sys.executable, "-m", "app", "list"]
-        done = subprocess.run(listed, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert done.returncode != 0
-    assert "No space left on device" in done.stderr
+        done = subprocess.run(
+            listed,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 1
+    assert re.fullmatch("vsmrc: standard output .*cannot be written: No space left on device\n", done.stderr)
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_outputs_are_no_fault(closed: str, tmp_path: Path) -> None:
+    command = f"{sys.executable} -m app run planar2r-semicircle --duration 0.01 --out {tmp_path} {closed}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "Traceback" not in done.stdout + done.stderr
+    assert load(str(tmp_path / "scenario.toml")).name == "planar2r-semicircle"
+
+
+def test_no_number_of_a_comparison_is_cut(here: Callable[..., Done], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    names = ("planar3r-hybrid", "planar2r-semicircle", "planar2r-semicircle-discontinuous")
+    for forced in ({}, {"FORCE_COLOR": "1"}):  # a pipe, and a narrow terminal
+        for name, value in forced.items():
+            monkeypatch.setenv(name, value)
+        done = here("compare", *names, "--duration", "0.01")
+        assert done.returncode == 0
+        assert "…" not in done.stdout
+        assert all(name in done.stdout for name in names)
+
+
+def test_another_arm_keeps_the_scenarios_name(tmp_path: Path, here: Callable[..., Done]) -> None:
+    done = here(
+        "run", "planar3r-hybrid", "--set", "robot.name=planar2r", "--duration", "0.01", "--out", str(tmp_path)
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert load(str(tmp_path / "scenario.toml")).name == "planar3r-hybrid-edited"
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])

@@ -13,7 +13,8 @@ from tests.support.pages import PAGES, ROOT, Page
 
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
-COMMANDS = ("serve", "run", "compare", "export", "response", "sweep", "tune", "figures", "lesson", "list")
+COMMANDS = ("serve", "run", "compare", "export", "response", "sweep", "sweep plot", "tune", "figures", "lesson",
+            "list")  # fmt: skip
 TESTS = {path.name: path for path in (ROOT / "tests").glob("*/test_*.py")}
 FOLDERS = ("docs/", *(f"{path.parent.name}/" for path in ROOT.glob("*/__init__.py")))
 
@@ -31,7 +32,7 @@ def options(capsys: pytest.CaptureFixture[str]) -> set[str]:
     """The options of the commands."""
     for name in COMMANDS:
         with pytest.raises(SystemExit):
-            commands.execute([name, "--help"])
+            commands.execute([*name.split(), "--help"])
     return set(re.findall(r"--[a-z-]+", capsys.readouterr().out))
 
 

@@ -24,7 +24,7 @@ from app.dashboard.plots.dock import Plots
 from app.dashboard.plots.line_values import column
 from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.plots.plot_table import Tab
-from app.dashboard.transport.visible_tabs import VisibleTabs
+from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.controls import Desk
 from app.scenario.data import edited, load
@@ -350,7 +350,7 @@ def test_a_plot_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     figure = figure_of(plots_of(["Mine", "height"]), snapshot, Setup.of(snapshot, 0, 0), 0.0, 1.0)
     np.testing.assert_array_equal(figure.charts[0].curves[0].y, loop.recording.signals(("tool",))["tool"][:, 2])
     gui = MagicMock()
-    Plots(gui, VisibleTabs(), Viewing(), nullcontext())
+    Plots(gui, VisibleParts(), Viewing(), nullcontext())
     assert "Mine" in str(gui.mock_calls)
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from app.scenario.data import edited, load
+from app.cli.commands import COMMANDS
+from app.scenario.data import edited, from_toml, load
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from tests.support.commands import Done, vsmrc
@@ -49,8 +51,25 @@ def test_limits_of_many_sessions_are_refused_where_there_is_one(here: Callable[.
     for option in ("--max-sessions", "--per-address", "--idle-minutes"):
         done = here("serve", "--port", "0", option, "3")
         assert done.returncode == 2
-        assert f"{option}" in done.stderr
-        assert done.stderr.endswith("this server has one session; allowed: with --shared\n")
+        assert done.stderr == f"vsmrc: {option}: this server has one session; allowed: with --shared\n"
+
+
+@pytest.mark.parametrize("command", ["run", "export", "response", "sweep"])
+def test_a_folder_without_a_name_is_refused(command: str, here: Callable[..., Done]) -> None:
+    for out in (("--out", ""), ("--out=",)):  # a variable of a script that is not set
+        done = here(command, "ur5-hybrid", *out)
+        assert (done.returncode, done.stderr) == (
+            2,
+            "vsmrc: --out: an empty text; allowed: the name of a folder, or a dot for this one\n",
+        )
+
+
+def test_an_unknown_law_may_be_in_a_file_for_the_commands_that_take_one(here: Callable[..., Done]) -> None:
+    done = here("sweep", "ur5-hybrid", "--set", "controller.law=mine", "--dry-run")
+    said = re.search(r"by --use FILE of ([\w, ]+)\)", done.stderr)
+    assert said
+    takers = {name for name, command in COMMANDS.items() if "use" in inspect.signature(command).parameters}
+    assert set(re.findall(r"\w+", said[1])) - {"and"} == takers
 
 
 def test_nothing_to_compare_is_said(here: Callable[..., Done]) -> None:
@@ -144,7 +163,6 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--draw", "-1"), "--draw -1; allowed: 0 or more"),
         (("tune", "ur5-hybrid", "--seed", "5000000000"), "--seed 5000000000; allowed: at most 4294967295"),
         (("run", "ur5-hybrid", "--blend-at", "3"), "--blend-at or --blend-over without --blend-to; allowed: with"),
-        (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--as", "map"), "allowed: for `vsmrc sweep plot"),
         (("run", "ur5-hybrid", "--set", "contact.K_e=0"), "contact.K_e: 0 N/m, which takes no force in hybrid mode"),
         (
             ("run", "ur5-motion", "--set", "truth.push=[0,5,0]", "truth.push_frequency=500"),
@@ -177,6 +195,53 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
         (("run", "ur5-hybrid", "--set", "title=\udcff"), "title: '\\udcff'; allowed: a text in UTF-8"),
         (("sweep", "ur5-hybrid", "--vary", "robot.urdf=\udcff"), "robot.urdf: '\\udcff'; allowed: a text in UTF-8"),
         (("response", "ur5-hybrid", "--at", "1e9"), "--at 1e+09: allowed: 0 to 10 s, the duration of the run"),
+        (("run", "ur5-hybrid", "--duration", "abc"), "vsmrc: --duration 'abc'; allowed: a number\n"),
+        (("run", "ur5-hybrid", "--duration=None"), "vsmrc: --duration 'None'; allowed: a number\n"),
+        (("run", "--row", "x"), "vsmrc: --row 'x'; allowed: a whole number\n"),
+        (("run", "ur5-hybrid", "--durtion", "3"), "vsmrc: run: --durtion: no such option; allowed: --out, --from"),
+        (("run", "ur5-hybrid", "--durtion", "3"), "; did you mean --duration?"),
+        (
+            ("sweep", "map", "--of", "residual"),
+            "vsmrc: sweep: --of: no such option; allowed: with `vsmrc sweep plot`\n",
+        ),
+        (
+            ("sweep", "plot", "map", "--vary", "x=1,2"),
+            "sweep plot: --vary: no such option; allowed: with `vsmrc sweep`",
+        ),
+        (("export", "ur5-hybrid", "--to"), "--to: no value; allowed: svg, pdf, png, csv, npz, html, toml; one or more"),
+        (("export", "ur5-hybrid", "--plots"), "--plots: no value; allowed: a text; one or more"),
+        (("sweep", "plot", "map", "--over"), "--over: no value; allowed: a text; one or more"),
+        (("response", "ur5-hybrid", "--measure"), "--measure: no value; allowed: a number; one or more"),
+        (("response", "ur5-hybrid", "--chirp", "1"), "--chirp: 1; allowed: 2 numbers"),
+        (("figures", "--only"), "--only: no value; allowed: a text; one or more"),
+        (("run", ""), "vsmrc: run: an empty text; allowed: a name, see `vsmrc run --help`"),
+        (("run", "--from", "", "--row", "1"), "--from: an empty text; allowed: the name of a file or a folder"),
+        (("run", "ur5-hybrid", "--set", ""), "--set: an empty text; allowed: KEY=VALUE"),
+        (("run", "ur5-hybrid", "--set", "=3"), "--set '=3': no field; allowed: KEY=VALUE"),
+        (
+            ("run", "ur5-hybrid", "--set", "force.value=3", "force.value=4"),
+            "--set force.value: it is set more than once; allowed: once",
+        ),
+        (
+            ("run", "ur5-hybrid", "--set", "controller.own.k_i=10"),
+            "controller.own.k_i: 10; allowed: a table, in the form controller.own.<law>.<parameter>",
+        ),
+        (
+            ("run", "ur5-hybrid", "--set", "controller.own.pid-gravty.k_i=10"),
+            "controller.own.pid-gravty: no such law; allowed: controller.own.<law>.<parameter> with a law of a file",
+        ),
+        (
+            ("run", "--from", "map", "--row", "1", "--use", "docs/examples/pid_gravity.py"),
+            "--from: with --engine, --use or --blend-to; allowed: the same run again, as it was",
+        ),
+        (
+            ("response", "ur5-hybrid", "--newtons", "2"),
+            "--newtons 2: nothing is pushed; allowed: with --measure or --ch",
+        ),
+        (
+            ("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--seed", "0"),
+            "--seed 0: nothing is drawn; allowed: with --draw, or --design latin or sobol",
+        ),
         (("run", "ur5-hybrid", "--row", "3"), "--row 3 without --from; allowed: --from FOLDER --row N"),
         (("sweep", "any/sweep.toml", "--seed", "7"), "is the whole question; allowed: without --vary, --draw, --seed"),
         (
@@ -193,6 +258,94 @@ def test_wrong_input_is_refused_in_one_sentence(
     assert said in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("",), "vsmrc: an empty text: no such command; allowed: serve, run"),
+        (("serve", "--host", ""), "--host: an empty text; allowed: ADDRESS"),
+        (("serve", "--host", " "), "--host ' ': no address; allowed: an address, 0.0.0.0 for all of this machine"),
+        (("serve", "--no-copies"), "--no-copies: this server has one session; allowed: with --shared"),
+        (
+            ("serve", "--stateless", "--state-dir", "x"),
+            "--state-dir x: --stateless keeps nothing; allowed: one of both",
+        ),
+        (
+            ("compare", "planar3r-hybrid", "--last", "11"),
+            "--last 11: longer than the run of planar3r-hybrid; allowed: at",
+        ),
+        (("lesson", "run", ""), "lesson: an empty text; allowed: a name"),
+    ],
+)
+def test_what_has_no_folder_is_refused_in_one_sentence_too(
+    arguments: tuple[str, ...], said: str, here: Callable[..., Done]
+) -> None:
+    done = here(*arguments)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "ur5-hybrid", "--out"),
+        ("export", "ur5-hybrid", "--out"),
+        ("response", "ur5-hybrid", "--out"),
+        ("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--out"),
+        ("figures", "--out"),
+        ("lesson", "run", "01-target-model", "--figures"),
+    ],
+)
+def test_a_file_in_place_of_the_folder_is_refused_before_anything_runs(
+    arguments: tuple[str, ...], tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    (file := tmp_path / "file").write_text("")
+    for out, named in ((file, ""), (file / "below", f"{file} ")):
+        done = here(*arguments, str(out))
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == f"vsmrc: {arguments[-1]} {out}: {named}is a file; allowed: a folder\n"
+
+
+def test_a_chart_goes_to_a_file_with_a_known_ending(tmp_path: Path, here: Callable[..., Done]) -> None:
+    for out, said in (
+        (tmp_path, "is a folder; allowed: a file"),
+        (tmp_path / "x", "no ending; allowed: a name that ends in .svg, .pdf, .png"),
+        (tmp_path / "x.jpg", "ends in .jpg; allowed: a name that ends in .svg, .pdf, .png"),
+    ):
+        done = here("sweep", "plot", str(tmp_path), "--out", str(out))
+        assert (done.returncode, done.stderr) == (2, f"vsmrc: --out {out}: {said}\n")
+
+
+def test_a_law_that_is_not_chosen_is_said(tmp_path: Path, here: Callable[..., Done]) -> None:
+    asked = ("run", "planar3r-hybrid", "--use", "docs/examples/pid_gravity.py", "--duration", "0.01", "--out")
+    done = here(*asked, str(tmp_path))
+    assert done.returncode == 0
+    assert "the law pid-gravity of --use is not used; --set controller.law=pid-gravity chooses it\n" in done.stderr
+    assert "not used" not in here(*asked, str(tmp_path), "--set", "controller.law=pid-gravity").stderr
+
+
+@pytest.mark.parametrize(
+    ("states", "said"),
+    [
+        ("5", "states 5; allowed: a function of the number of coordinates"),
+        ("lambda n: -1", "states gives -1 for 2 coordinates; allowed: a whole number, 0 to 1000"),
+        ("lambda n: 1 / 0", "line 4: ZeroDivisionError: division by zero"),
+    ],
+)
+def test_a_law_whose_state_has_no_length_is_refused(
+    states: str, said: str, tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    (law := tmp_path / "law.py").write_text(
+        "from controllers.control_law import ControlLaw\n"
+        "def torque(told, out, x, x_dot):\n    pass\n"
+        f"LAW = ControlLaw('refused', 'Refused', 'None.', torque, states={states})\n"
+    )
+    done = here("run", "planar3r-hybrid", "--use", str(law), "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert str(law) in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -223,3 +376,8 @@ def test_scenario_files_that_are_none(tmp_path: Path) -> None:
             load(str(path))
     with pytest.raises(ScenarioError, match="cannot be read"):
         load(str(tmp_path / "missing.toml"))
+    (tmp_path / "folder.toml").mkdir()
+    with pytest.raises(ScenarioError, match=r"^scenario '[^']*folder.toml': is a folder; allowed: a file$"):
+        load(str(tmp_path / "folder.toml"))
+    with pytest.raises(ScenarioError, match=r"^force\.kind: missing; allowed: constant, step, sinusoid$"):
+        from_toml("[force]\nvalue = 30")

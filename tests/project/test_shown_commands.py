@@ -62,7 +62,7 @@ def parse(monkeypatch: pytest.MonkeyPatch) -> Parse:
         return record
 
     tyro_cli = tyro.cli
-    monkeypatch.setattr(tyro, "cli", lambda function: tyro_cli(recorded(function)))
+    monkeypatch.setattr(tyro, "cli", lambda function, **how: tyro_cli(recorded(function), **how))
     for name, command in COMMANDS.items():
         monkeypatch.setitem(COMMANDS, name, recorded(command))
 
@@ -184,6 +184,8 @@ def run_shortly(call: Call) -> int:
     arguments = dict(call.arguments)
     if "duration" in arguments:
         arguments["duration"] = SHORT
+        if arguments.get("last") is not None:
+            arguments["last"] = SHORT
     elif "start" in arguments:
         arguments |= {"start": 0.0, "end": SHORT}
         if not arguments["run"].endswith(".npz"):

@@ -26,9 +26,9 @@ from app.session.runner import Runner as Loop
 from app.sweep import background
 from app.sweep.axes import axis_of
 from app.sweep.background import Background, BackgroundSweep
-from app.sweep.figures_of_run import SweepRunner
 from app.sweep.folder import packed, zipped
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.run_metrics import SweepRunner
 from app.sweep.run_store import table_of
 from app.sweep.share import Allowance, Share, allowance_of
 from drivers.waiting import until
@@ -45,7 +45,7 @@ def test_rows_of_the_background_are_those_of_a_run_and_of_the_loop_to_the_last_b
     until(lambda: not sweep.going, lambda: sweep.problem)
     assert sweep.complete
     alone, found = SweepRunner(SWEEP), {row["row"]: timeless(row) for row in sweep.rows}
-    assert found == {number: timeless(alone.figures(number)) for number in range(6)}
+    assert found == {number: timeless(alone.metrics(number)) for number in range(6)}
 
     asked = SweepQuestion(SWEEP)
     loop = Loop(shipped()["planar2r-semicircle"])  # it has another scenario before
@@ -131,7 +131,7 @@ def test_a_shared_machine_has_one_question_of_each_session_and_so_many_of_all() 
 
 
 def test_a_map_that_is_taken_away_is_the_folder_of_a_sweep(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rows = [SweepRunner(SWEEP).figures(number) for number in (4, 1)]
+    rows = [SweepRunner(SWEEP).metrics(number) for number in (4, 1)]
     with zipfile.ZipFile(io.BytesIO(zipped(SWEEP, rows))) as file:
         file.extractall(tmp_path)
     (folder,) = tmp_path.iterdir()
@@ -157,7 +157,7 @@ def test_a_disk_that_is_full_while_a_sweep_is_packed_is_said_and_nothing_is_left
     """A file may not grow beyond so many bytes, in the process that packs: its first one, or a later one."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    rows = [SweepRunner(SWEEP).figures(number) for number in (1, 4)]
+    rows = [SweepRunner(SWEEP).metrics(number) for number in (1, 4)]
     job, jobs = MadeJob(zipped, (SWEEP, rows)), ExportJobs()
     allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, allowed[1]))

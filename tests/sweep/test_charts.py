@@ -9,8 +9,9 @@ import pytest
 from app.scenario.errors import ScenarioError
 from app.sweep.axes import Axis, axis_of
 from app.sweep.charts import _borders, _geometric, _shares, chart
-from app.sweep.points import SweepView, interval, points_of
+from app.sweep.points import SweepView, interval, points_of, require_metric
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.run_metrics import METRIC_COLUMNS
 from tests.support.svg import texts_of
 from tests.sweep.test_question import BASE, sweep_of
 
@@ -50,7 +51,7 @@ def test_the_worst_and_the_median_arm() -> None:
     worst, median = (
         points_of(SWEEP, columns(), SweepView("force_error", statistic=each)) for each in ("worst", "median")
     )
-    # the arm that stopped is the worst of its point, whatever its figure
+    # the arm that stopped is the worst of its point, whatever its metric
     assert worst.number == pytest.approx([3.0, 3.1, np.nan, 3.3, 3.4, 3.5], nan_ok=True)
     assert np.flatnonzero(worst.never).tolist() == [2]
     assert median.number == pytest.approx([1.5, 1.6, (2.2 + 3.2) / 2, 1.8, 1.9, 2.0])
@@ -76,7 +77,7 @@ def test_arms_that_never_settle_are_worse_than_any_that_do() -> None:
     assert not none.never.any()
 
 
-def test_a_refused_run_is_the_worst_also_of_a_figure_that_a_stopped_run_has() -> None:
+def test_a_refused_run_is_the_worst_also_of_a_metric_that_a_stopped_run_has() -> None:
     table = columns()
     refused = (table["point"] == 0) & (table["arm"] > 1)
     table |= {
@@ -181,12 +182,21 @@ def test_slices_say_which_lines_they_leave_out() -> None:
     assert not any("lines" in text for text in all_of_them)
 
 
+def test_a_metric_that_no_run_has_is_refused() -> None:
+    table = columns() | {name: np.full(24, np.nan) for name in METRIC_COLUMNS if name != "force_error"}
+    require_metric(table, "force_error")
+    with pytest.raises(
+        ScenarioError, match="--of moment_error: no run of this sweep has it; allowed: force_error; did"
+    ):
+        require_metric(table, "moment_error")
+
+
 def test_values_that_the_page_has_rounded_are_even_steps_of_the_logarithm_still() -> None:
     assert _geometric(np.array([5000.0, 8891.4, 15811.4, 28117.1, 50000.0]))
     assert not _geometric(np.array([5000.0, 8900.0, 15800.0, 28100.0, 50000.0]))
 
 
-def test_a_figure_that_is_the_same_everywhere_stands_at_the_foot_of_its_scale() -> None:
+def test_a_metric_that_is_the_same_everywhere_stands_at_the_foot_of_its_scale() -> None:
     table = columns() | {
         "saturated_share": np.zeros(24),
         "settling_time": np.where(columns()["point"] == 0, np.nan, 0.5),
@@ -194,7 +204,7 @@ def test_a_figure_that_is_the_same_everywhere_stands_at_the_foot_of_its_scale() 
     drawn = chart(SWEEP, table, SweepView("saturated_share"), "svg")
     assert not any(text.startswith("−") for text in texts_of(drawn))  # no negative share
     missing = texts_of(chart(SWEEP, table, SweepView("settling_time"), "svg"))
-    assert any("White: no run has this figure (1 point)" in text for text in missing)
+    assert any("White: no run has this metric (1 point)" in text for text in missing)
 
 
 @pytest.mark.parametrize(
@@ -207,6 +217,11 @@ def test_a_figure_that_is_the_same_everywhere_stands_at_the_foot_of_its_scale() 
         (SWEEP.vary, SweepView("force_error", over=("contact.K_e",) * 2), "--over contact.K_e twice; allowed: each"),
         (SWEEP.vary[:1], SweepView("force_error", kind="map"), "a grid of two fields"),
         (SWEEP.vary[:1], SweepView("force_error", kind="scatter"), "two fields of numbers"),
+        (
+            SWEEP.vary[:1],
+            SweepView("force_error", kind="parallel"),
+            "over contact.K_e alone; allowed: two or more fields",
+        ),
         (
             (Axis("controller.law", ("vsmrc", "pd-gravity")),),
             SweepView("force_error", kind="slices"),

@@ -24,9 +24,9 @@ from app.scenario.errors import ScenarioError
 from app.sweep import cluster_worker, running
 from app.sweep.axes import axis_of
 from app.sweep.cluster import Cluster
-from app.sweep.figures_of_run import Figures, SweepRunner
 from app.sweep.fingerprint import fingerprint
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.run_metrics import RunMetrics, SweepRunner
 from app.sweep.run_store import RunStore
 from drivers.cluster import Scheduler, worker
 from drivers.cluster import scheduler as started
@@ -41,34 +41,34 @@ FALLING, SOME = 5, 10  # the run that ends its worker, and so many runs before s
 
 def falls() -> None:
     """Make the run `FALLING` end its process, as a fault in a library would; for a worker's --preload."""
-    figures = SweepRunner.figures
+    metrics = SweepRunner.metrics
 
-    def with_a_fault(self: SweepRunner, number: int) -> Figures:
+    def with_a_fault(self: SweepRunner, number: int) -> RunMetrics:
         if number == FALLING:
             os._exit(1)
-        return figures(self, number)
+        return metrics(self, number)
 
-    SweepRunner.figures = with_a_fault
+    SweepRunner.metrics = with_a_fault
 
 
 def hangs() -> None:
     """Make a process compute `SOME` runs, and then nothing more; for a worker's --preload."""
-    figures, begun = SweepRunner.figures, itertools.count()
+    metrics, begun = SweepRunner.metrics, itertools.count()
 
-    def until_some(self: SweepRunner, number: int) -> Figures:
+    def until_some(self: SweepRunner, number: int) -> RunMetrics:
         if next(begun) >= SOME:
             threading.Event().wait()
-        return figures(self, number)
+        return metrics(self, number)
 
-    SweepRunner.figures = until_some
+    SweepRunner.metrics = until_some
 
 
 def run_until_killed(*arguments: str) -> None:
     """The command, killed when it has kept `SOME` rows."""
     add, kept = RunStore.add, itertools.count(1)
 
-    def add_and_end(self: RunStore, figures: Figures) -> None:
-        add(self, figures)
+    def add_and_end(self: RunStore, metrics: RunMetrics) -> None:
+        add(self, metrics)
         if next(kept) == SOME:
             os.kill(os.getpid(), signal.SIGKILL)
 
@@ -82,7 +82,7 @@ def a_scheduler() -> Iterator[Scheduler]:
         yield it
 
 
-def timeless(rows: list[Figures]) -> list[Figures]:
+def timeless(rows: list[RunMetrics]) -> list[RunMetrics]:
     ordered = sorted(rows, key=lambda row: row["row"])
     return [
         {name: value for name, value in row.items() if name != "wall_time" and value is not None} for row in ordered
@@ -90,19 +90,19 @@ def timeless(rows: list[Figures]) -> list[Figures]:
 
 
 @pytest.fixture(scope="module")
-def expected() -> list[Figures]:
+def expected() -> list[RunMetrics]:
     """Rows of `SWEEP`, computed here."""
     runner = SweepRunner(SWEEP)
-    return timeless([runner.figures(number) for number in range(SweepQuestion(SWEEP).count)])
+    return timeless([runner.metrics(number) for number in range(SweepQuestion(SWEEP).count)])
 
 
-def rows_of(folder: Path) -> list[Figures]:
+def rows_of(folder: Path) -> list[RunMetrics]:
     with RunStore(folder, SWEEP) as store:
         return timeless(store.rows)
 
 
 def test_rows_are_those_of_one_process_whichever_workers_come_and_go(
-    scheduler: Scheduler, expected: list[Figures], tmp_path: Path
+    scheduler: Scheduler, expected: list[RunMetrics], tmp_path: Path
 ) -> None:
     address, _ = scheduler
     with RunStore(tmp_path / "out", SWEEP) as store, Cluster(address) as cluster:
@@ -119,7 +119,7 @@ def test_rows_are_those_of_one_process_whichever_workers_come_and_go(
 
 
 def test_a_client_that_is_killed_comes_back_and_computes_the_rest(
-    scheduler: Scheduler, expected: list[Figures], tmp_path: Path
+    scheduler: Scheduler, expected: list[RunMetrics], tmp_path: Path
 ) -> None:
     address, _ = scheduler
     out = tmp_path / "out"
@@ -138,7 +138,7 @@ def test_a_client_that_is_killed_comes_back_and_computes_the_rest(
 
 
 def test_a_run_that_ends_its_worker_each_time_is_a_row_and_the_others_are_computed(
-    scheduler: Scheduler, expected: list[Figures], tmp_path: Path
+    scheduler: Scheduler, expected: list[RunMetrics], tmp_path: Path
 ) -> None:
     address, _ = scheduler
     preload = f"from {__name__} import falls; falls()"
@@ -169,7 +169,7 @@ def test_a_run_whose_worker_has_ended_beside_others_is_tried_alone_before_it_is_
             (number,), future = task, Future[Any]()
             handed.append(number)
             if number == FALLING or (number == FALLING - 1 and handed.count(number) == 1):
-                future.set_exception(KilledWorker("figures", None, 3))
+                future.set_exception(KilledWorker("metrics", None, 3))
             else:
                 future.set_result([{"row": number}])
             return future
@@ -180,14 +180,37 @@ def test_a_run_whose_worker_has_ended_beside_others_is_tried_alone_before_it_is_
     monkeypatch.setattr("distributed.Client", lambda *_, **__: Client())
     with Cluster("tcp://127.0.0.1:1") as cluster:
         found = dict(cluster.results(SWEEP, range(FALLING + 1), print, chunk=1))
-    assert [task for task, figures in found.items() if figures is FALLEN] == [(FALLING,)]
+    assert [task for task, metrics in found.items() if metrics is FALLEN] == [(FALLING,)]
     assert sorted(found) == [(number,) for number in range(FALLING + 1)]
     assert handed.count(FALLING) == 2
 
 
+def test_a_scheduler_that_is_lost_while_tasks_are_handed_out_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    from distributed.client import ClosedClientError
+
+    class Client:
+        status = "running"
+
+        def nthreads(self) -> dict[str, int]:
+            return {"one": 1}
+
+        def submit(self, *_: object, **__: object) -> Future[Any]:
+            raise ClosedClientError("Client is closed. Can't send update-graph message.")
+
+        def close(self, timeout: float) -> None:
+            pass
+
+    monkeypatch.setattr("distributed.Client", lambda *_, **__: Client())
+    with (
+        Cluster("tcp://127.0.0.1:1") as cluster,
+        pytest.raises(ScenarioError, match="the connection is lost; what was computed is kept"),
+    ):
+        list(cluster.results(SWEEP, range(3), print))
+
+
 def test_a_sweep_with_parameters_of_a_law_of_ones_own_is_computed_by_a_worker() -> None:
     own = Sweep(edited(SHORT, "controller.own", {"pid-gravity": {"k_i": 800.0}}), program=fingerprint())
-    assert timeless(cluster_worker.figures(pickle.dumps(own), (0,))) == timeless([SweepRunner(own).figures(0)])
+    assert timeless(cluster_worker.metrics(pickle.dumps(own), (0,))) == timeless([SweepRunner(own).metrics(0)])
 
 
 def test_what_is_wrong_is_one_sentence(scheduler: Scheduler) -> None:
@@ -204,9 +227,9 @@ def test_what_is_wrong_is_one_sentence(scheduler: Scheduler) -> None:
         with worker(address):
             with pytest.raises(ScenarioError, match="on this worker, another asked; allowed: the same versions"):
                 list(cluster.results(other, range(3), told.append))
-            task, figures = next(cluster.results(SWEEP, range(40), told.append))
-            assert isinstance(figures, list)
-            assert [each["row"] for each in figures] == list(task)
+            task, metrics = next(cluster.results(SWEEP, range(40), told.append))
+            assert isinstance(metrics, list)
+            assert [each["row"] for each in metrics] == list(task)
         until(lambda: cluster.workers == 0)
         lonely = f"no worker there: start one with `dask worker {address}`"
         told.clear()

@@ -194,10 +194,13 @@ def test_a_sweep_that_makes_no_sense_is_refused(sweep: Sweep, sentence: str) -> 
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"vary = 3", "what `vsmrc sweep` has written"),
+        (b"vary = 3", "sweep.toml: vary: 3; allowed: a list, got a whole number (`vsmrc sweep` writes this file)"),
         (b"scenario = {", "not a TOML file"),
         (b"name = '\xff'", "sweep.toml: not a TOML file: it is no UTF-8 text; allowed: a text in UTF-8"),
-        (b"[scenario]\nmode = 'levitation'", "what `vsmrc sweep` has written"),
+        (
+            b"[scenario]\nmode = 'levitation'",
+            "scenario.mode: 'levitation'; allowed: constrained, hybrid, hybrid-impedance",
+        ),
     ],
 )
 def test_a_file_that_is_no_sweep_is_refused(content: bytes, sentence: str, tmp_path: Path) -> None:

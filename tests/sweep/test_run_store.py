@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from app.process.atomic_write import write_whole
-from app.scenario.data import shipped
+from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.sweep import run_store
 from app.sweep.axes import axis_of
@@ -29,8 +29,8 @@ SWEEP = sweep_of("contact.K_e=1e3:1e5:50:log", "controller.K_s=20:80:80")  # 4,0
 ASKED = SweepQuestion(SWEEP)
 
 
-def figures(number: int) -> dict[str, object]:
-    """Figures as a run would have them, found again in its row."""
+def metrics(number: int) -> dict[str, object]:
+    """Metrics as a run would have them, found again in its row."""
     told = ASKED.told(ASKED.row(number))
     return told | {"motion_error": 1e-6 * number, "stopped": None, "verdict": "holds"}
 
@@ -39,10 +39,10 @@ def fill(folder: Path, told: Callable[[int], object] | None = None) -> None:
     """Add whatever is missing, until it is done or killed. told: called with each row that has been added."""
     with RunStore(folder, SWEEP) as store:
         for number in np.flatnonzero(~store.done).tolist():
-            store.add(figures(number))
+            store.add(metrics(number))
             if told is not None:
                 told(number)
-        store.settle()
+        store.flush()
 
 
 # A process without threads, which forks one whenever it reads a line. That one fills the store until it is killed; its
@@ -105,12 +105,12 @@ def test_nothing_is_lost_or_there_twice_after_fifty_kills(tmp_path: Path, monkey
 def test_a_line_that_was_cut_off_is_forgotten_and_a_part_says_units(tmp_path: Path) -> None:
     with RunStore(tmp_path, SWEEP) as store:
         for number in range(3):
-            store.add(figures(number))
+            store.add(metrics(number))
     with (tmp_path / JOURNAL).open("ab") as file:
         file.write(b'{"row": 3, "point":')
     with RunStore(tmp_path, SWEEP) as store:
         assert np.flatnonzero(store.done).tolist() == [0, 1, 2]
-        store.settle()
+        store.flush()
     (part,) = parts(tmp_path)
     schema = pq.read_schema(part)
     assert schema.field("motion_error").metadata[b"unit"] == b"m"
@@ -127,8 +127,8 @@ def test_a_part_of_a_sweep_in_joint_space_says_its_units() -> None:
 
 def test_a_damaged_part_is_said(tmp_path: Path) -> None:
     with RunStore(tmp_path, SWEEP) as store:
-        store.add(figures(0))
-        store.settle()
+        store.add(metrics(0))
+        store.flush()
     (part,) = parts(tmp_path)
     part.write_bytes(b"PAR1 and no more")
     for look in (lambda: table_of(tmp_path), lambda: RunStore(tmp_path, SWEEP)):
@@ -138,13 +138,13 @@ def test_a_damaged_part_is_said(tmp_path: Path) -> None:
 
 def test_a_crash_between_part_and_journal_leaves_no_row_twice(tmp_path: Path) -> None:
     with RunStore(tmp_path, SWEEP) as store:
-        store.add(figures(0))
+        store.add(metrics(0))
         lines = (tmp_path / JOURNAL).read_bytes()
-        store.settle()
+        store.flush()
     (tmp_path / JOURNAL).write_bytes(lines)  # as if the process had ended before it was emptied
     with RunStore(tmp_path, SWEEP) as store:
-        store.add(figures(1))
-        store.settle()
+        store.add(metrics(1))
+        store.flush()
     assert table_of(tmp_path)[1]["row"].tolist() == [0, 1]
 
 
@@ -158,32 +158,42 @@ def test_ctrl_c_behind_the_writing_of_a_file_leaves_no_row_twice(
             raise KeyboardInterrupt
 
     with RunStore(tmp_path, SWEEP) as store:
-        store.add(figures(0))
+        store.add(metrics(0))
         with monkeypatch.context() as stopping:
             stopping.setattr(run_store, "write_whole", write_and_stop)
             with pytest.raises(KeyboardInterrupt):
-                store.settle()
-        store.settle()  # as the command does it after Ctrl-C
+                store.flush()
+        store.flush()  # as the command does it after Ctrl-C
     with RunStore(tmp_path, SWEEP) as store:
-        store.add(figures(1))
-        store.settle()
+        store.add(metrics(1))
+        store.flush()
         assert [row["row"] for row in store.rows] == [0, 1]
     assert pq.read_table(tmp_path / "runs.parquet")["row"].to_pylist() == [0, 1]
 
 
 def test_rows_that_an_earlier_version_has_written_twice_are_drawn_once(tmp_path: Path) -> None:
     with RunStore(tmp_path, SWEEP) as store:
-        store.add(figures(0))
-        store.settle()
+        store.add(metrics(0))
+        store.flush()
     (part,) = parts(tmp_path)
     part.with_name("part-000002.parquet").write_bytes(part.read_bytes())
     assert table_of(tmp_path)[1]["row"].tolist() == [0]
 
 
+def test_another_question_is_refused_with_what_differs(tmp_path: Path) -> None:
+    with RunStore(tmp_path, SWEEP):
+        pass
+    scenario = edited(SWEEP.scenario, "force.value", SWEEP.scenario.force.value + 1.0)
+    with pytest.raises(
+        ScenarioError, match=r"\(force\.value [\d.]+ there, [\d.]+ here; vary \S+ there, not given here\)"
+    ):
+        RunStore(tmp_path, msgspec.structs.replace(SWEEP, scenario=scenario, vary=()))
+
+
 def test_a_folder_of_another_sweep_or_in_use_is_refused(tmp_path: Path) -> None:
     with RunStore(tmp_path, SWEEP), pytest.raises(ScenarioError, match="another sweep writes there now"):
         RunStore(tmp_path, SWEEP)
-    with pytest.raises(ScenarioError, match=r"holds another sweep \(another seed\)"):
+    with pytest.raises(ScenarioError, match=r"holds another sweep \(seed \d+ there, \d+ here\)"):
         RunStore(tmp_path, msgspec.structs.replace(SWEEP, seed=2))
     with pytest.raises(ScenarioError, match="another version of the program"):
         RunStore(tmp_path, msgspec.structs.replace(SWEEP, program="other"))
@@ -198,11 +208,11 @@ def test_a_folder_of_another_sweep_or_in_use_is_refused(tmp_path: Path) -> None:
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_is_said_and_what_is_there_stays(tmp_path: Path) -> None:
     with RunStore(tmp_path, SWEEP) as store:
-        store.add(figures(0))
+        store.add(metrics(0))
     with RunStore(tmp_path, SWEEP) as store:
         kept, store._journal = store._journal, os.open("/dev/full", os.O_WRONLY)
         with pytest.raises(OSError, match="No space left"):
-            store.add(figures(1))
+            store.add(metrics(1))
         os.close(store._journal)
         store._journal = kept
     with RunStore(tmp_path, SWEEP) as store:
@@ -211,11 +221,11 @@ def test_a_full_disk_is_said_and_what_is_there_stays(tmp_path: Path) -> None:
 
 def test_rows_that_wait_in_the_journal_are_drawn_too(tmp_path: Path) -> None:
     store = RunStore(tmp_path, SWEEP)
-    store.add(figures(7))
+    store.add(metrics(7))
     _, columns = table_of(tmp_path)  # as after a kill: nothing was settled
     assert columns["row"].tolist() == [7]
-    store.settle()
-    store.add(figures(3))
+    store.flush()
+    store.add(metrics(3))
     _, columns = table_of(tmp_path)
     assert columns["row"].tolist() == [3, 7]
     assert columns["motion_error"] == pytest.approx([3e-6, 7e-6])
@@ -225,10 +235,10 @@ def test_a_part_of_another_sweep_and_lines_that_are_no_rows_are_not_taken(tmp_pa
     other = sweep_of("contact.K_e=1e3:1e5:5:log")
     with RunStore(tmp_path / "other", other) as store:
         store.add(SweepQuestion(other).told(SweepQuestion(other).row(4)) | {"verdict": "holds"})
-        store.settle()
+        store.flush()
     with RunStore(tmp_path / "own", SWEEP) as store:
-        store.add(figures(7))
-        store.settle()
+        store.add(metrics(7))
+        store.flush()
     (tmp_path / "own" / JOURNAL).write_bytes(b'{"row": 5000}\n[1, 2]\n{"row": "x"}\n')
     with RunStore(tmp_path / "own", SWEEP) as store:
         assert np.flatnonzero(store.done).tolist() == [7]

@@ -1,4 +1,4 @@
-"""Runs of a sweep: the same figures in whatever order, process and company they are computed."""
+"""Runs of a sweep: the same metrics in whatever order, process and company they are computed."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from app.session.headless_run import play, simulate
 from app.simulation.verdict import Outcome
 from app.sweep import running
 from app.sweep.axes import axis_of
-from app.sweep.figures_of_run import COLUMNS, METRICS, Figures, SweepRunner
 from app.sweep.fingerprint import fingerprint
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.run_metrics import COLUMNS, METRIC_COLUMNS, RunMetrics, SweepRunner
 from app.sweep.run_store import JOURNAL, RunStore, table_of
 from tests.support.pages import ROOT
 from tests.tune.test_running import in_this_process
@@ -38,15 +38,15 @@ SWEEP = Sweep(
 )
 
 
-def timeless(figures: Figures) -> Figures:
-    return {name: value for name, value in figures.items() if name != "wall_time"}
+def timeless(metrics: RunMetrics) -> RunMetrics:
+    return {name: value for name, value in metrics.items() if name != "wall_time"}
 
 
 def test_a_row_is_the_same_alone_and_after_any_others() -> None:
     forwards, backwards = SweepRunner(SWEEP), SweepRunner(SWEEP)
-    first = [timeless(forwards.figures(number)) for number in range(8)]
-    assert [timeless(backwards.figures(number)) for number in reversed(range(8))] == first[::-1]
-    assert timeless(SweepRunner(SWEEP).figures(5)) == first[5]
+    first = [timeless(forwards.metrics(number)) for number in range(8)]
+    assert [timeless(backwards.metrics(number)) for number in reversed(range(8))] == first[::-1]
+    assert timeless(SweepRunner(SWEEP).metrics(5)) == first[5]
     asked = SweepQuestion(SWEEP)
     _, metrics = simulate(asked.scenario(asked.row(5)), engine="compiled")
     for name, value in {
@@ -66,7 +66,7 @@ def test_moments_of_a_flat_tool_have_a_column() -> None:
     runner = SweepRunner(Sweep(short, (axis_of("controller.K_s=40:60:2"),), program=fingerprint()))
     _, metrics = simulate(edited(short, "controller.K_s", 40.0), engine="compiled")
     assert metrics.moment_error_tail
-    assert runner.figures(0)["moment_error"] == metrics.moment_error_tail
+    assert runner.metrics(0)["moment_error"] == metrics.moment_error_tail
 
 
 def test_the_columns_in_the_docs_are_those_of_the_table() -> None:
@@ -79,7 +79,7 @@ def test_the_columns_in_the_docs_are_those_of_the_table() -> None:
 
 def test_an_earlier_end_changes_nothing_before_it_and_goes_on_within_omega() -> None:
     short = msgspec.structs.replace(SWEEP, until=0.1)
-    asked, row = SweepQuestion(short), SweepRunner(short).figures(5)
+    asked, row = SweepQuestion(short), SweepRunner(short).metrics(5)
     assert asked.seconds == pytest.approx(0.1 * asked.count)
     loop, _ = simulate(asked.scenario(asked.row(5)), until=0.1, engine="compiled")
     assert row["simulated_time"] == pytest.approx(loop.t) == pytest.approx(0.1)
@@ -94,13 +94,13 @@ def test_an_earlier_end_changes_nothing_before_it_and_goes_on_within_omega() -> 
 def test_an_estimate_is_of_the_durations_that_are_varied(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = msgspec.structs.replace(SWEEP, vary=(axis_of("simulation.duration=0.1,0.2,0.9"),))
 
-    def as_long_as_simulated(_: SweepRunner, number: int) -> float:
+    def as_long_as_simulated(_: SweepRunner, number: int) -> RunMetrics:
         question = SweepQuestion(asked)
-        return question.scenario(question.row(number)).simulation.duration
+        return {"wall_time": question.scenario(question.row(number)).simulation.duration}
 
-    monkeypatch.setattr(running, "_seconds", as_long_as_simulated)
-    for left, length in ((6, 2.4), (3, 1.2)):
-        estimate = running.estimated(asked, left, 1)
+    monkeypatch.setattr(SweepRunner, "metrics", as_long_as_simulated)
+    for left, length in ((range(6), 2.4), ((0, 1, 2), 0.4), ((3, 4, 5), 2.0), ((), 0.0)):  # also after an interruption
+        estimate = running.estimated(asked, np.array(left, dtype=int), 1)
         assert estimate.simulated == pytest.approx(length)
         assert estimate.seconds - running.BEGIN == pytest.approx(length)
 
@@ -118,16 +118,16 @@ def test_the_command_ends_runs_earlier_than_their_duration(tmp_path: Path, capsy
 
 def test_what_is_refused_or_stops_is_a_row() -> None:
     refused, going = (
-        SweepRunner(msgspec.structs.replace(SWEEP, vary=(axis_of("controller.layer=-1,0.01"),), draw=0)).figures(k)
+        SweepRunner(msgspec.structs.replace(SWEEP, vary=(axis_of("controller.layer=-1,0.01"),), draw=0)).metrics(k)
         for k in (0, 1)
     )
     assert refused["stopped"].startswith("refused: controller.layer: -1")
     assert "motion_error" not in refused
     assert going["stopped"] is None
     missing = msgspec.structs.replace(SWEEP, vary=(axis_of("robot.urdf=/nonsense.urdf"),), draw=1)
-    assert "nonsense" in SweepRunner(missing).figures(0)["stopped"]
+    assert "nonsense" in SweepRunner(missing).metrics(0)["stopped"]
     pressing = edited(shipped()["ur5-constrained"], "target_model.K_f", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    lost, kept = (SweepRunner(Sweep(pressing, (axis_of("target_model.K_f.1=0.2,1"),))).figures(k) for k in (0, 1))
+    lost, kept = (SweepRunner(Sweep(pressing, (axis_of("target_model.K_f.1=0.2,1"),))).metrics(k) for k in (0, 1))
     assert "contact lost" in lost["stopped"]
     assert lost["simulated_time"] < kept["simulated_time"]
     assert kept["stopped"] is None
@@ -149,7 +149,7 @@ def test_a_sweep_on_two_processes_that_is_stopped_and_goes_on_has_every_row_once
     assert execute(command[3:]) == 0
     (_, one), (_, other) = table_of(whole), table_of(interrupted)
     assert one["row"].tolist() == other["row"].tolist() == list(range(8))
-    for name in set(METRICS) - {"wall_time"}:
+    for name in set(METRIC_COLUMNS) - {"wall_time"}:
         assert np.array_equal(np.array(one[name], dtype=float), np.array(other[name], dtype=float), equal_nan=True), (
             name
         )
@@ -172,7 +172,7 @@ def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest
     assert "allowed: a name that ends in .png" in capsys.readouterr().err
     assert execute(["sweep", "plot", folder, "--out", str(png)]) == 0  # the name says which form
     assert png.read_bytes().startswith(b"\x89PNG")
-    assert execute([*asked, "--out", ""]) == 2  # a variable of a script that is not set
+    assert execute([*asked, "--out", "."]) == 2
     assert "--out: no folder of its own" in capsys.readouterr().err
     assert execute(["sweep", f"{folder}/sweep.toml", "--out", str(tmp_path / "again"), "--workers", "1"]) == 0
     _, columns = table_of(tmp_path / "sweep")
@@ -190,8 +190,7 @@ def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest
     capsys.readouterr()
     for arguments, sentence in (
         ((*asked,), "no folder for the runs"),
-        ((*asked, "--out", folder, "--seed", "3"), "holds another sweep (another seed)"),
-        (("sweep", "plot"), "no folder"),
+        ((*asked, "--out", folder, "--seed", "3"), "holds another sweep (seed 0 there, 3 here)"),
         (("sweep", "plot", folder, "--of", "beauty"), "--of 'beauty'"),
         (("sweep", "plot", folder, "--show", "share"), "allowed: share with --within"),
         (("sweep", "plot", folder, "--over", "controller.layer"), "--over 'controller.layer'"),
@@ -203,13 +202,10 @@ def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest
             ("run", "--from", folder, "--row", "7", "--engine", "pinocchio", "--out", folder),
             "the same run again, as it",
         ),
-        (("sweep", "plot", folder, "--seed", "0"), "sweep plot: an option of a sweep"),
-        (("sweep", "plot", folder, "--no-dry-run"), "sweep plot: an option of a sweep"),
         (("sweep", f"{folder}/sweep.toml", "--draw", "0", "--dry-run"), "is the whole question"),
         (("sweep", f"{folder}/sweep.toml", "--no-corners", "--dry-run"), "is the whole question"),
         (("sweep", f"{folder}/sweep.toml", "--engine", "compiled", "--dry-run"), "is the whole question"),
         (("sweep", f"{folder}/sweep.toml", "--until", "0.1", "--dry-run"), "is the whole question"),
-        ((*asked, "--of", "motion_error"), "allowed: for `vsmrc sweep plot FOLDER`"),
         # and those that would have no effect
         ((*asked, "--set", "truth.payload_mass=1", "--dry-run"), "--set truth.payload_mass: it is drawn for each true"),
         (
@@ -243,7 +239,7 @@ def test_a_full_disk_is_one_sentence_and_what_is_there_stays(
 
     folder = tmp_path / "sweep"
     with RunStore(folder, SWEEP) as store:
-        store.add(SweepRunner(SWEEP).figures(0))
+        store.add(SweepRunner(SWEEP).metrics(0))
     monkeypatch.setattr(RunStore, "add", none_left)
     monkeypatch.setattr(worker_pool, "results", in_this_process)
     assert execute(["sweep", str(folder / "sweep.toml"), "--out", str(folder), "--workers", "1"]) == 2

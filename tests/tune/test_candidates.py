@@ -1,4 +1,4 @@
-"""Candidates of a tuning: one with a badge is never offered, whatever its figures are."""
+"""Candidates of a tuning: one with a badge is never offered, whatever its metrics are."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import math
 import msgspec
 import pytest
 
-from app.sweep.figures_of_run import Figures
+from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate, front, judged
 from app.tune.outcome import verdict
 from app.tune.running import Found
 from tests.tune.test_question import TUNING
 
 BOTH = msgspec.structs.replace(TUNING, aims=("force_error", "torque_variation"))
-SOUND: Figures = {"force_error": 1.0, "torque_variation": 5.0, "verdict": "holds", "failed": None, "stopped": None}
+SOUND: RunMetrics = {"force_error": 1.0, "torque_variation": 5.0, "verdict": "holds", "failed": None, "stopped": None}
 
 
 def candidate(number: int, *aims: float, badge: str = "") -> Candidate:
@@ -38,7 +38,7 @@ def test_a_candidate_is_as_good_as_its_worst_arm() -> None:
         ({"force_error": None}, "no force_error"),
     ],
 )
-def test_one_arm_that_breaks_a_limit_or_stops_gives_a_badge(run: Figures, badge: str) -> None:
+def test_one_arm_that_breaks_a_limit_or_stops_gives_a_badge(run: RunMetrics, badge: str) -> None:
     found = judged(BOTH, 3, {}, [SOUND, SOUND | run])
     assert found.badge == f"{badge} (1 of 2 arms)"
     assert found.broken == 0.5
@@ -77,7 +77,7 @@ def test_own_gains_are_beaten_where_the_worst_arm_and_most_arms_are_better() -> 
     assert "the own gains are NOT beaten" in said(0.5, 0.5, 5.0)
 
 
-def test_runs_that_are_too_short_for_figures_of_their_end_are_said() -> None:
+def test_runs_that_are_too_short_for_metrics_of_their_end_are_said() -> None:
     """The transient is judged then: what is best there may be worse in the long run."""
 
     def said(aims: tuple[str, ...], *times: float | None) -> list[str]:
@@ -96,7 +96,7 @@ def test_runs_that_are_too_short_for_figures_of_their_end_are_said() -> None:
     assert said(("torque_variation",), 0.6, 0.9) == []
 
 
-def test_own_gains_that_never_come_to_a_figure_are_beaten_by_gains_that_do() -> None:
+def test_own_gains_that_never_come_to_a_metric_are_beaten_by_gains_that_do() -> None:
     timed = msgspec.structs.replace(TUNING, aims=("settling_time",), unseen=2)
     runs = {0: [SOUND | {"settling_time": each} for each in (None, 0.3)], 1: [SOUND | {"settling_time": 0.2}] * 2}
     tried = {number: judged(timed, number, {}, each) for number, each in runs.items()}

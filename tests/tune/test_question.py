@@ -50,11 +50,11 @@ def test_a_gain_that_makes_no_sense_is_refused(text: str, sentence: str) -> None
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"aims": ()}, "--for nothing; allowed: one figure or two"),
+        ({"aims": ()}, "--for nothing; allowed: one metric or two"),
         ({"aims": ("force_eror",)}, "--for 'force_eror'; allowed: motion_error, angle_error, force_error"),
         ({"aims": ("force_eror",)}, "did you mean force_error?"),
-        ({"aims": ("residual", "residual")}, "allowed: one figure or two different ones"),
-        ({"aims": ("residual", "force_error", "motion_error")}, "allowed: one figure or two"),
+        ({"aims": ("residual", "residual")}, "allowed: one metric or two different ones"),
+        ({"aims": ("residual", "force_error", "motion_error")}, "allowed: one metric or two"),
         (
             {"scenario": shipped()["ur5-motion"]},
             "--for force_error: a run of this scenario in motion mode has none; allowed: motion_error, angle_error",

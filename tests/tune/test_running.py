@@ -147,7 +147,7 @@ def test_an_unusable_candidate_is_a_row_and_other_runs_there_are_refused(tmp_pat
     refused = [each for each in tuned(tmp_path, tuning).candidates if "refused: controller.layer" in each.badge]
     assert refused
     assert all(math.isinf(each.aims[0]) for each in refused)
-    with pytest.raises(ScenarioError, match=r"holds another tuning \(another points\)"):
+    with pytest.raises(ScenarioError, match=r"holds another tuning \(points \d+ there, \d+ here\)"):
         RunStore(tmp_path, msgspec.structs.replace(tuning, points=6))
 
 
@@ -177,7 +177,7 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
         (("--workers", "0", "--dry-run"), "--workers 0; allowed: 1 to 512"),
         (("--workers", "513", "--dry-run"), "--workers 513; allowed: 1 to 512"),
         (("--for", "beauty", "--dry-run"), "--for 'beauty'"),
-        (("--seed", "1", "--out", str(out)), "holds another tuning (another seed)"),
+        (("--seed", "1", "--out", str(out)), "holds another tuning (seed 0 there, 1 here)"),
         (("--move", "controller.layer=nan:1", "--dry-run"), "nan to 1; allowed: finite numbers"),
         (("--budget", "1000000000", "--dry-run"), "runs; allowed: at most 1e+07"),
         (("--move", "controller.layr=1:2", "--dry-run"), "controller.layr: no such field"),

@@ -1,15 +1,16 @@
-"""Figures of one run of a sweep: a row of the table, with the unit and meaning of each."""
+"""Metrics of one run of a sweep: a row of the table, with the unit and meaning of each."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from app.analysis.metrics import Metrics
+from app.process.worker_pool import Fallen
 from app.scenario.errors import ScenarioError
 from app.scenario.units import JOINT, WITH_JOINTS, Units
 from app.session.headless_run import simulate
@@ -18,7 +19,7 @@ from app.simulation.system import System
 from app.storage.constants_store import kept_memory
 from app.sweep.question import Sweep, SweepQuestion, SweepRow
 
-Figures = dict[str, Any]
+RunMetrics = dict[str, Any]
 
 
 class Column(NamedTuple):
@@ -93,7 +94,9 @@ COLUMNS: dict[str, Column] = {
     "stopped": Column("", "why the run ended before its time, or was refused", word=True),
     "wall_time": Column("s", "computing time", also_stopped=True),
 }
-METRICS = tuple(name for name, column in COLUMNS.items() if not column.word and name not in ("row", "point", "arm"))
+METRIC_COLUMNS = tuple(
+    name for name, column in COLUMNS.items() if not column.word and name not in ("row", "point", "arm")
+)
 
 
 class SweepRunner:
@@ -105,17 +108,17 @@ class SweepRunner:
         self._previous: System | None = None
 
     @classmethod
-    def computing(cls, sweep: Sweep) -> Callable[[tuple[int, ...]], list[Figures]]:
-        """Function that computes the figures of runs by their numbers, for a pool of processes."""
+    def computing(cls, sweep: Sweep) -> Callable[[tuple[int, ...]], list[RunMetrics]]:
+        """Function that computes the metrics of runs by their numbers, for a pool of processes."""
         runner = cls(sweep)
-        return lambda numbers: [runner.figures(number) for number in numbers]
+        return lambda numbers: [runner.metrics(number) for number in numbers]
 
-    def figures(self, number: int) -> Figures:
-        """Figures of the run of this number. A run that is refused or stops is a row, too."""
-        return self.figures_of(self._question.row(number))
+    def metrics(self, number: int) -> RunMetrics:
+        """Metrics of the run of this number. A run that is refused or stops is a row, too."""
+        return self.metrics_of(self._question.row(number))
 
-    def figures_of(self, row: SweepRow) -> Figures:
-        """Figures of a run, whose values may be others than those of the question's design."""
+    def metrics_of(self, row: SweepRow) -> RunMetrics:
+        """Metrics of a run, whose values may be others than those of the question's design."""
         started = time.perf_counter()
         begun = self._question.told(row)
         try:
@@ -134,8 +137,8 @@ class SweepRunner:
         return begun | _of(metrics) | {"declared": float(inside), "wall_time": time.perf_counter() - started}
 
 
-def _of(metrics: Metrics) -> Figures:
-    figures = {
+def _of(metrics: Metrics) -> RunMetrics:
+    row = {
         "motion_error": metrics.motion_error_tail,
         "angle_error": metrics.angle_error_tail,
         "force_error": metrics.force_error_tail,
@@ -159,12 +162,17 @@ def _of(metrics: Metrics) -> Figures:
         "stopped": metrics.stopped,
     }
     # JSON, in which rows wait for their Parquet file, has no infinite numbers
-    return {
-        name: None if isinstance(each, float) and not math.isfinite(each) else each for name, each in figures.items()
-    }
+    return {name: None if isinstance(each, float) and not math.isfinite(each) else each for name, each in row.items()}
 
 
-def columns_of(rows: Sequence[Figures]) -> dict[str, np.ndarray]:
+def rows_of(question: SweepQuestion, runs: Iterable[SweepRow], metrics: list[RunMetrics] | Fallen) -> list[RunMetrics]:
+    """Metrics of these runs as they were computed; of runs whose process has ended, rows that say so."""
+    if not isinstance(metrics, Fallen):
+        return metrics
+    return [question.told(run) | {"stopped": "the process that computed it has ended"} for run in runs]
+
+
+def columns_of(rows: Sequence[RunMetrics]) -> dict[str, np.ndarray]:
     """Columns of rows by name: those of every run and of the varied fields, NaN or None where a row has no value."""
     names = {name for row in rows for name in row} | set(COLUMNS)
     words = {name for name, column in COLUMNS.items() if column.word}

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from app.cli.commands import execute
-from app.process.own_code import OwnCodeError, use
 from app.scenario.caption import caption
 from app.scenario.data import edited, from_toml, load, to_toml
 from app.scenario.errors import ScenarioError
+from app.scenario.own_code import OwnCodeError, use
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
@@ -276,3 +276,11 @@ def test_the_caption_says_which_law_it_was() -> None:
     matrices = {name: np.eye(6) for name in ("M_m", "B_m", "K_m", "K_f")}
     said = caption(system.scenario, system.controller, matrices, 0.0, 1.0)
     assert "PID + gravity, k_i = 5000 N/(m·s), T = 1 ms." in said
+
+
+def test_a_law_that_ends_the_program_stops_its_run_with_a_sentence(written: Callable[[str], Path]) -> None:
+    use([written(HEAD + "def torque(told, out):\n    raise SystemExit(7)\n\n\n" + LAW.format(""))])
+    loop = ClosedLoop(under("mine"))
+    loop.advance()
+    assert "SystemExit: 7" in (loop.stopped or "")
+    assert "my_law.py, line" in (loop.stopped or "")

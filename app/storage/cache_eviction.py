@@ -1,4 +1,4 @@
-"""Room in a folder of files that can be made again."""
+"""Eviction of files from a cache folder, whose files can be made again."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from itertools import islice
 from pathlib import Path
 
 
-def make_room(folder: Path, kept: int) -> None:
+def evict(folder: Path, kept: int) -> None:
     """Remove half of the files of a folder where it has `kept` of them or more. Raises OSError."""
     files = list(islice(folder.iterdir(), kept))
     if len(files) == kept:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.process.own_code import OwnCodeError, own_code, own_course, own_shape, use
 from app.scenario.data import differences, edited, from_toml, load, to_toml
 from app.scenario.errors import ScenarioError
+from app.scenario.own_code import OwnCodeError, own_code, own_course, own_shape, use
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_surface
 from app.session.headless_run import simulate

@@ -1,0 +1,86 @@
+"""Command `vsmrc sweep plot`: draws what a sweep has found."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, get_args
+
+import tyro
+
+from app.cli.options import one_of, written_to
+from app.cli.status import DONE
+from app.export.formats import Format
+from app.process.terminal_text import say
+from app.scenario.errors import ScenarioError
+
+
+def sweep_plot(
+    folder: tyro.conf.Positional[Path],
+    /,
+    *,
+    of: str = "motion_error",
+    within: float | None = None,
+    show: Annotated[str | None, tyro.conf.arg(metavar="{share,median,worst}")] = None,
+    over: tuple[str, ...] = (),
+    kind: Annotated[str | None, tyro.conf.arg(name="as", metavar="{map,slices,scatter,parallel}")] = None,
+    to: Annotated[str | None, tyro.conf.arg(metavar="{svg,pdf,png}")] = None,
+    out: Path | None = None,
+) -> int:
+    """Draw what a sweep has found, also one that is not done.
+
+    Args:
+        folder: of the sweep
+        of: the metric (docs/sweeps.md)
+        within: a limit in SI units: the share of arms that keep it is shown
+        show: what is shown of the arms of a point
+        over: the fields that are the axes
+        kind: the chart
+        to: form of the file, by default that of its name, or svg
+        out: the file, by default one in the folder that is named after the metric
+    """
+    from app.process.atomic_write import write_whole
+    from app.sweep import charts, points
+    from app.sweep.fingerprint import another_program, fingerprint
+    from app.sweep.run_store import table_of
+
+    if within is not None and not math.isfinite(within):
+        raise ScenarioError(f"--within {within}; allowed: a finite number")
+    form = _form(to, out)
+    view = points.SweepView(
+        metric=of,
+        within=within,
+        statistic=None if show is None else one_of("--show", show, get_args(points.Statistic)),
+        over=over,
+        kind=None if kind is None else one_of("--as", kind, get_args(points.Kind)),
+    )
+    asked, columns = table_of(folder)
+    points.require_metric(columns, of)
+    if asked.program != fingerprint(asked):
+        say(f"this sweep was computed by {another_program(asked)}: a metric may have had another meaning")
+    path, drawn = out or folder / f"{of}.{form}", charts.chart(asked, columns, view, form)
+    with written_to(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, lambda file: file.write(drawn))
+    print(f"written: {path}")
+    return DONE
+
+
+def _form(to: str | None, out: Path | None) -> Format:
+    """Form of the file that is asked for. Raises ScenarioError where the file's name says another one, or none, and
+    where it is that of a folder."""
+    forms: tuple[Format, ...] = get_args(Format)
+    if to is not None:
+        asked: Format = one_of("--to", to, forms)
+        forms = (asked,)
+    if out is None:
+        return forms[0]
+    if out.is_dir():
+        raise ScenarioError(f"--out {out}: is a folder; allowed: a file")
+    if to is not None and not out.suffix:
+        return forms[0]
+    for form in forms:
+        if out.suffix.lower() == f".{form}":
+            return form
+    given = f"ends in {out.suffix}" if out.suffix else "no ending"
+    raise ScenarioError(f"--out {out}: {given}; allowed: a name that ends in {', '.join(f'.{form}' for form in forms)}")

@@ -1,0 +1,120 @@
+"""Options of a command as they were typed: names, numbers of values and kinds of value, checked before tyro reads them,
+whose own messages name types of Python."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+from app.scenario.errors import ScenarioError
+from parameters import allowed
+
+NOUNS: dict[type, str] = {float: "a number", int: "a whole number", Path: "the name of a file or a folder"}
+Command = Callable[..., int]
+
+
+@dataclass(frozen=True)
+class _Option:
+    """Option of a command.
+    kind: of its values; bool for a switch, which has none.
+    count: number of its values; None for one or more.
+    noun: one of its values, in words."""
+
+    kind: type
+    count: int | None
+    noun: str
+
+    def require(self, flag: str, values: list[str]) -> None:
+        """Raise ScenarioError for values that it does not take."""
+        if self.kind is bool:
+            return
+        if len(values) < (self.count or 1):
+            wanted = {None: f"{self.noun}; one or more", 1: self.noun}.get(self.count, f"{self.count} numbers")
+            raise ScenarioError(f"{flag}: {', '.join(values) or 'no value'}; allowed: {wanted}")
+        for value in values[: self.count]:
+            if not value:
+                of_files = self.kind is Path and flag in ("--out", "--figures")
+                noun = "the name of a folder, or a dot for this one" if of_files else self.noun
+                raise ScenarioError(f"{flag}: an empty text; allowed: {noun}")
+            if self.kind in (int, float):
+                try:
+                    self.kind(value)
+                except ValueError as error:
+                    raise ScenarioError(f"{flag} {value!r:.60}; allowed: {self.noun}") from error
+
+
+def require_options(name: str, command: Command, typed: list[str], others: Mapping[str, Command]) -> None:
+    """Raise ScenarioError where an option that was typed behind a command is none of its own, or has no value or one of
+    another kind, and for an empty text. others: commands that are named where they have the option."""
+    if {"--", "-h", "--help"} & set(typed):
+        return
+    options, waiting = _options(command), list(typed)
+    while waiting:
+        token = waiting.pop(0)
+        if not _flag(token):
+            if not token:
+                raise ScenarioError(f"{name}: an empty text; allowed: a name, see `vsmrc {name} --help`")
+            continue
+        flag, equals, value = token.partition("=")
+        flag = flag.replace("_", "-")
+        option = options.get(flag)
+        if option is None:
+            raise ScenarioError(f"{name}: {flag:.60}: no such option; {_instead(flag, options, others)}")
+        values = [value] if equals else list(takewhile(lambda each: not _flag(each), waiting))
+        option.require(flag, values)
+        if not equals:
+            taken = 0 if option.kind is bool else len(values) if option.count is None else option.count
+            del waiting[:taken]
+
+
+def _flag(token: str) -> bool:
+    return token.startswith("--")
+
+
+def _instead(flag: str, options: Mapping[str, _Option], others: Mapping[str, Command]) -> str:
+    """End of a refusal of an option: where there is one of this name, or those that are allowed."""
+    takers = [f"`vsmrc {name}`" for name, command in others.items() if flag in _options(command)]
+    if takers:
+        return f"allowed: with {', '.join(takers)}"
+    return allowed(flag, (each for each in options if not each.startswith("--no-")))
+
+
+def _options(command: Command) -> dict[str, _Option]:
+    """Options of a command, by flag."""
+    hints = get_type_hints(command, include_extras=True)
+    found: dict[str, _Option] = {}
+    for parameter in inspect.signature(command).parameters.values():
+        if parameter.kind is not inspect.Parameter.KEYWORD_ONLY:
+            continue
+        hint = hints[parameter.name]
+        arguments = list(_arguments(hint))
+        name = next((each.name for each in arguments if each.name), parameter.name.replace("_", "-"))
+        metavar = next((each.metavar for each in arguments if each.metavar), None)
+        kind, count = _kind(hint)
+        noun = metavar.strip("{}").replace(",", ", ") if metavar else NOUNS.get(kind, "a text")
+        found[f"--{name}"] = _Option(kind, count, noun)
+        if kind is bool:
+            found[f"--no-{name}"] = found[f"--{name}"]
+    return found
+
+
+def _arguments(hint: Any) -> Iterator[Any]:
+    """What `tyro.conf.arg` has said of a parameter."""
+    return (each for each in getattr(hint, "__metadata__", ()) if hasattr(each, "metavar"))
+
+
+def _kind(hint: Any) -> tuple[type, int | None]:
+    """Kind and number of the values of a parameter's type."""
+    while hasattr(hint, "__metadata__"):
+        hint = hint.__origin__
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return _kind(next(each for each in inner if each is not NoneType))
+    if origin is not tuple:
+        return hint, 1
+    return _kind(inner[0])[0], None if inner[-1] is Ellipsis else len(inner)

@@ -1,0 +1,49 @@
+"""Functions of the laws in a user's own files, tried before a law is used."""
+
+from __future__ import annotations
+
+import inspect
+import operator
+from collections.abc import Iterable
+from pathlib import Path
+
+from app.scenario.own_code import OwnCodeError, located
+from controllers.control_law import ControlLaw
+
+MOST_STATES = 1000
+COORDINATES = (2, 3, 6, 7)  # of the arms that come with the program
+
+
+def require_callable(laws: Iterable[ControlLaw]) -> None:
+    """Raise OwnCodeError for a law whose torque is no function, or whose `states` gives no length of a state."""
+    for law in laws:
+        if not callable(law.torque):
+            raise OwnCodeError(f"--use: law {law.kind}: torque {law.torque!r:.60}; allowed: a function")
+        path = Path(inspect.getfile(inspect.unwrap(getattr(law.torque, "py_func", law.torque))))
+        if law.states is None:
+            continue
+        if not callable(law.states):
+            raise OwnCodeError(
+                f"--use {path}: states {law.states!r:.60}; allowed: a function of the number of coordinates, such as "
+                "states=lambda n: n"
+            )
+        for n in COORDINATES:
+            _require_length(law, n, path)
+
+
+def _require_length(law: ControlLaw, n: int, path: Path) -> None:
+    """Raise OwnCodeError where `states` gives no length for n coordinates."""
+    assert law.states is not None
+    try:
+        length = law.states(n)
+    except (Exception, SystemExit) as error:
+        raise OwnCodeError(f"--use {located(error, path)}") from error
+    try:
+        whole = operator.index(length)
+    except TypeError:
+        whole = -1
+    if not 0 <= whole <= MOST_STATES:
+        raise OwnCodeError(
+            f"--use {path}: states gives {length!r:.60} for {n} coordinates; allowed: a whole number, 0 to "
+            f"{MOST_STATES}"
+        )

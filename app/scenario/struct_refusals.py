@@ -1,0 +1,107 @@
+"""Refusals of plain data that are no struct of a kind, such as a lesson's block, in the words of those of scenarios."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec import Struct, inspect
+
+from app.scenario.data import plain_reason
+from parameters import allowed
+
+Known = TypeVar("Known", bound=inspect.Type)
+
+
+def struct_refusal(error: msgspec.ValidationError, data: object, kind: type[Struct]) -> str:
+    """One sentence with the place, the value and what is allowed. data: that msgspec refused; kind: that was asked
+    for."""
+    reason, _, place = str(error).partition(" - at `")
+    steps = re.findall(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]", place.rstrip("`").removeprefix("$"))
+    there, known, path = data, inspect.type_info(kind), ""
+    holder: inspect.Type | None = None
+    for name, number in steps:
+        key = number or name
+        if key == "..." and known is not None:
+            key = next((_first_wrong(there, each.value_type) for each in _types(known, inspect.DictType)), "*")
+        path += f"[{number}]" if number.isdecimal() else f".{key}"
+        holder, known, there = known, _type_within(known, key, there), _within(there, key)
+    path = path.removeprefix(".")
+    if reason.startswith("Invalid value") and (tags := _tags(holder)):
+        return f"{path}: {there!r:.60}; {allowed(str(there), tags)}"
+    return _told(reason, path, there, known)
+
+
+def _told(reason: str, path: str, there: object, known: inspect.Type | None) -> str:
+    where = f"{path}." if path else ""
+    if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason, re.DOTALL):
+        names = (field.encode_name for each in _structs(known, there)[:1] for field in each.fields)
+        return f"{where}{unknown[1]:.60}: no such field; {allowed(unknown[1], names)}"
+    if missing := re.fullmatch("Object missing required field `(.*)`", reason, re.DOTALL):
+        tags = _tags(known) if missing[1] in {each.tag_field for each in _types(known, inspect.StructType)} else []
+        return f"{where}{missing[1]}: missing; allowed: {', '.join(tags) or 'a value'}"
+    shown = "" if isinstance(there, dict) or not path else f"{there!r:.60}; "
+    choices = next((each.values for each in _types(known, inspect.LiteralType)), ())
+    if reason.startswith("Invalid enum value") and choices:
+        told = allowed(str(there), map(str, choices))
+    else:
+        own_form = "x00" not in reason  # other than that of texts in one line
+        told = plain_reason(reason.replace(" matching regex ", " of the form ") if own_form else reason)
+    return f"{path}: {shown}{told[:1].lower()}{told[1:]}" if path else f"{told[:1].lower()}{told[1:]}"
+
+
+def _first_wrong(table: object, kind: inspect.Type) -> str:
+    """Key of the first value of a table that is not of this kind."""
+    wrong = (key for key, value in table.items() if not _fits(value, kind)) if isinstance(table, dict) else iter(())
+    return next(wrong, "*")
+
+
+def _fits(value: object, kind: inspect.Type) -> bool:
+    structs = _structs(kind, value)
+    try:
+        for each in structs[:1]:
+            msgspec.convert(value, each.cls)
+    except msgspec.ValidationError:
+        return False
+    return True
+
+
+def _within(data: Any, key: str) -> object:
+    try:
+        return data[int(key)] if isinstance(data, list | tuple) else data[key]
+    except (KeyError, IndexError, TypeError, ValueError):
+        return {}
+
+
+def _type_within(kind: inspect.Type | None, key: str, data: object) -> inspect.Type | None:
+    """Type of what stands at a key of data of this type, None where that is not known."""
+    for struct in _structs(kind, data):
+        for field in struct.fields:
+            if field.encode_name == key:
+                return field.type
+    for table in _types(kind, inspect.DictType):
+        return table.value_type
+    for row in (*_types(kind, inspect.VarTupleType), *_types(kind, inspect.ListType)):
+        return row.item_type
+    return None
+
+
+def _structs(kind: inspect.Type | None, data: object) -> list[inspect.StructType]:
+    """Structs of a type, the one that the data name as their kind first."""
+    given = data if isinstance(data, dict) else {}
+    return sorted(_types(kind, inspect.StructType), key=lambda each: given.get(each.tag_field) != each.tag)
+
+
+def _tags(kind: inspect.Type | None) -> list[str]:
+    """Kinds among which data of this type say theirs."""
+    return [str(each.tag) for each in _types(kind, inspect.StructType) if each.tag is not None]
+
+
+def _types(kind: inspect.Type | None, of: type[Known]) -> list[Known]:
+    """Those of a type's alternatives that are of this class."""
+    while isinstance(kind, inspect.Metadata):
+        kind = kind.type
+    if isinstance(kind, inspect.UnionType):
+        return [found for each in kind.types for found in _types(each, of)]
+    return [kind] if isinstance(kind, of) else []
