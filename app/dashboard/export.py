@@ -9,7 +9,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import BESIDE_FILM, figure_of, plots_of, plots_with_lines, with_series
+from app.dashboard.plots.paper_figures import BESIDE_PLAYBACK, figure_of, plots_of, plots_with_lines, with_series
 from app.dashboard.scene.standalone import standalone_html
 from app.export.export_jobs import PLAYBACK_LIMIT, file_name
 from app.export.figures import Figure, FigureOptions
@@ -49,6 +49,12 @@ class FigureChoice:
     series: Sequence[str] = ()
     options: FigureOptions = field(default_factory=FigureOptions)
 
+    @property
+    def name(self) -> str:
+        """Name of the plots and lines, "" for all: two figures of a run have two names."""
+        plots = () if tuple(self.plots) == (ALL_PLOTS,) else self.plots
+        return " ".join((*plots, *self.series))
+
 
 def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice, out: Path) -> Iterator[Path]:
     """Write files of these kinds to the folder `out`, which is created; yields the path of each. Raises ScenarioError
@@ -67,7 +73,8 @@ def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice,
             raise ScenarioError(f"recording: {stretch.recording.n} joints; allowed: {n}, as its scenario's arm has")
     out.mkdir(parents=True, exist_ok=True)
     for kind in kinds:
-        path = out / file_name(stretch.scenario.name, float(rows[-1]), kind)
+        content = choice.name if kind in ("svg", "pdf", "png", "html") else ""
+        path = out / file_name(stretch.scenario.name, float(rows[-1]), kind, content)
         try:
             _write(stretch, kind, choice, path)
         except TooLarge as error:
@@ -92,7 +99,7 @@ def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Pat
                 rows = table(scenario, recording, stretch.start, stretch.end)
                 write_whole(path, lambda file: write_data(rows, file, tell=tell))
             case "html":
-                plots = BESIDE_FILM if choice.plots == (ALL_PLOTS,) else choice.plots
+                plots = BESIDE_PLAYBACK if choice.plots == (ALL_PLOTS,) else choice.plots
                 figure = _figure(stretch, replace(choice, plots=plots))
                 frames = playback_frames(scenario, recording, stretch.start, stretch.end)
                 page = standalone_html(frames, PLAYBACK_LIMIT, tell, figure)

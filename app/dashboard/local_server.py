@@ -18,9 +18,9 @@ from app.dashboard.widgets.last_session import left_by
 from app.process import precompile
 from app.process.deadline import end_within
 from app.process.interruption import Interruption
-from app.process.own_code import own_code
 from app.process.terminal_text import say
 from app.scenario.errors import ScenarioError
+from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario
 from app.session.autosave import Autosave, StateFolder, default_folder
 from app.session.runner import Runner

@@ -125,9 +125,9 @@ class Dashboard:
         return self._server.get_clients()
 
     @property
-    def looking_fields(self) -> frozenset[str]:
+    def report_fields(self) -> frozenset[str]:
         """Ids of the fields in which pages report their visible tabs of plots; none before `attach`."""
-        return frozenset() if self._content is None else self._content.looking_fields
+        return frozenset() if self._content is None else self._content.report_fields
 
     def show_progress(self, text: str) -> None:
         """Show a text on the preparation of a run, while there is no runner yet."""
@@ -137,15 +137,15 @@ class Dashboard:
         """Build the controls for this runner, and show it from now on."""
         self._content = PageContent(
             self._server,
-            self._status,
-            self._scene,
-            runner,
-            self.uploads,
-            self._previewer,
-            self.notebook,
-            self.classroom,
-            Share(self._allowance),
-            self._awake.set,
+            status=self._status,
+            scene=self._scene,
+            runner=runner,
+            uploads=self.uploads,
+            previewer=self._previewer,
+            notebook=self.notebook,
+            classroom=self.classroom,
+            share=Share(self._allowance),
+            wake=self._awake.set,
         )
 
     def offer(self, last_session: LastSession) -> None:

@@ -16,13 +16,14 @@ from app.dashboard.scene.tool_drag import Hand
 from app.dashboard.scene.view import SceneView
 from app.dashboard.theme.colors import RUNS
 from app.dashboard.transport.repeated_inputs import RepeatedInputs
-from app.dashboard.transport.visible_tabs import VisibleTabs
+from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.transport.widget_lock import WidgetLock
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.chosen_sliders import ChosenSliders
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.equation import equation_html
+from app.dashboard.widgets.field_words import refusal_in_words
 from app.dashboard.widgets.guided_minute import GuidedMinute
 from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.playback import Playback
@@ -66,6 +67,7 @@ class PageContent:
     def __init__(
         self,
         server: viser.ViserServer,
+        *,
         status: viser.GuiHtmlHandle,
         scene: SceneView,
         runner: Runner,
@@ -88,24 +90,24 @@ class PageContent:
         self._viewing = Viewing()
         self._export_jobs = ExportJobs()
         self._lock = lock = EditLock(runner.post, self.complain)
-        self._visible_tabs = VisibleTabs(wake)
+        self._visible_parts = VisibleParts(wake)
         desk = Desk(
-            server.gui,
-            lock.post,
-            lambda: runner.snapshot,
-            self._whatif,
-            self._viewing,
-            self.complain,
-            self._export_jobs,
-            uploads,
-            lambda row: self._chosen_sliders.choose(row),
-            lambda row: self._robustness.sweep(row),
-            lambda row: self._robustness.let_move(row),
-            lock,
-            notebook,
-            classroom,
-            share,
-            self._visible_tabs.scene_of,
+            gui=server.gui,
+            post=lock.post,
+            snapshot=lambda: runner.snapshot,
+            whatif=self._whatif,
+            viewing=self._viewing,
+            complain=self.complain,
+            export_jobs=self._export_jobs,
+            uploads=uploads,
+            choose=lambda row: self._chosen_sliders.choose(row),
+            sweep=lambda row: self._robustness.sweep(row),
+            let_move=lambda row: self._robustness.let_move(row),
+            lock=lock,
+            notebook=notebook,
+            classroom=classroom,
+            share=share,
+            scene_of=self._visible_parts.scene_of,
         )
         self._share = share
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
@@ -119,14 +121,14 @@ class PageContent:
         self._chosen_sliders = ChosenSliders(desk)
         self._widget_lock = WidgetLock(server)
         RepeatedInputs(server)
-        self._visible_tabs.add_field(server.gui)
-        self._plots = Plots(server.gui, self._visible_tabs, self._viewing, self._widget_lock.drawing)
+        self._visible_parts.add_field(server.gui)
+        self._plots = Plots(server.gui, self._visible_parts, self._viewing, self._widget_lock.drawing)
         self._plots_due = 0.0
         tabs = server.gui.add_tab_group()
         self._panels: dict[str, Panel] = {}
         for title, panel in PANELS.items():
             with tabs.add_tab(title):
-                server.gui.add_html(self._visible_tabs.panel_marker_html(panel_name(title)))
+                server.gui.add_html(self._visible_parts.panel_marker_html(panel_name(title)))
                 self._panels[panel_name(title)] = panel(desk)
         (self._robustness,) = (panel for panel in self._panels.values() if isinstance(panel, RobustnessPanel))
         equation = server.gui.add_panel()
@@ -142,8 +144,8 @@ class PageContent:
         self._page_height = 0
 
     @property
-    def looking_fields(self) -> frozenset[str]:
-        return self._visible_tabs.fields
+    def report_fields(self) -> frozenset[str]:
+        return self._visible_parts.fields
 
     @property
     def hang(self) -> str:
@@ -151,13 +153,13 @@ class PageContent:
 
     def is_unseen(self, clients: Collection[int]) -> bool:
         """Whether none of these clients has its page on its screen."""
-        return self._visible_tabs.all_away(clients)
+        return self._visible_parts.all_away(clients)
 
     def complain(self, sentence: str) -> None:
         """Show a refusal, until another edit is accepted, another run begins or COMPLAINT_SHOWN is over."""
         log.info("refused", sentence=sentence)
         self._runner.post(DropWayOut())
-        self._say("Refused", sentence)
+        self._say("Refused", refusal_in_words(sentence))
 
     def fail(self, sentence: str) -> None:
         """Show a failure of this program; not again while the same one is shown."""
@@ -183,9 +185,9 @@ class PageContent:
     def draw(self, now: float) -> None:
         """Draw one frame: the scene always, everything else less often."""
         snapshot = self._runner.snapshot
-        look = self._viewing.look
+        options = self._viewing.scene_options
         if snapshot is not self._drawn:
-            self._viewing.legend = self._scene.show(snapshot, look)
+            self._viewing.legend = self._scene.show(snapshot, options)
             self._hand.show(snapshot, self._viewing.legend.newtons)
         foreseen = self._whatif.look(snapshot, self._server.get_clients())
         if foreseen or now - self._refreshed >= REFRESH:
@@ -196,7 +198,7 @@ class PageContent:
     def _refresh(self, snapshot: Snapshot, now: float) -> None:
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
-            self._say("Refused", snapshot.refusal or "")
+            self._say("Refused", refusal_in_words(snapshot.refusal or ""))
         of = snapshot.revision, snapshot.run
         if self._complaint_of is None and snapshot.heard >= self._complaint_after:
             self._complaint_of = of
@@ -217,7 +219,7 @@ class PageContent:
                 part.show(snapshot)
         self._show_controls(snapshot, now)
         self._fit()
-        self._scene.draw_paths(self._viewing.look)
+        self._scene.draw_paths(self._viewing.scene_options)
         if now >= self._plots_due:
             self._plot(snapshot, now)
 
@@ -231,7 +233,7 @@ class PageContent:
         )
         every = frozenset(self._panels)
         # the script of a page that reports no panel may not run at all
-        on_screen = self._visible_tabs.tabs(self._server.get_clients()) & every or every
+        on_screen = self._visible_parts.tabs(self._server.get_clients()) & every or every
         shown = on_screen - self._open_panels
         if of != self._controls_of:
             self._controls_of, self._outdated = of, every
@@ -249,7 +251,7 @@ class PageContent:
                     panel.show(snapshot)
 
     def _plot(self, snapshot: Snapshot, now: float) -> None:
-        whatif, looked_at = self._whatif, self._visible_tabs.tabs(self._server.get_clients())
+        whatif, looked_at = self._whatif, self._visible_parts.tabs(self._server.get_clients())
         pinned = tuple(
             PinnedChart(p.title, p.recording, p.system.units, p.system.coordinates, color=RUNS[p.place])
             for p in snapshot.pinned
@@ -260,7 +262,7 @@ class PageContent:
         self._plots_due = now + (time.thread_time() - began) / PLOTTING
 
     def _fit(self) -> None:
-        height = self._visible_tabs.scene_height(self._server.get_clients())
+        height = self._visible_parts.scene_height(self._server.get_clients())
         if height and height != self._page_height:
             self._page_height = height
             self._plots.fit(height)

@@ -13,8 +13,8 @@ Drag = Literal["push", "target", "turn"]
 
 
 @dataclass(frozen=True)
-class Look:
-    """Look of the scene.
+class SceneOptions:
+    """Options of the scene.
     spring: whether the target model's spring and damper are drawn.
     times: their length over the deflection.
     newtons: force of an arrow of 100 mm, None for a scale that suits the forces.
@@ -58,13 +58,13 @@ class Legend:
 
 class Viewing:
     """View options of the page.
-    look: of the scene.
+    scene_options: see `SceneOptions`.
     legend: of the last drawing of the scene.
     window: s, length of the plots.
     coordinate, joint: numbers, from 0, of those that the plots show."""
 
     def __init__(self) -> None:
-        self.look = Look()
+        self.scene_options = SceneOptions()
         self.window = 8.0
         self.coordinate = self.joint = 0
         self.legend = Legend(1e-4, 10.0, None)

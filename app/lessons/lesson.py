@@ -25,6 +25,7 @@ from app.lessons.blocks import (
 from app.scenario.data import LARGEST, shipped, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
+from app.scenario.struct_refusals import struct_refusal
 from parameters import allowed
 
 FENCE = re.compile(r"^(`{3,})[ \t]*(\w*)[ \t]*$")
@@ -120,7 +121,7 @@ def load_file(path: Path) -> Lesson:
         raise LessonError(f"lesson {str(path)!r:.200}: it is no UTF-8 text; allowed: a text in UTF-8") from error
     if len(content) > LARGEST:
         raise LessonError(f"lesson {str(path)!r:.200}: over {LARGEST / 1e6:g} MB; allowed: less")
-    return read(text, path.parent.name, str(path))
+    return read(text, path.absolute().parent.name, str(path))
 
 
 def shipped_lessons() -> dict[str, Lesson]:
@@ -140,6 +141,8 @@ def shipped_lessons() -> dict[str, Lesson]:
 def load(name_or_file: str) -> Lesson:
     """A shipped lesson by name, or one from a file or folder. Raises LessonError."""
     path = Path(name_or_file)
+    if not name_or_file:
+        raise LessonError("lesson: an empty text; allowed: a lesson.md or the name of a lesson")
     if path.suffix == ".md" or path.is_dir():
         return load_file(path)
     lessons = shipped_lessons()
@@ -187,8 +190,12 @@ def _blocks(text: str, source: str) -> list[tuple[int, str, str, str]]:
 
 def _decoded(kind: str, body: str, source: str, line: int) -> Any:
     try:
-        return msgspec.convert(tomllib.loads(body), KINDS[kind])
-    except tomllib.TOMLDecodeError as error:
+        data = tomllib.loads(body)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise LessonError(f"{source}, line {line}: {kind}: not TOML: {error}") from error
-    except (msgspec.ValidationError, RecursionError) as error:
+    try:
+        return msgspec.convert(data, KINDS[kind])
+    except msgspec.ValidationError as error:
+        raise LessonError(f"{source}, line {line}: {kind}: {struct_refusal(error, data, KINDS[kind])}") from error
+    except RecursionError as error:
         raise LessonError(f"{source}, line {line}: {kind}: {error}") from error

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from app.analysis.metrics import METRICS, force_error, measure, path_error, settling_time
+from app.analysis.metrics import RUN_METRICS, force_error, metrics_of, path_error, settling_time
 from app.lessons.blocks import Condition, Measure
 from app.scenario.errors import ScenarioError
 from app.simulation.closed_loop import ClosedLoop
@@ -48,8 +48,8 @@ PER_SECOND = {"m/s": "m/s^2", "rad/s": "rad/s^2"}  # SI units of changes per sec
 RESOLUTION = 1e-7  # SI units: changes of a signal below this do not count for its settling
 DERIVED = ("force_error", "path_error", "contact_force")  # signals that are computed from the recorded ones
 RECORDED = {signal.name: signal for signal in SIGNALS}
-SHOWN = {figure.field: figure for figure in METRICS}
-# SI units of the metrics that `METRICS` does not list
+SHOWN = {figure.field: figure for figure in RUN_METRICS}
+# SI units of the metrics that `RUN_METRICS` does not list
 METRIC_UNITS = {"settling_time": "s", "torque_total_variation": "N·m/s"}
 HAPPENING = ("settling_time", "reaching_time", "band_time")  # metrics that are None while it has not happened
 DIGITS = 3
@@ -147,7 +147,7 @@ def measured(loop: ClosedLoop, each: Measure) -> MeasuredNumber:
 def _metric(loop: ClosedLoop, name: str, unit: str) -> MeasuredNumber:
     metrics = {
         metric: max(value) if isinstance(value, list) else value
-        for metric, value in msgspec.to_builtins(measure(loop)).items()
+        for metric, value in msgspec.to_builtins(metrics_of(loop)).items()
         if metric in METRIC_UNITS or metric in SHOWN
     }
     there = [metric for metric, value in metrics.items() if value is not None or metric in HAPPENING]

@@ -22,10 +22,8 @@ from app.scenario.errors import (
     UnboundedGain,
     WrongFace,
 )
-from app.scenario.field_info import field_info
 from app.scenario.schema import (
     BlendSection,
-    ContactSection,
     ControllerSection,
     RobotSection,
     Scenario,
@@ -59,13 +57,6 @@ BESIDE = 0.01  # m, of a further surface from the tool
 _ACROSS = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
 PUSH, PUSH_LASTS = 30.0, 0.5  # N, s
 HALVINGS = 3  # times that a path is halved that is too long for an arm, before it becomes `Hold`
-_WORDS = {
-    "motion": "path",
-    "rotation": "rotation",
-    "contact": "contact",
-    "task_space": "task space",
-    "surface": "surface",
-}
 _Built = TypeVar("_Built")
 
 
@@ -124,58 +115,6 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
             if usual.surface == scenario.surface:
                 raise
             scenario = usual
-
-
-def told(asked: Scenario, done: Scenario) -> str:
-    """Sentence on the fields that a change of mode, arm or surface has adapted; "" for none.
-    asked: the scenario with that change alone.
-    done: the scenario that runs."""
-    adapted: list[str] = []
-    for section in ("motion", "rotation", "contact", "task_space", "surface"):
-        old, new = getattr(asked, section), getattr(done, section)
-        before, after = to_plain(asked)[section], to_plain(done)[section]
-        if before["kind"] != after["kind"]:
-            adapted.append(f"{_WORDS[section]} {_title_of(new)} instead of {_title_of(old)}")
-            continue
-        if section == "surface" and {name for name in after if after[name] != before[name]} == {"origin"}:
-            adapted.append("surface brought to the tool")
-            continue
-        for name in (name for name in after if after[name] != before[name]):
-            info = field_info(f"{section}.{name}")
-            label = info.widget.label if info.widget else name.replace("_", " ")
-            unit = f" {info.unit}" if info.unit not in ("", "1") else ""
-            words = {_plain(of): text for text, of in info.widget.options} if info.widget else {}
-            was, now = (words.get(_plain(table[name]), _shown(table[name])) for table in (before, after))
-            adapted.append(f"{_WORDS[section]} {label} {now} instead of {was}{unit}")
-    for each in ("second", "third"):
-        old, new = (getattr(of, each).contact for of in (asked, done))
-        if old.kind != new.kind and getattr(done, each).present:
-            adapted.append(f"{each} surface {_title_of(new)} instead of {_title_of(old)}")
-    taken = [each for each in ("second", "third") if getattr(asked, each).present > getattr(done, each).present]
-    adapted += [f"{each} surface taken away" for each in taken]
-    if asked.face.flat and not done.face.flat:
-        adapted.append("the tool touches with a point")
-    if asked.controller.K_s != done.controller.K_s:
-        adapted.append(f"boundary layer {done.controller.layer:.3g}, and K_s, by the characteristic length ℓ")
-    if asked.controller.gain != done.controller.gain:
-        adapted.append(f"gain d {done.controller.gain}")
-    return f"Adapted: {'; '.join(adapted)}." if adapted else ""
-
-
-def _title_of(section: Any) -> str:
-    """The page's word for the kind of a section."""
-    described = section.nature if isinstance(section, ContactSection) else section
-    return described.title if hasattr(described, "title") else str(section.kind)
-
-
-def _plain(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _shown(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return ", ".join(_shown(each) for each in value)
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def on_robot(scenario: Scenario, name: str) -> Scenario:

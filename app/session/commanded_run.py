@@ -10,7 +10,9 @@ from app.scenario.data import edited, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session import changes
+from app.session.adaptation_sentence import adaptation_sentence
 from app.session.commands import (
+    BeginScenario,
     Blend,
     Command,
     Continue,
@@ -161,7 +163,7 @@ class CommandedRun:
     def _require_reach(self, command: Command) -> None:
         """Raises ScenarioError for a file that this loop's pages may not name."""
         match command:
-            case Load(scenario) | Perform(scenario) if self._reach is not None:
+            case Load(scenario) | BeginScenario(scenario) | Perform(scenario) if self._reach is not None:
                 self._reach.require(scenario.robot.urdf)
             case Edit("robot.urdf", path) if self._reach is not None:
                 self._reach.require(path)
@@ -238,8 +240,8 @@ class CommandedRun:
             case Fork():
                 line.fork()
                 self.runs += 1
-            case Pin():
-                line.pin()
+            case Pin(may_be_pinned):
+                line.pin(may_be_pinned=may_be_pinned)
             case Rename(number, name):
                 line.rename(number, name)
             case Unpin(number):
@@ -261,11 +263,11 @@ class CommandedRun:
                 self._edit(scenario)
             case EditAll(values):
                 self._edit(with_values(scenario_now, dict(values)))
+            case BeginScenario(scenario):
+                self._begin(scenario)
             case Perform(scenario, changes_to_come, end):
-                self._edit(scenario)
-                line.reset()
-                self.runs += 1
-                self._performed, self.playing = _Performance(self.runs, changes_to_come, end), True
+                self._begin(scenario)
+                self._performed = _Performance(self.runs, changes_to_come, end)
             case Continue(scenario, pinned):
                 self._edit(scenario)
                 line.adopt(pinned)
@@ -296,7 +298,7 @@ class CommandedRun:
     def _adapt(self, asked: Scenario, scenario: Scenario) -> None:
         """Edit to the nearest scenario that can run, and say how it differs from what was asked."""
         changes.possible(scenario, self._edit)
-        self._told = changes.told(asked, self.loop.system.scenario)
+        self._told = adaptation_sentence(asked, self.loop.system.scenario)
 
     def _edit(self, scenario: Scenario) -> None:
         before = self.loop.system.robot
@@ -310,6 +312,13 @@ class CommandedRun:
             hold(self.loop.system.robot, scenario.robot.urdf)
         self._told = ""
         self.revision += 1
+
+    def _begin(self, scenario: Scenario) -> None:
+        """Begin this scenario at t = 0, also where an edit would let the run go on, and let it run."""
+        self._edit(scenario)
+        self.line.reset()
+        self.runs += 1
+        self.playing = True
 
     def known(self, seen: Snapshot) -> Snapshot:
         """The snapshot of the loop with what is known of its run."""
@@ -337,7 +346,7 @@ def is_new_arm(command: Command) -> bool:
     """Whether a command may change the arm, whose kernels may have to be compiled."""
     if isinstance(command, Edit):
         return command.path.startswith(("mode", "robot."))
-    return isinstance(command, Load | Continue | Perform)
+    return isinstance(command, Load | BeginScenario | Continue | Perform)
 
 
 def _admitted(speed: float) -> float:

@@ -49,7 +49,10 @@ class Fork:
 
 @dataclass(frozen=True)
 class Pin:
-    """Keep this run for comparison."""
+    """Keep this run for comparison. One that is pinned already is refused, or, if it may be pinned already, left as it
+    is."""
+
+    may_be_pinned: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,13 @@ class ShowAgain:
 @dataclass(frozen=True)
 class Load:
     """Load another scenario."""
+
+    scenario: Scenario
+
+
+@dataclass(frozen=True)
+class BeginScenario:
+    """Begin another scenario at t = 0, and let it run."""
 
     scenario: Scenario
 
@@ -182,6 +192,7 @@ Command = (
     | SetSpeed
     | ShowAgain
     | Load
+    | BeginScenario
     | Continue
     | Edit
     | EditAll

@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 from tqdm import tqdm
 
-from app.analysis.metrics import Metrics, measure
+from app.analysis.metrics import Metrics, metrics_of
 from app.process import precompile
 from app.process.atomic_write import write_whole
 from app.scenario.data import to_toml
@@ -54,7 +54,7 @@ def simulate(
             bar.update(periods)
             if loop.stopped:
                 break
-    return loop, measure(loop, loop.t / (time.perf_counter() - started), by)
+    return loop, metrics_of(loop, loop.t / (time.perf_counter() - started), by)
 
 
 def play(loop: ClosedLoop, periods: int, engine: Engine | None = None) -> None:
@@ -96,7 +96,7 @@ def write(loop: ClosedLoop, metrics: Metrics, out: Path) -> None:
     """
     scenario = loop.recording.epochs[0].scenario
     out.mkdir(parents=True, exist_ok=True)
-    figures, text = msgspec.json.format(msgspec.json.encode(metrics)) + b"\n", to_toml(scenario).encode()
+    numbers, text = msgspec.json.format(msgspec.json.encode(metrics)) + b"\n", to_toml(scenario).encode()
     write_whole(out / "recording.npz", lambda file: write_npz(table(scenario, loop.recording), file))
-    write_whole(out / "metrics.json", lambda file: file.write(figures))
+    write_whole(out / "metrics.json", lambda file: file.write(numbers))
     write_whole(out / "scenario.toml", lambda file: file.write(text))

@@ -47,7 +47,7 @@ class Question:
     number: larger than that of every earlier question.
     partial: whether an intermediate answer is wanted, too; it is given even when a newer question is waiting.
     push: N, of a push on the tool where nothing else would move the arm; 0 for none.
-    compared: whether the figures of the running scenario are wanted, too.
+    compared: whether the metrics of the running scenario are wanted, too.
     arms: number of true arms, drawn from the declared set, whose band is wanted."""
 
     number: int
@@ -60,30 +60,50 @@ class Question:
     arms: int = 0
 
 
-class Figures(Struct, frozen=True):
-    """Figures of a preview, over the time that it reaches; None where a figure has no meaning in the mode, inf for
-    never."""
+class PreviewMetrics(Struct, frozen=True):
+    """Metrics of a preview, over the time that it reaches; None where a metric has no meaning in the mode, inf for
+    never.
+    span: s ahead of now, over which they are taken.
+    push: of the push where nothing else moves the arm, N; 0 where there is none.
+    force_error: mean of f_n - f_nd over the tail, N.
+    force_error_predicted: that error by (37), for a constant desired force, N.
+    force_settling: s, see `metrics.settling_time`.
+    force_overshoot: how far the force goes beyond its final value, seen from its beginning, N.
+    contact_largest: largest force on the surfaces, N.
+    contact_final: mean of that force over the tail where it is not controlled, N.
+    motion_largest: largest position error, m; None where no position is free.
+    motion_grows: whether that is the last one, after a tail in which it has grown.
+    motion_error: largest position error in the tail, m.
+    motion_settling: of the position error, s.
+    motion_overshoot: how far the position error goes to the other side after its largest value, m.
+    angle_largest: largest error of the angles, rad; None where they neither yield nor follow a path.
+    angle_error: largest error of the angles in the tail, rad.
+    torque_largest: largest torque of any joint, as applied, N m.
+    reaching_time: s, until s is reached; None under a law without the gain d.
+    reaching_time_promised: (18), s.
+    gain_margin: smallest d minus what (17) needs, N; None under such a law.
+    left: how and when the run leaves the theorem's domain."""
 
-    span: float  # s ahead of now that these figures look at
-    push: float  # of the push where nothing else moves the arm, N; 0 where there is none
-    force_error: float | None  # mean of f_n - f_nd over the tail, N
-    force_error_predicted: float | None  # that error by (37), for a constant desired force, N
-    force_settling: float | None  # s, see `metrics.settling_time`
-    force_overshoot: float | None  # how far the force goes beyond its final value, seen from its beginning, N
-    contact_largest: float | None  # largest force on the surfaces, N
-    contact_final: float | None  # mean of that force over the tail where it is not controlled, N
-    motion_largest: float | None  # largest position error, m; None where no position is free
-    motion_grows: bool  # whether that is the last one, after a tail in which it has grown
-    motion_error: float | None  # largest position error in the tail, m
-    motion_settling: float | None  # of the position error, s
-    motion_overshoot: float | None  # how far the position error goes to the other side after its largest value, m
-    angle_largest: float | None  # largest error of the angles, rad; None where they neither yield nor follow a path
-    angle_error: float | None  # largest error of the angles in the tail, rad
-    torque_largest: float  # largest torque of any joint, as applied, N m
-    reaching_time: float | None  # s, until s is reached; None under a law without the gain d
-    reaching_time_promised: float  # (18), s
-    gain_margin: float | None  # smallest d minus what (17) needs, N; None under such a law
-    left: str | None  # how and when the run leaves the theorem's domain
+    span: float
+    push: float
+    force_error: float | None
+    force_error_predicted: float | None
+    force_settling: float | None
+    force_overshoot: float | None
+    contact_largest: float | None
+    contact_final: float | None
+    motion_largest: float | None
+    motion_grows: bool
+    motion_error: float | None
+    motion_settling: float | None
+    motion_overshoot: float | None
+    angle_largest: float | None
+    angle_error: float | None
+    torque_largest: float
+    reaching_time: float | None
+    reaching_time_promised: float
+    gain_margin: float | None
+    left: str | None
 
 
 @dataclass(frozen=True)
@@ -94,7 +114,7 @@ class Outlook:
     signals: those of a recording, at these instants; epochs: of those rows.
     whole: whether the answer reaches as far as the question.
     restarts: whether the edit begins the scenario anew.
-    today: figures of the running scenario; None until they are known.
+    today: metrics of the running scenario; None until they are known.
     band: of true arms, as far as it is known; None while nothing is. bandless: why there will be none, else ""."""
 
     number: int
@@ -102,10 +122,10 @@ class Outlook:
     ahead: np.ndarray
     signals: dict[str, np.ndarray]
     epochs: tuple[Epoch, ...]
-    figures: Figures
+    metrics: PreviewMetrics
     whole: bool
     restarts: bool
-    today: Figures | None = None
+    today: PreviewMetrics | None = None
     band: Band | None = None
     bandless: str = ""
 
@@ -207,8 +227,8 @@ class Foresight:
             for _ in range(left):
                 loop.advance()
 
-    def outlook(self, today: Figures | None = None) -> Outlook | PreviewRefusal:
-        """Outlook of what has been computed so far. today: figures of the running scenario."""
+    def outlook(self, today: PreviewMetrics | None = None) -> Outlook | PreviewRefusal:
+        """Outlook of what has been computed so far. today: metrics of the running scenario."""
         number, recording = self.question.number, self._loop.recording
         points = self._points[self._points < len(recording)]
         if not len(points):  # also where the run has stopped in its first period, which is not drawn
@@ -222,14 +242,14 @@ class Foresight:
             signals["t"] - self._start,
             signals,
             tuple(recording.epochs),
-            self._figures(recording.stretch(), signals),
+            self._metrics(recording.stretch(), signals),
             whole=self.share >= 1.0,
             restarts=self._start != self.question.state.t,
             today=today,
             bandless=self.bandless if self.question.arms else "",
         )
 
-    def _figures(self, record: Mapping[str, np.ndarray], thinned: dict[str, np.ndarray]) -> Figures:
+    def _metrics(self, record: Mapping[str, np.ndarray], thinned: dict[str, np.ndarray]) -> PreviewMetrics:
         loop, system, t = self._loop, self._loop.system, record["t"]
         tail, robust = tail_of(t), system.controller.law.robust
         deviations, behind = _path_error(system, thinned), tail_of(thinned["t"])
@@ -247,7 +267,7 @@ class Foresight:
         if system.plant.kind.touches:
             force = np.linalg.norm([record[name] for name in MULTIPLIERS[: len(system.surfaces)]], axis=0)
             pressing, pressed = float(force.max()), None if system.m else float(force[tail].mean())
-        return Figures(
+        return PreviewMetrics(
             span=float(t[-1] - self._start) + system.scenario.controller.period,
             push=self._push,
             force_error=error,

@@ -202,11 +202,15 @@ class Timeline:
         self._end.reset()
         self._begin()
 
-    def pin(self) -> None:
-        """Keep the run as it is now, for comparison; of more than `PINS` the oldest is removed."""
+    def pin(self, *, may_be_pinned: bool = False) -> None:
+        """Keep the run as it is now, for comparison; of more than `PINS` the oldest is removed. One that is pinned
+        already stays as it is. Raises ScenarioError where nothing is recorded, and for a run that is pinned already
+        unless it may be."""
         if not len(self.recording):
             raise ScenarioError("pin: nothing is recorded yet; allowed: after the first control period")
-        self._add(self._pinned())
+        same = self._add_once(self._pinned())
+        if same is not None and not may_be_pinned:
+            raise ScenarioError(f"pin: this is pinned already, as {same.title}; allowed: once the run has gone on")
 
     def _pinned(self) -> Pinned:
         end, back = self._end, self._back
@@ -220,10 +224,12 @@ class Timeline:
         free = min(set(range(PINS)) - {other.place for other in others})
         self.pinned = (*others, replace(pinned, place=free))
 
-    def _add_once(self, pinned: Pinned) -> None:
-        """Pin a run unless it is the last one that was pinned: the user has just done so."""
-        if not self.pinned or not pinned.is_like(self.pinned[-1]):
+    def _add_once(self, pinned: Pinned) -> Pinned | None:
+        """Pin a run unless it is pinned already. Returns the pinned run that it is like, None where it is a new one."""
+        same = next((other for other in self.pinned if pinned.is_like(other)), None)
+        if same is None:
             self._add(pinned)
+        return same
 
     def unpin(self, number: int) -> None:
         """Forget the pinned run of this number. Raises ScenarioError when there is none."""

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
-from app.process.own_code import own_code
 from app.scenario.data import edited
 from app.scenario.errors import (
     ForceInJoints,
@@ -21,6 +20,7 @@ from app.scenario.errors import (
     WrongFace,
 )
 from app.scenario.field_info import field_info
+from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario
 from app.session.changes import adapted, in_mode, last_surface, with_face, without_last
 from app.simulation.controller_builder import laws, mode_of

@@ -1,5 +1,6 @@
 // On a phone plots and what-if lie beside the sliders, out of sight: while a slider is held, the plot that it matters for
-// lies over the scene, and below it the numbers of what-if.
+// lies over the scene, and below it the numbers of what-if. When it has been let go, the button that takes its value back
+// stands in the scene.
 const MATTERS = [ // words of the row's label, and of the plot's title
   [/^(K_f|K_e|K̂_e|B_e|M_e|F_d|λ)|\[N\]|friction/, /force/],
   [/^(constant d|margin|layer|K_s|F_1|F_2)/, /sliding/],
@@ -39,8 +40,24 @@ const fill = () => {
   const { box, chart } = lent, height = Math.max(box.clientHeight - (chart.root.offsetHeight - chart.height) - 8, 90);
   if (Math.abs(height - chart.height) > 2) chart.setSize({ width: box.clientWidth - 4, height });
 };
-setInterval(fill, 200); // viser gives it the height that it has among the others
 const phone = matchMedia("(max-width: 36em)");
+const undo = document.createElement("button");
+undo.className = "vs-undo";
+const revert = () => [...document.querySelectorAll("button:not(.vs-undo)")].find((each) => each.textContent.trim() === "Revert");
+undo.addEventListener("click", () => { revert()?.click(); undo.remove(); });
+const offer = () => {
+  const applied = phone.matches && !lent && revert() && document.querySelector(".vs-held .vs-row > span");
+  if (!applied) undo.remove();
+  else {
+    const text = `Revert ${applied.textContent}`;
+    if (undo.textContent !== text) undo.textContent = text;
+    if (!undo.isConnected) document.body.append(undo);
+  }
+};
+setInterval(() => {
+  fill(); // viser gives the plot the height that it has among the others
+  offer();
+}, 200);
 new MutationObserver(() => {
   const row = document.querySelector("form[data-held]");
   if (lent && lent.row !== row) giveBack();

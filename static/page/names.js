@@ -9,7 +9,7 @@ const PLACES = {
   "[data-floating-window]": { role: "region", "aria-label": "target model" },
   "div:has(> .vs-ticks) + form input:not([type=hidden])": { placeholder: "go to t" },
   ".mantine-Notification-closeButton": { "aria-label": "close" },
-  ".uplot-container button:not(.vs-measure)": { "aria-label": "enlarge the plot, or make it small again", title: "enlarge" },
+  ".uplot-container button:not(.vs-measure, .vs-unzoom)": { "aria-label": "enlarge the plot, or make it small again", title: "enlarge" },
   "canvas[data-engine]": { role: "img", "aria-label": "the robot, the surface and the forces in three dimensions" },
 };
 // what a key presses: by Enter or the space bar, as a click

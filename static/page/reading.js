@@ -223,9 +223,13 @@ setInterval(() => {
     const button = document.createElement("button");
     Object.assign(button, { className: "vs-measure", textContent: "Δ", title: "two cursors: Δt, Δy, overshoot, settling" });
     button.setAttribute("aria-label", "measure with two cursors");
+    // viser's own button to enlarge a plot is there only under the mouse: this one is for the keyboard
+    const enlarge = document.createElement("button");
+    enlarge.className = "vs-enlarge";
+    enlarge.innerHTML = '<svg viewBox="0 0 16 16" aria-hidden="true"><path d="M9 2h5v5M14 2l-5 5M7 14H2V9M2 14l5-5"/></svg>';
     const whole = document.createElement("button");
     Object.assign(whole, { className: "vs-unzoom", textContent: "whole window", title: "the whole window again, in all plots" });
-    box.append(button, whole);
+    box.append(button, whole, enlarge);
   }
   for (const [plot, { box, again }] of [...measured]) {
     if (plot.root.isConnected) again();

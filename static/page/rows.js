@@ -75,8 +75,9 @@ const letGo = (mark) => {
   }, SLOT), SLOT));
 };
 const moves = (e) => /^(Arrow|Home|End|Page)/.test(e.key);
-// A slider's step is a fine one (FINE in app/dashboard/widgets/controls.py). Ten of them are a step by mouse or key, and
-// one with Shift, when the mouse also moves it a tenth as far. Between two pixels an event gets a place of its own.
+// A slider's step is a fine one (FINE_STEP in app/dashboard/widgets/field_place.py). Ten of them are a step by mouse or
+// key, and one with Shift, when the mouse also moves it a tenth as far. Between two pixels an event gets a place of its
+// own.
 const TIMES = 10, STEPS = 500;
 let place = 0, mouse = 0;
 const lies = (e, x) => Object.defineProperty(e, "clientX", { value: x });

@@ -3,6 +3,10 @@ const place = () => {
   const box = document.querySelector("canvas[data-engine]")?.getBoundingClientRect();
   for (const side of box ? ["left", "top", "width", "height"] : [])
     document.documentElement.style.setProperty(`--vs-scene-${side}`, `${Math.round(box[side])}px`);
+  // the gateway's bar is above all that lies over the scene
+  const bar = document.querySelector(".vg-bar")?.getBoundingClientRect();
+  const under = Math.max(box?.top ?? 0, bar && box && bar.left < box.right && bar.right > box.left ? bar.bottom : 0);
+  document.documentElement.style.setProperty("--vs-over-top", `${Math.round(under)}px`);
   // what lies over it stands one below the other: buttons, the window of a held slider, messages; and nothing is scrolled
   // under the status line
   for (const part of ["acts", "strip", "status"]) {

@@ -70,4 +70,26 @@ document.addEventListener("keydown", (e) => {
   e.preventDefault();
   e.stopPropagation();
 }, true);
-setInterval(() => { if (said) say(); }, 150);
+// A picture that the user has asked for comes into view when its first marks come, and stays there while the words above
+// it grow, unless the user does something else meanwhile.
+const GROWING = 10_000; // ms
+const FIELDS = ["vs-tile-field", "vs-candidate-field"];
+let awaited = null; // { field, until, seen }
+document.addEventListener("click", (e) => {
+  const button = e.target instanceof Element && e.target.closest("button");
+  const near = (field) => document.querySelector(`.${field}`)?.closest(".mantine-Paper-root")?.contains(button);
+  const field = button && FIELDS.find(near);
+  if (field) awaited = { field, until: performance.now() + 60_000 };
+}, true);
+for (const kind of ["wheel", "touchmove", "pointerdown", "keydown"])
+  document.addEventListener(kind, () => { awaited = null; }, { capture: true, passive: true });
+const comeIntoView = () => {
+  const picture = document.querySelector(`.vs-tiles[data-going][data-field="${awaited.field}"]`);
+  if (picture && !awaited.seen) awaited = { field: awaited.field, until: performance.now() + GROWING, seen: true };
+  if (picture) picture.closest(".vs-checks").scrollIntoView({ block: "nearest" });
+  if (performance.now() > awaited.until) awaited = null;
+};
+setInterval(() => {
+  if (said) say();
+  if (awaited) comeIntoView();
+}, 150);

@@ -9,8 +9,8 @@ from playwright.sync_api import expect
 from app.access.admission import PortTaken
 from app.dashboard.page import Dashboard
 from app.dashboard.theme.style import RELEASED
-from app.dashboard.widgets.controls import SliderScale, decades
 from app.dashboard.widgets.equation import lines
+from app.dashboard.widgets.field_place import SliderScale, log_scale
 from app.dashboard.widgets.matrix_text import read_back, written
 from app.scenario.data import shipped
 from app.session.commands import Load
@@ -182,7 +182,7 @@ def test_a_preview_that_cannot_be_says_why_and_the_run_goes_on(session: PageSess
     session.tab("K_m")
     move, _ = session.grip("K_m ψ₁", at=0.7)
     move(-0.1)
-    session.page.locator(".vs-held .vs-message", has_text="K_m2").wait_for()
+    session.page.locator(".vs-held .vs-message", has_text="K_m of the free coordinates").wait_for()
     session.wait(lambda _: session.ahead() <= 1e-9)  # plots follow the message when their turn comes
     session.page.keyboard.press("Escape")
     session.page.mouse.up()
@@ -326,7 +326,7 @@ def test_a_busy_port_is_said():
             Dashboard(port=other.getsockname()[1])
 
 
-@pytest.mark.parametrize("scale", [SliderScale(0, 60), decades(0.1, 100), decades(1, 1e5, zero=True)])
+@pytest.mark.parametrize("scale", [SliderScale(0, 60), log_scale(0.1, 100), log_scale(1, 1e5, zero=True)])
 def test_slider_positions_and_values_are_inverse(scale: SliderScale):
     for position in (0.1, 0.37, 0.5, 1.0):
         assert scale.position(scale.value(position)) == pytest.approx(position, abs=0.003)

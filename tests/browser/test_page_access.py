@@ -19,6 +19,7 @@ from app.scenario.data import shipped
 from app.session.commands import Edit, Pause
 from app.session.runner import Runner
 from drivers.pages import PageSession, resting_box, wait_without_notice
+from drivers.waiting import until
 from tests.support.axe import violations
 from tests.support.layout import lasting
 
@@ -181,6 +182,10 @@ def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     expect(lent).to_have_count(0)
     expect(told).to_have_count(0)
+    begun = served[1].snapshot.scenario
+    page.locator(".vs-undo", has_text="Revert F_d [N]").click()
+    until(lambda: served[1].snapshot.scenario != begun)
+    expect(page.locator(".vs-undo")).to_have_count(0)
 
 
 def drawings() -> Iterator[tuple[str, Drawing]]:

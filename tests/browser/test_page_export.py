@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from app.dashboard.page import Dashboard
 from app.scenario.data import edited, from_toml, shipped, to_toml
@@ -80,7 +80,7 @@ def test_picture_and_playback_show_the_scene(
 
     def beside_docks(_: Snapshot) -> bool:
         """Whether the docks have taken their room from the scene, and the server knows."""
-        known = [content._visible_tabs.scene_of(client) for client in dashboard.clients]
+        known = [content._visible_parts.scene_of(client) for client in dashboard.clients]
         return size()[0] < VIEWPORT["width"] and known == [tuple(map(round, size()))]
 
     session.wait(beside_docks)
@@ -122,6 +122,7 @@ def test_a_scenario_is_loaded_and_a_wrong_one_refused(session: PageSession, tmp_
     load.set_input_files(tmp_path / "wrong.toml")
     session.page.locator(".vs-message", has_text="wrong.toml: mode: 'levitation'; allowed:").wait_for()
     assert (session.now.revision, session.now.phase) == (revision, "running")
+    expect(session.page.get_by_text("File uploaded successfully.").locator("visible=true")).to_have_count(0)
 
 
 def test_a_failure_is_said_on_the_page_and_the_run_goes_on(

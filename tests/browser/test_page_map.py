@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.sweep.question import FILE
-from drivers.pages import PATIENCE, PageSession, type_over
+from drivers.pages import PATIENCE, VIEWPORT, PageSession, resting_box, type_over
 from tests.support.layout import lasting, lasting_faults
 
 SAID = re.compile(
@@ -93,6 +93,9 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     assert session.now.phase == "running"
     tiles = page.locator(".vs-tiles[data-field=vs-tile-field] [data-point]")
     expect(tiles).to_have_count(25)
+    filled = resting_box(page.locator(".vs-tiles[data-field=vs-tile-field]"))
+    assert filled["y"] + filled["height"] < VIEWPORT["height"] + 1  # it came into view
+    page.evaluate("document.querySelector('.mantine-ScrollArea-viewport:has(.vs-status)').scrollTop = 0")
     assert not lasting_faults(page)
     with page.expect_download() as download:
         page.get_by_role("button", name="sweep folder").click()

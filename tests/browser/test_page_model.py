@@ -3,7 +3,7 @@
 import numpy as np
 from playwright.sync_api import TimeoutError, expect
 
-from app.dashboard.widgets.controls import FINE, SliderScale
+from app.dashboard.widgets.field_place import FINE_STEP, SliderScale
 from app.session.commands import Pause, Play, StepOnce
 from app.session.snapshot import Snapshot
 from drivers.pages import PageSession, fill_in, resting_box
@@ -66,7 +66,7 @@ def test_whole_matrices_are_pasted_judged_and_applied(session: PageSession):
     refused = session.now.refusal_number
     page.get_by_role("button", name="apply all").click()
     session.wait(lambda now: now.refusal_number == refused + 1)
-    page.locator(".vs-status", has_text="target_model.K_m2: smallest eigenvalue -1000").wait_for()
+    page.locator(".vs-status", has_text="K_m of the free coordinates: smallest eigenvalue -1000").wait_for()
     page.get_by_role("button", name="discard").click()
     page.get_by_text("asked: not stable").wait_for(state="detached")
     cell = page.locator(".mantine-NumberInput-input:visible").nth(5)  # row ψ₁, column ψ₂
@@ -161,7 +161,7 @@ def test_with_shift_a_slider_moves_a_tenth_as_far_by_mouse_and_key(session: Page
     slider.focus()
     for keys, step in (("ArrowLeft",), 0.002), (("Shift", "ArrowLeft"), 0.0002), (("Shift", "ArrowUp"), 0.0002):
         # in its place once the answer, of three or four digits, has come
-        session.wait(lambda now: abs(scale.position(now.scenario.force.value) - at()) <= 0.6 * FINE)
+        session.wait(lambda now: abs(scale.position(now.scenario.force.value) - at()) <= 0.6 * FINE_STEP)
         before = at()
         slider.evaluate(NOTE_PLACES)
         for key in keys:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.process import own_code
+from app.scenario import own_code
 from app.scenario.data import kind_of, load, to_plain
 from drivers.pages import PATIENCE, VIEWPORT, PageSession
 from tests.support.drawn import serving

@@ -11,7 +11,8 @@ from playwright.sync_api import Browser, Page, expect
 
 from app.dashboard.page import Dashboard
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.plot_table import CAUSES, TABS
+from app.dashboard.plots.law_drawings import CAUSES
+from app.dashboard.plots.plot_table import TABS
 from app.session.commands import Edit, Pause, Play, Reset, Seek
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -261,6 +262,10 @@ def test_two_cursors_measure_a_step(session: PageSession):
     assert row[1] == "0 %"
     page.keyboard.press("Escape")
     table.wait_for(state="detached")
+    page.locator(".vs-enlarge").nth(1).press("Enter")  # without the mouse
+    page.locator(".uplot-container[data-large]").wait_for()
+    page.keyboard.press("Escape")
+    expect(page.locator(".uplot-container[data-large]")).to_have_count(0)
 
 
 # Numbers of an axis of a plot so many px high, with their places, for the splits that uPlot would give it.

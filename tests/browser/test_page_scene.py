@@ -15,7 +15,7 @@ from app.dashboard.page import Dashboard
 from app.dashboard.panels.view import SWITCHES
 from app.dashboard.scene.arrows import ForceArrow
 from app.dashboard.scene.camera import viewpoint
-from app.dashboard.view_options import Look, Viewing
+from app.dashboard.view_options import SceneOptions, Viewing
 from app.scenario.data import shipped, with_values
 from app.session.commands import Load, Reset
 from app.session.runner import Runner
@@ -52,7 +52,7 @@ class Scene:
         """Turn a switch on or off; returns when the page's process knows, since of several inputs at once viser's
         client sends the last one only."""
         self.switch(field).set_checked(on)
-        self.session.wait(lambda _: getattr(self.viewing.look, field) is on)
+        self.session.wait(lambda _: getattr(self.viewing.scene_options, field) is on)
 
     def view(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Press a camera button; returns position and point looked at when the flight is over."""
@@ -172,7 +172,7 @@ def test_camera_and_switches_are_the_pages_and_not_the_runs(scene: Scene):
     # under the mouse, whatever the legend
     session.wait(lambda _: [scene.switch(field).bounding_box() for field in SWITCHES] == places)
     for field in SWITCHES:
-        scene.turn(field, on=getattr(Look(), field))
+        scene.turn(field, on=getattr(SceneOptions(), field))
     session.choose("Force arrows", "100 mm = 5 N")
     scene.page.locator(".vs-note", has_text="100 mm = 5 N").wait_for()
     session.choose("Force arrows", "automatic")

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.dashboard.theme.fonts import FACES
-from drivers.pages import PATIENCE, VIEWPORT, open_tab, wait_without_notice
+from drivers.pages import CHARTS, PATIENCE, VIEWPORT, open_tab, wait_without_notice
 from drivers.visitors import Server, serving
 
 RUNNING = "promise holds"
@@ -64,6 +64,9 @@ def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
     expect(force).to_have_css("pointer-events", "none")
     open_tab(student, "Torque")  # looking around is free
     expect(student.locator(".uplot-container:visible").first).to_be_visible()
+    for _ in range(3):  # the curves go on, not only the first ones are sent
+        student.evaluate(f"() => {{ window.noted = {CHARTS}.map((chart) => chart.data); }}")
+        student.wait_for_function(f"{CHARTS}.some((chart, i) => chart.data !== window.noted[i])")
     lecturer.locator("canvas[data-engine]").click(position={"x": 20, "y": 300})
     lecturer.keyboard.press("1")
     expect(student.locator(".vs-status")).to_contain_text("Motion", timeout=PATIENCE * 1e3)

@@ -10,13 +10,16 @@ from typing import Any, cast
 import viser
 
 from app.dashboard.panels.robot import UNSTATED, StatedBounds
+from app.dashboard.panels.runs import _note
+from app.dashboard.panels.task import _EDITED, Shift, TaskPanel
 from app.dashboard.theme.style import COMMIT, RELEASED
-from app.dashboard.widgets.controls import Desk, FieldPlace, NumberField, decades
+from app.dashboard.widgets.controls import Desk, NumberField
 from app.dashboard.widgets.edit_lock import EditLock
+from app.dashboard.widgets.field_place import FieldPlace, log_scale
 from app.dashboard.widgets.text_field import TextField
 from app.dashboard.widgets.whatif import WhatIf
-from app.scenario.data import shipped
-from app.session.commands import Command, Load
+from app.scenario.data import edited, shipped
+from app.session.commands import Command, Edit, Load, Pause, Pin, StepOnce
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -47,7 +50,7 @@ class Page:
         self.said: list[str] = []
         self.whatif = WhatIf(Previewer())
         self.lock = EditLock(self._obey, self.said.append)
-        names = ("add_form", "add_folder", "add_text", "add_slider", "add_html", "add_button")
+        names = ("add_form", "add_folder", "add_text", "add_slider", "add_html", "add_button", "add_dropdown")
         gui = SimpleNamespace(**dict.fromkeys(names, self._add))
         self.desk = cast(
             Desk,
@@ -63,8 +66,11 @@ class Page:
     def snapshot(self) -> Snapshot:
         return self.runner._publish()
 
-    def _add(self, *_: object, **given: object) -> Widget:
-        self.widgets.append(Widget(**{"value": "", "visible": True, "label": "", "disabled": False} | given))
+    def _add(self, *positional: Any, **given: object) -> Widget:
+        usual = {"value": "", "visible": True, "label": "", "disabled": False, "content": "", "options": ()}
+        if len(positional) > 1 and isinstance(positional[1], tuple):  # of a menu
+            usual["options"] = positional[1]
+        self.widgets.append(Widget(**usual | given))
         return self.widgets[-1]
 
     def give(self, widget: Widget, value: object) -> None:
@@ -92,7 +98,7 @@ def test_a_text_that_was_accepted_follows_the_run_however_it_is_written() -> Non
 
 def test_a_slider_that_a_lesson_locks_shows_the_running_value_again_and_nothing_as_applied() -> None:
     page = Page()
-    field = NumberField(page.desk, FieldPlace("contact.K_e"), "K_e [N/m]", decades(100, 100_000))
+    field = NumberField(page.desk, FieldPlace("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
     _, text, slider = page.widgets
     field.show(page.snapshot())
     running, place = text.value, slider.value
@@ -111,3 +117,69 @@ def test_a_slider_that_a_lesson_locks_shows_the_running_value_again_and_nothing_
     assert page.snapshot().scenario != shipped()["ur5-hybrid"]
     assert page.desk.post(undo)
     assert page.snapshot().scenario == shipped()["ur5-hybrid"]
+
+
+def test_a_shift_shows_a_number_for_each_coordinate_and_says_how_many_there_are() -> None:
+    for name, zeros, count, example in (
+        ("ur5-hybrid", "0, 0", "two", "0.02, 0"),
+        ("ur5-motion", "0, 0, 0", "three", "0.02, 0, 0"),
+    ):
+        page = Page()
+        page.desk.post(Load(shipped()[name]))
+        field = NumberField(page.desk, Shift("shift.by"), "shifted by [m]")
+        text = page.widgets[-1]
+        field.show(page.snapshot())
+        assert text.value == zeros
+        page.give(text, f"0.02{COMMIT}")
+        assert page.said[-1] == f"shifted by [m]: 0.02; allowed: {count} numbers, such as {example}"
+        page.give(text, f"{example}{COMMIT}")
+        field.show(page.snapshot())
+        assert text.value == example
+        assert page.snapshot().refusal is None
+
+
+def test_one_number_is_typed_where_one_of_a_list_is_shown() -> None:
+    page = Page()
+    page.desk.post(Edit("motion", {"kind": "point-to-point"}))
+    field = NumberField(page.desk, FieldPlace("motion.displacement"), "by [m]")
+    field.show(page.snapshot())
+    page.give(page.widgets[-1], f"0.03{COMMIT}")
+    assert page.snapshot().scenario.motion == edited(page.snapshot().scenario, "motion.displacement", [0.03]).motion
+    assert page.snapshot().refusal is None
+
+
+def test_a_scenario_that_is_chosen_begins_at_zero_and_runs() -> None:
+    page = Page()
+    panel = TaskPanel(page.desk)
+    menu, own = page.widgets[0], shipped()["ur5-hybrid"]
+    panel.show(page.snapshot())
+    assert _EDITED not in menu.options
+    page.desk.post(Pause())
+    page.desk.post(StepOnce())
+    page.desk.post(Edit("force.value", 25.0))
+    panel.show(page.snapshot())
+    assert menu.value == _EDITED == menu.options[-1]  # there while it is so, since to choose it would do nothing
+    before = page.snapshot()
+    page.give(menu, own.title)
+    now = page.snapshot()
+    assert (now.t, now.phase, now.scenario) == (0.0, "running", own)
+    assert now.run > before.run
+    panel.show(now)
+    assert menu.value == own.title
+    assert _EDITED not in menu.options
+
+
+def test_a_hint_says_the_bounds_in_words() -> None:
+    assert FieldPlace("force.value").hint.endswith(", from −10000 to 10000 N")
+    assert FieldPlace("contact.friction_coulomb").hint == "friction coefficient, from 0 to 2"
+    assert FieldPlace("controller.F_1").hint.endswith("[1/s]")
+
+
+def test_the_note_on_a_pinned_run_says_how_to_see_both() -> None:
+    page = Page()
+    assert "press reset (R)" in _note(page.snapshot(), 8.0, "own")
+    page.desk.post(StepOnce())
+    page.desk.post(Pin())
+    assert _note(page.snapshot(), 8.0, "own").startswith("run 1 ends at 0.00 s: ")
+    page.desk.post(StepOnce())
+    assert "press reset (R)" in _note(page.snapshot(), 8.0, "own")

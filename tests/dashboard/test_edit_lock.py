@@ -6,7 +6,20 @@ import pytest
 
 from app.dashboard.widgets.edit_lock import EditLock
 from app.scenario.data import shipped
-from app.session.commands import Blend, Command, Edit, Load, Pause, Play, Push, PushNow, Reset, Seek, TakeWayOut
+from app.session.commands import (
+    BeginScenario,
+    Blend,
+    Command,
+    Edit,
+    Load,
+    Pause,
+    Play,
+    Push,
+    PushNow,
+    Reset,
+    Seek,
+    TakeWayOut,
+)
 from environments.push import Grip
 
 HYBRID = shipped()["ur5-hybrid"]
@@ -27,6 +40,7 @@ def lock() -> tuple[EditLock, list[Command], list[str]]:
         Edit("target_model", {}),
         Blend({}, 1.0),
         Load(HYBRID),
+        BeginScenario(HYBRID),
         PushNow(),
         Push(Grip((0.5, 0.0, 0.3))),
         TakeWayOut(),

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from app.dashboard.widgets.candidate_chart import candidates_html
-from app.dashboard.widgets.controls import Desk, FieldPlace, NumberRow, SliderScale, decades
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.field_place import FieldPlace, NumberRow, SliderScale, log_scale
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace
 from app.dashboard.widgets.swept_fields import FIELDS, FieldChoice, field_of_row, prepared
 from app.dashboard.widgets.whatif import WhatIf, changed
@@ -34,7 +35,7 @@ def seen(**more: Any) -> Any:
 
 def test_a_slider_is_swept_around_its_value_and_over_its_length_where_it_is_linear() -> None:
     value = BASE.controller.layer
-    swept = field_of_row(NumberRow(FieldPlace("controller.layer"), "layer [m/s]", decades(1e-4, 1.0)), seen())
+    swept = field_of_row(NumberRow(FieldPlace("controller.layer"), "layer [m/s]", log_scale(1e-4, 1.0)), seen())
     assert (swept.name, swept.path) == ("boundary layer", "controller.layer")
     assert (swept.low, swept.high, swept.logarithmic) == pytest.approx((value / 10, value * 10, True))
     swept = field_of_row(NumberRow(FieldPlace("truth.coulomb"), "Coulomb [N·m]", SliderScale(0, 10)), seen())
@@ -42,7 +43,7 @@ def test_a_slider_is_swept_around_its_value_and_over_its_length_where_it_is_line
     swept = field_of_row(NumberRow(FieldPlace("declared.viscous"), "viscous [N·m·s]", SliderScale(0, 10)), seen())
     assert swept.name == "largest viscous friction per joint (declared)"
     near_the_end = field_of_row(
-        NumberRow(FieldPlace("controller.layer"), "layer", decades(0.9 * value, 2 * value)), seen()
+        NumberRow(FieldPlace("controller.layer"), "layer", log_scale(0.9 * value, 2 * value)), seen()
     )
     assert (near_the_end.low, near_the_end.high) == pytest.approx((0.9 * value, 2 * value))
     with pytest.raises(ScenarioError, match="K_m: it has no slider now"):
@@ -50,13 +51,13 @@ def test_a_slider_is_swept_around_its_value_and_over_its_length_where_it_is_line
 
 
 def test_an_entry_of_a_matrix_is_swept_also_where_the_mode_gives_the_matrix() -> None:
-    swept = field_of_row(NumberRow(DiagonalPlace("target_model.K_m", 1), "K_m ψ", decades(1, 1e5)), seen())
+    swept = field_of_row(NumberRow(DiagonalPlace("target_model.K_m", 1), "K_m ψ", log_scale(1, 1e5)), seen())
     assert swept.path == "target_model.K_m.2"
     base = prepared(seen(), [swept])
     assert list(with_values(base, {swept.path: 900.0}).target_model.K_m or ()) == [0.0, 900.0, 4000.0]
     place = SimpleNamespace(read=lambda _: 3.0, entry=OscillatorPlace("target_model", "omega", 1).entry)
     with pytest.raises(ScenarioError, match="ω ψ: it follows from several matrices; allowed: an entry of M_m"):
-        field_of_row(NumberRow(cast(FieldPlace, place), "ω ψ", decades(1, 100)), seen())
+        field_of_row(NumberRow(cast(FieldPlace, place), "ω ψ", log_scale(1, 100)), seen())
 
 
 @pytest.mark.parametrize(
@@ -120,3 +121,24 @@ def test_a_candidate_over_a_limit_is_a_cross_with_its_badge_and_not_of_the_front
     assert said["0"].startswith("own gains: residual 2 N")
     assert drawn.count("vs-chosen-ring") == 1
     assert "<b>" not in drawn
+    assert "logarithmic" not in drawn
+
+
+def test_aims_more_than_a_decade_apart_have_logarithmic_axes() -> None:
+    def x_of(largest: float) -> list[float]:
+        aims = ("residual", "torque_variation")
+        tuning = Tuning(BASE, (moved("controller.layer=0.001:0.1:log"),), points=4, aims=aims)
+        candidates = [
+            Candidate(number, {}, (value, 2.0), "", False, 1.0) for number, value in enumerate((1.0, 2.0, largest))
+        ]
+        state = {"problem": "", "waiting": False, "complete": True, "going": False, "runs": 3, "most": 3}
+        search = SimpleNamespace(tuning=tuning, candidates=candidates, **state)
+        drawn = candidates_html(cast(BackgroundTuning, search), {}, None)
+        assert ("residual [N], logarithmic" in drawn or "residual, logarithmic" in drawn) == (largest > 10.0)
+        at = dict(re.findall(r'data-point="(\d)" data-at="([\d.]+),', drawn))
+        return [float(at[str(number)]) for number in range(3)]
+
+    first, second, last = x_of(415.0)
+    assert second - first > 0.1 * (last - first)  # 0.2 % of it on a linear axis
+    first, second, last = x_of(9.0)
+    assert second - first == pytest.approx((last - first) / 8.0, abs=0.2)

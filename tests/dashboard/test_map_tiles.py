@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -13,9 +14,9 @@ import pytest
 from app.dashboard.widgets.map_tiles import Naming, Present, map_html
 from app.dashboard.widgets.robustness_map import badness
 from app.sweep.background import BackgroundSweep, coarse_first
-from app.sweep.figures_of_run import Figures
 from app.sweep.points import SweepView, points_of
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.run_metrics import RunMetrics
 from tests.sweep.test_charts import columns
 from tests.sweep.test_question import sweep_of
 
@@ -63,6 +64,16 @@ def test_tiles_say_their_numbers_in_units_and_the_arms_behind_them() -> None:
     assert 'y="244" text-anchor="middle"' not in worst
 
 
+def test_tiles_can_be_pressed_without_a_gap() -> None:
+    drawn = picture(SweepView("force_error"))
+    areas = re.findall(
+        r'<rect x="([\d.]+)" y="[\d.]+" width="([\d.]+)" height="[\d.]+" fill="transparent"/></g>', drawn
+    )
+    assert len(areas) == 6
+    columns_of_tiles = sorted({(float(x), float(x) + float(wide)) for x, wide in areas})
+    assert all(right == pytest.approx(left, abs=0.02) for (_, right), (left, _) in pairwise(columns_of_tiles))
+
+
 def test_the_declared_set_ends_between_tiles_and_the_ring_is_at_the_present_setting() -> None:
     drawn = picture(SweepView("force_error"), {"contact.K_e": 1e4, "controller.K_s": 80.0})
     ends = re.search(r'class="vs-ends"[^>]* d="([^"]*)"', drawn)
@@ -88,7 +99,7 @@ def test_of_refused_runs_no_line_is_drawn_and_what_never_comes_is_said() -> None
 
 
 def test_a_tile_opens_the_run_of_its_worst_arm() -> None:
-    rows: list[Figures] = [
+    rows: list[RunMetrics] = [
         {"arm": arm, "promised_share": share, "settling_time": time, "stopped": None}
         for arm, (share, time) in enumerate([(1.0, 0.5), (0.2, None), (0.9, 0.7)])
     ]

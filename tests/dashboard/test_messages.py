@@ -18,7 +18,7 @@ import viser
 
 from app.dashboard.page import Dashboard
 from app.dashboard.scene.trails import PIECE, PIECES, SPACING, Trail
-from app.dashboard.transport.visible_tabs import AWAY, VisibleTabs, takes_part
+from app.dashboard.transport.visible_parts import AWAY, VisibleParts, takes_part
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.scene_buttons import reaching
@@ -206,7 +206,7 @@ def test_a_complaint_stays_while_an_edit_from_before_it_is_carried_out(dashboard
 
 
 def test_of_the_tabs_that_a_page_reports_only_those_with_a_marker_count() -> None:
-    tabs = VisibleTabs()
+    tabs = VisibleParts()
     tabs.marker_html("Some plots")
     tabs.panel_marker_html("controls: some")
     heard: list[Any] = []
@@ -225,7 +225,7 @@ def test_of_the_tabs_that_a_page_reports_only_those_with_a_marker_count() -> Non
 
 
 def test_plots_are_fitted_to_the_lowest_scene_of_the_pages_that_are_open() -> None:
-    tabs, heard = VisibleTabs(), list[Any]()
+    tabs, heard = VisibleParts(), list[Any]()
     field = SimpleNamespace(_impl=SimpleNamespace(uuid="1"), value="", on_update=heard.append)
     tabs.add_field(cast(viser.GuiApi, SimpleNamespace(add_html=lambda _: None, add_text=lambda *_: field)))
     sizes = {1: "1280x720", 2: "1920x1080", 3: "390x287", 4: "", 5: "1e3x5", 6: "-5x-5", 7: "999999x1", 8: "0x0"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 from app.analysis.run_events import Event
-from app.dashboard.widgets.field_words import field_in_words
+from app.dashboard.widgets.field_words import field_in_words, refusal_in_words
 from app.dashboard.widgets.playback import APART, apart
 from app.scenario.units import CARTESIAN, JOINT
 
@@ -38,11 +38,29 @@ def test_a_tick_tells_of_the_nearer_ones_before_it_in_the_pages_words() -> None:
 
 def test_a_field_has_the_unit_of_the_coordinates_and_what_is_left_out_is_said_as_what_it_is() -> None:
     for units, layer, damping in (
-        (CARTESIAN, "0.02 m/s", "[400, 400] N·s/m"),
-        (JOINT, "0.02 rad/s", "[400, 400] N·m·s/rad"),
+        (CARTESIAN, "0.02 m/s", "400 N·s/m, all axes"),
+        (JOINT, "0.02 rad/s", "400 N·m·s/rad, all axes"),
     ):
         assert field_in_words("controller.layer", 0.02, units).endswith(layer)
         assert field_in_words("target_model.B_m", [400, 400], units).endswith(damping)
         assert field_in_words("contact.K_e", 2e4, units).endswith(" N/m")
     assert field_in_words("target_model.B_m", None, JOINT).endswith("the mode's own")
     assert field_in_words("declared.delta_G", None, JOINT).endswith("not given")
+
+
+def test_a_list_is_said_by_its_one_number_or_its_first_ones() -> None:
+    def words(path: str, value: object) -> str:
+        return field_in_words(path, value, CARTESIAN).rpartition(": ")[2]
+
+    assert words("target_model.K_m", [500.0, 2000.0, 2000.0]) == "500, 2000, 2000 N/m"
+    assert words("target_model.K_m", [500.5, *[2000.25] * 5]) == "500.5, 2000.25, 2000.25, … N/m"
+    assert words("target_model.K_m", [[1.0, 0.0], [0.0, 1.0]]) == "2 × 2 numbers"
+    assert words("truth.push", (0.0, 0.0, 0.0)) == "0 N each"
+
+
+def test_a_refusal_names_a_matrix_as_the_page_does() -> None:
+    said = "blend.to: target_model.K_m2: smallest eigenvalue -1000; allowed: symmetric positive definite"
+    assert refusal_in_words(said).startswith("blend.to: K_m of the free coordinates: smallest eigenvalue")
+    assert refusal_in_words("target_model.M_m1: small") == "M_m of the pressed coordinates: small"
+    assert refusal_in_words("target_model.K_f: an entry") == "K_f: an entry"
+    assert refusal_in_words("target_model: unstable") == "target_model: unstable"

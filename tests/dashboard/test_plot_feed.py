@@ -15,7 +15,8 @@ from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.chart_frames import DecimatedLines
 from app.dashboard.plots.charts import BUCKETS, Setup
 from app.dashboard.plots.dock import SETTLED
-from app.dashboard.plots.plot_table import LEAD, TABS
+from app.dashboard.plots.law_drawings import LEAD
+from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport import plot_feed
 from app.dashboard.transport.plot_feed import PlotFeed
 from app.scenario.data import edited, shipped

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from app.analysis.metrics import FIGURES
+from app.analysis.metrics import ACCOUNT_METRICS
 from app.analysis.perturbation import DerivedSignals, PerturbationAnalysis
 from app.analysis.spectrum import amplitude_spectrum, variation_rate
 from app.analysis.steady_force import steady_force_error
@@ -17,9 +17,10 @@ from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.chart_frames import Frame
 from app.dashboard.plots.charts import BUCKETS, ChartLine, PinnedChart, Setup
 from app.dashboard.plots.dock import _laid
+from app.dashboard.plots.law_drawings import needed_stack, torque_stack
 from app.dashboard.plots.line_values import column
 from app.dashboard.plots.paper_figures import figure_of, plots_of
-from app.dashboard.plots.plot_table import TABS, needed_stack, torque_stack
+from app.dashboard.plots.plot_table import TABS
 from app.scenario.data import edited, load, shipped
 from app.scenario.schema import Scenario
 from app.session.arm_band import Band
@@ -286,7 +287,7 @@ def test_units_are_those_of_the_task_space():
     assert not [title for title in titles if "mm" in title]
     assert {"tracking error  e_r  [mrad]", "sliding variable  ‖s‖  [mrad/s]", "s  [mrad/s]"} <= set(titles)
     cartesian = ClosedLoop(load("ur5-motion"), 10)
-    units = {figure.field: figure.units([cartesian.system, joint.system]) for figure in FIGURES}
+    units = {figure.field: figure.units([cartesian.system, joint.system]) for figure in ACCOUNT_METRICS}
     assert units["path_rms"] == "mm or mrad"
     assert units["effort"] == "N·m"
     assert units["gain_margin"] == "N or N·m"

@@ -8,6 +8,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
+from app.dashboard.widgets.premise_table import premises_html
 from app.dashboard.widgets.status import status_html
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
@@ -42,6 +43,25 @@ def test_a_title_says_that_the_scenario_was_edited_and_is_another_where_it_would
     assert title(snapshot, on_robot(SHIPPED, "panda")) == "Franka Emika Panda"
     own = msgspec.structs.replace(SHIPPED, name="mine", title="<b>mine</b>")
     assert "&lt;b&gt;mine" in status_html(replace(snapshot, scenario=own), "", None)
+
+
+def test_what_only_the_next_period_can_judge_is_not_said_to_be_unpromised() -> None:
+    """Before the first period, and after an edit while paused; a premise that fails already is said at once."""
+    loop = ClosedLoop(SHIPPED)
+
+    def words() -> list[tuple[str, str]]:
+        html = status_html(snapshot_of(loop), "") + premises_html(snapshot_of(loop))
+        verdict = "not judged yet|promise holds|nothing promised|(?:now|this run): [^<]*"
+        return re.findall(rf'vs-chip vs-(\w+)">({verdict})<', html)
+
+    fresh = [("neutral", "not judged yet"), ("neutral", "now: not judged yet")]
+    assert words() == fresh
+    loop.step()
+    assert words() == [("good", "promise holds"), ("good", "now: holds")]
+    loop.edit(edited(SHIPPED, "force.value", 21.0))
+    assert words() == [*fresh, ("good", "this run: holds")]
+    loop.edit(edited(SHIPPED, "controller.law", "pd-gravity"))
+    assert words()[:2] == [("warn", "nothing promised"), ("warn", "now: nothing promised")]
 
 
 def test_a_warning_says_when_its_cause_is_over() -> None:

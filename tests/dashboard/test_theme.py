@@ -13,7 +13,7 @@ from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.help import DOCUMENTS, help_html
 from app.dashboard.widgets.shortcuts import Shortcuts
 from app.scenario.data import shipped
-from app.session.commands import Edit, Load
+from app.session.commands import BeginScenario, Edit
 from controllers.modes import MODES
 
 ROOT = Path(__file__).parents[2]
@@ -100,7 +100,7 @@ def test_every_shipped_scenario_is_a_command(desk):
     gui, posted = desk
     for scenario in shipped().values():
         gui.trigger(f"Scenario: {scenario.title}")
-    assert posted == [Load(scenario) for scenario in shipped().values()]
+    assert posted == [BeginScenario(scenario) for scenario in shipped().values()]
 
 
 def test_help_names_modes_by_their_number_and_documents_that_exist():

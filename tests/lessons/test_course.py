@@ -7,6 +7,7 @@ import asyncio
 import csv
 import io
 import json
+import re
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +17,11 @@ import numpy as np
 import pytest
 
 from app.dashboard.panels.lessons import LessonsPanel
+from app.dashboard.plots.lesson_figures import run_colors
+from app.dashboard.theme.colors import MEASURED, css
 from app.dashboard.widgets.lesson_answers import CurveAnswer
+from app.dashboard.widgets.lesson_list import _state
+from app.dashboard.widgets.outcome_chart import outcome_html
 from app.lessons.answers import (
     FILE,
     Answer,
@@ -29,9 +34,9 @@ from app.lessons.answers import (
     score_curve,
     score_number,
 )
-from app.lessons.blocks import ChoiceQuestion, CurveQuestion, LessonRun, Measure, NumberQuestion, PictureLine
+from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Goal, LessonRun, Measure, NumberQuestion, PictureLine
 from app.lessons.course import LessonCourse
-from app.lessons.lesson import LessonStep
+from app.lessons.lesson import LessonStep, shipped_lessons
 from app.lessons.measures import MeasuredNumber, taken
 from app.lessons.playing import Trace, performance, play, runs
 from app.lessons.predictions import predicted
@@ -149,6 +154,30 @@ def test_answers_are_right_within_their_tolerance_only() -> None:
     drawn = list(zip(t.tolist(), (np.sin(t) + 0.09).tolist(), strict=True))
     assert score_curve(CURVE, drawn, trace).points == 1.0
     assert score_curve(CURVE, [(at, value + 0.02) for at, value in drawn], trace).points == 0.0
+
+
+def test_a_run_has_one_colour_in_all_pictures_of_its_lesson() -> None:
+    for each in shipped_lessons().values():
+        runs = [step.block.title for step in each.steps if isinstance(step.block, LessonRun)]
+        colors = run_colors(each)
+        assert len({colors[title] for title in runs}) == len(set(runs))
+        assert MEASURED not in colors.values()  # that of the predictions
+    line, t = PictureLine(signal="F.1", unit="N", title="force on the wall"), np.array([0.0, 1.0])
+    traces = [Trace(title, line, t, t) for title in ("wall as believed", "softer wall")]
+    colors = run_colors(shipped_lessons()["03-wall"])
+    for step in (5, 9):
+        run = LessonStep(step, step, "run", "", LessonRun("softer wall", 1.0, (line,), {}), None)
+        drawn = outcome_html(run, traces, (), colors)
+        assert re.findall(r'stroke="(rgb[^"]*)"', drawn) == [css(colors[trace.run]) for trace in traces]
+
+
+def test_a_lesson_whose_goal_was_not_met_says_so_when_it_is_done() -> None:
+    with_goal = shipped_lessons()["03-wall"]
+    (goal,) = (step.number for step in with_goal.steps if isinstance(step.block, Goal))
+    assert ">done, goal not met<" in _state(with_goal, LessonProgress(finished=True))
+    assert ">done<" in _state(with_goal, LessonProgress(finished=True, goals=(goal,)))
+    assert ">done<" in _state(shipped_lessons()["05-heavy-arm"], LessonProgress(finished=True))
+    assert ">begun<" in _state(with_goal, LessonProgress(step=2))
 
 
 def test_a_time_is_measured_and_predicted_in_its_own_unit_and_no_length_is_a_time() -> None:

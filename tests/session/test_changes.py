@@ -9,7 +9,8 @@ import pytest
 from app.scenario.data import differences, edited, shipped
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
-from app.session.changes import in_coordinates, in_mode, on_robot, on_surface, possible, told
+from app.session.adaptation_sentence import adaptation_sentence
+from app.session.changes import in_coordinates, in_mode, on_robot, on_surface, possible
 from app.session.commands import DropWayOut, Edit, Fork, Pause, Push, PushNow, Reset, Seek, ShowAgain, TakeWayOut
 from app.session.runner import Runner
 from app.simulation.assembly import assemble
@@ -72,16 +73,16 @@ def test_of_a_path_in_space_a_surface_keeps_what_lies_along_it_and_that_is_said(
     _, tangents = np.split(system.surface.chart(np.array([0.4, 0.1, 0.17]), 0.0).G, [1])
     moved = tangents.T @ np.array(changed.motion.displacement)
     np.testing.assert_allclose(moved, [*scenario.motion.displacement[:2], 0.0], atol=1e-6)
-    assert told(scenario, changed) == "Adapted: path by 0.1, -0.05 instead of 0.1, 0.05, -0.03 m."
-    assert told(scenario, in_mode(scenario, "motion")) == ""
+    assert adaptation_sentence(scenario, changed) == "Adapted: path by 0.1, -0.05 instead of 0.1, 0.05, -0.03 m."
+    assert adaptation_sentence(scenario, in_mode(scenario, "motion")) == ""
 
 
 def test_a_circle_that_leaves_the_surface_is_laid_on_it() -> None:
     upright = edited(shipped()["ur5-motion"], "motion", {"kind": "circle", "axes": [0, 2]})
     changed = in_mode(upright, "hybrid")
     assemble(changed)
-    assert "path plane first and second instead of first and third" in told(upright, changed)
-    assert "surface brought to the tool" in told(upright, changed)
+    assert "path plane first and second instead of first and third" in adaptation_sentence(upright, changed)
+    assert "surface brought to the tool" in adaptation_sentence(upright, changed)
 
 
 def test_of_a_path_in_space_a_planar_arm_keeps_what_lies_in_its_plane() -> None:
@@ -100,7 +101,7 @@ def test_joints_as_coordinates_keep_the_promise_with_gains_converted_by_the_char
     done, l = loop.system.scenario, scenario.task_space.characteristic_length
     assert done.controller.layer == pytest.approx(scenario.controller.layer / l, rel=2e-3)
     assert done.controller.K_s == pytest.approx(scenario.controller.K_s * l**2, rel=2e-3)
-    assert "boundary layer 0.0667, and K_s, by the characteristic length" in told(asked, done)
+    assert "boundary layer 0.0667, and K_s, by the characteristic length" in adaptation_sentence(asked, done)
     CompiledRun(loop).advance(1500)
     assert loop.standing.now.verdict == "holds"
     assert np.abs(loop.recording.at(loop.t)["e_r"]).max() < 2e-4  # rad
@@ -122,7 +123,7 @@ def test_a_gain_that_would_grow_without_bound_is_constant_and_that_is_said() -> 
     scenario = on_robot(shipped()["planar2r-semicircle"], "z1")
     done = possible(scenario, ClosedLoop).system.scenario
     assert done.controller.gain == "constant" != scenario.controller.gain
-    assert "gain d constant" in told(scenario, done)
+    assert "gain d constant" in adaptation_sentence(scenario, done)
 
 
 def test_what_no_adaptation_mends_is_refused() -> None:

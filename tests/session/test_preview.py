@@ -21,7 +21,7 @@ from app.analysis.metrics import BAND, settling_time
 from app.analysis.steady_force import steady_force_error
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import Scenario
-from app.session.preview import LASTS, Figures, Foresight, Hurry, Outlook, PreviewDone, PreviewRefusal, Question
+from app.session.preview import LASTS, Foresight, Hurry, Outlook, PreviewDone, PreviewMetrics, PreviewRefusal, Question
 from app.session.preview_client import Previewer
 from app.simulation.closed_loop import ClosedLoop
 from app.workers.preview import serve
@@ -122,11 +122,11 @@ def test_final_force_error_is_that_of_37(K_m1: float, K_e: float) -> None:
     foresight.advance(10_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
-    figures = outlook.figures
+    metrics = outlook.metrics
     expected = (1.0 - K_e / (K_m1 + K_e)) * (K_e - 1e4) / 1e4 * 20.0
-    assert figures.force_error_predicted == pytest.approx(expected, abs=1e-9)
-    assert figures.force_error == pytest.approx(expected, abs=0.02)
-    assert figures.left is None
+    assert metrics.force_error_predicted == pytest.approx(expected, abs=1e-9)
+    assert metrics.force_error == pytest.approx(expected, abs=0.02)
+    assert metrics.left is None
     assert steady_force_error(running(shipped()["ur5-motion"], 1).system, *np.zeros((3, 6))) is None
 
 
@@ -139,8 +139,8 @@ def test_settling_of_the_force_is_that_of_the_target_model() -> None:
     foresight.advance(10_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
-    assert outlook.figures.force_settling == pytest.approx(5.834 / np.sqrt(1e4 / 10.0), rel=0.02)
-    assert outlook.figures.motion_settling == 0.0
+    assert outlook.metrics.force_settling == pytest.approx(5.834 / np.sqrt(1e4 / 10.0), rel=0.02)
+    assert outlook.metrics.motion_settling == 0.0
     np.testing.assert_allclose(outlook.ahead[[0, -1]], [1e-3, 1.999], rtol=1e-9)
 
 
@@ -152,7 +152,7 @@ def test_under_impedance_the_path_error_is_that_of_the_plots() -> None:
     assert isinstance(outlook, Outlook)
     drawn = np.linalg.norm(outlook.signals["e_r"][:, :3], axis=1)
     assert drawn[-1] > 5e-3  # the wall holds it off its path
-    assert outlook.figures.motion_error == pytest.approx(drawn[outlook.ahead > 0.8].max(), rel=1e-3)
+    assert outlook.metrics.motion_error == pytest.approx(drawn[outlook.ahead > 0.8].max(), rel=1e-3)
 
 
 def test_a_tool_that_is_twisted_shows_its_angle_error() -> None:
@@ -160,9 +160,9 @@ def test_a_tool_that_is_twisted_shows_its_angle_error() -> None:
     scenario = edited(edited(shipped()["ur5-impedance-6d"], "motion", "hold"), "truth.push", [0.0, 0.0, 0.0])
     scenario = edited(edited(scenario, "truth.push_start", 0.0), "truth.push_moment", [0.0, 0.0, 0.5])
     loop = running(edited(scenario, "truth.push_duration", 20.0))
-    figures = figures_of(Question(1, loop.state.copy(), loop.system.scenario, 3.0))
+    metrics = preview_metrics(Question(1, loop.state.copy(), loop.system.scenario, 3.0))
     expected = 0.5 / (loop.system.layout.l**2 * 1500.0)
-    assert (figures.angle_largest, figures.angle_error) == (pytest.approx(expected, rel=1e-3),) * 2
+    assert (metrics.angle_largest, metrics.angle_error) == (pytest.approx(expected, rel=1e-3),) * 2
 
 
 @pytest.mark.parametrize(
@@ -171,9 +171,9 @@ def test_a_tool_that_is_twisted_shows_its_angle_error() -> None:
 )
 def test_only_errors_of_what_is_free_are_told(scenario: str, path: bool, angle: bool) -> None:
     state = running(shipped()[scenario], 5).state.copy()
-    figures = figures_of(Question(1, state, state.scenario, 0.05, push=30.0))
-    assert all((told is not None) == path for told in (figures.motion_largest, figures.motion_error))
-    assert all((told is not None) == angle for told in (figures.angle_largest, figures.angle_error))
+    metrics = preview_metrics(Question(1, state, state.scenario, 0.05, push=30.0))
+    assert all((told is not None) == path for told in (metrics.motion_largest, metrics.motion_error))
+    assert all((told is not None) == angle for told in (metrics.angle_largest, metrics.angle_error))
 
 
 @pytest.mark.parametrize("periods", [1, 2, 3, 1000])
@@ -185,7 +185,7 @@ def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
     assert outlook.whole
-    assert outlook.figures.span == pytest.approx(periods * period)
+    assert outlook.metrics.span == pytest.approx(periods * period)
     assert outlook.ahead[-1] == pytest.approx((periods - 1) * period)
 
 
@@ -207,9 +207,9 @@ def test_leaving_the_domain_is_said() -> None:
     foresight.advance(10_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
-    assert outlook.figures.gain_margin < 0.0
-    assert outlook.figures.left is not None
-    assert outlook.figures.left.startswith("t = ")
+    assert outlook.metrics.gain_margin < 0.0
+    assert outlook.metrics.left is not None
+    assert outlook.metrics.left.startswith("t = ")
 
 
 def test_the_compiled_engine_foresees_the_same() -> None:
@@ -226,12 +226,12 @@ def test_the_compiled_engine_foresees_the_same() -> None:
             np.testing.assert_allclose(compiled[name_of], values, rtol=0.0, atol=1e-9 * np.abs(values).max())
 
 
-def figures_of(question: Question) -> Figures:
+def preview_metrics(question: Question) -> PreviewMetrics:
     foresight = Foresight(question)
     foresight.advance(100_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
-    return outlook.figures
+    return outlook.metrics
 
 
 @pytest.mark.parametrize(
@@ -256,54 +256,54 @@ def test_an_arm_at_rest_is_pushed_and_gives_way_as_its_stiffness_says() -> None:
     m, b, k = 10.0, 60.0, 2000.0
     loop = running(edited(free, "target_model.B_m", 6 * [b]))
     state, scenario = loop.state.copy(), loop.system.scenario
-    figures = figures_of(Question(1, state, scenario, 4.0, push=30.0))
-    assert figures.push == 30.0
+    metrics = preview_metrics(Question(1, state, scenario, 4.0, push=30.0))
+    assert metrics.push == 30.0
     omega, zeta = np.sqrt(k / m), b / (2.0 * np.sqrt(k * m))
     beyond = np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
-    assert figures.motion_largest == pytest.approx(30.0 / k * (1.0 + beyond), rel=0.02)
+    assert metrics.motion_largest == pytest.approx(30.0 / k * (1.0 + beyond), rel=0.02)
     wave = np.exp(-zeta * omega * LASTS)  # left of the first swing when the push ends
-    assert figures.motion_overshoot == pytest.approx(30.0 / k * beyond, rel=0.1 + 2.0 * wave)
-    assert figures.motion_error < 2e-4
-    assert not figures.motion_grows
-    assert figures_of(Question(1, state, scenario, 0.2, push=30.0)).motion_grows  # it ends within the first swing
-    assert not figures_of(Question(1, state, scenario, 1.0, push=30.0)).motion_grows  # at rest under the push
-    assert figures.contact_largest is None
-    assert figures_of(Question(1, state, scenario, 4.0)).motion_largest < 2e-4
+    assert metrics.motion_overshoot == pytest.approx(30.0 / k * beyond, rel=0.1 + 2.0 * wave)
+    assert metrics.motion_error < 2e-4
+    assert not metrics.motion_grows
+    assert preview_metrics(Question(1, state, scenario, 0.2, push=30.0)).motion_grows  # it ends within the first swing
+    assert not preview_metrics(Question(1, state, scenario, 1.0, push=30.0)).motion_grows  # at rest under the push
+    assert metrics.contact_largest is None
+    assert preview_metrics(Question(1, state, scenario, 4.0)).motion_largest < 2e-4
     # a sinusoidal push of no size, or a moment that is over, leaves nothing of itself to this one
     for path, value in (("truth.push_frequency", 3.0), ("truth.push_moment", [0.0, 0.0, 0.1])):
         left = edited(edited(edited(scenario, path, value), "truth.push_start", 0.0), "truth.push_every", 0.0)
         left = running(edited(left, "truth.push_duration", 0.001)).state.copy()
-        again = figures_of(Question(1, left, left.scenario, 4.0, push=30.0))
-        assert (again.push, again.motion_largest) == (30.0, pytest.approx(figures.motion_largest, rel=1e-3))
+        again = preview_metrics(Question(1, left, left.scenario, 4.0, push=30.0))
+        assert (again.push, again.motion_largest) == (30.0, pytest.approx(metrics.motion_largest, rel=1e-3))
     # what moves by itself is not pushed: by an edit, on its path, by a push of its own
     shifted = edited(scenario, "shift.by", [0.02])
-    assert figures_of(Question(1, state, shifted, 1.0, push=30.0)).push == 0.0
+    assert preview_metrics(Question(1, state, shifted, 1.0, push=30.0)).push == 0.0
     for moving in ("ur5-hybrid", "ur5-heavy"):
         state = running(shipped()[moving]).state.copy()
-        assert figures_of(Question(1, state, state.scenario, 5.0, push=30.0)).push == 0.0
+        assert preview_metrics(Question(1, state, state.scenario, 5.0, push=30.0)).push == 0.0
 
 
 def test_overshoot_of_a_force_is_what_goes_beyond_its_final_value() -> None:
     hybrid = edited(shipped()["ur5-hybrid"], "target_model.B_m", [200.0, *5 * [400.0]])
     state = running(hybrid, 1500).state.copy()
-    figures = figures_of(Question(1, state, edited(hybrid, "force.value", 30.0), 2.0))
+    metrics = preview_metrics(Question(1, state, edited(hybrid, "force.value", 30.0), 2.0))
     zeta = 200.0 / (2.0 * np.sqrt(10.0 * 1e4))  # M_m, K_f K_e
     beyond = 10.0 * np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
-    assert figures.force_overshoot == pytest.approx(beyond, rel=0.3)  # the desired force changes within some time
-    assert figures.torque_largest > 10.0
+    assert metrics.force_overshoot == pytest.approx(beyond, rel=0.3)  # the desired force changes within some time
+    assert metrics.torque_largest > 10.0
 
 
 def test_a_stiffer_surface_is_told_with_the_largest_force_on_it() -> None:
     loop = running(shipped()["ur5-hybrid"], 1500)
     stiffer = edited(loop.system.scenario, "contact.K_e", 1.6e5)
-    figures = figures_of(Question(1, loop.state.copy(), stiffer, 0.5))
+    metrics = preview_metrics(Question(1, loop.state.copy(), stiffer, 0.5))
     loop.edit(stiffer)
     for _ in range(round(0.5 / stiffer.controller.period)):
         loop.step()
     after = loop.recording.signals(("multiplier",), t_from=loop.t - 0.5)["multiplier"]
-    assert figures.contact_largest == pytest.approx(np.abs(after).max())
-    assert figures.contact_largest > 200.0  # ten times what is asked for, while the overshoot is seen from there
-    assert figures.contact_final is None
+    assert metrics.contact_largest == pytest.approx(np.abs(after).max())
+    assert metrics.contact_largest > 200.0  # ten times what is asked for, while the overshoot is seen from there
+    assert metrics.contact_final is None
 
 
 @pytest.fixture
@@ -366,12 +366,12 @@ def test_the_running_scenario_is_computed_for_comparison_and_once(previewer: Pre
     for force in (30.0, 40.0):
         previewer.ask(state, edited(state.scenario, "force.value", force), 0.5, partial=False, compared=True)
         answer = until(lambda force=force: compared(previewer, force))
-        today = figures_of(Question(1, state, state.scenario, 0.5))
+        today = preview_metrics(Question(1, state, state.scenario, 0.5))
         assert answer.today is not None
         for figure, value in msgspec.structs.asdict(today).items():
             found = getattr(answer.today, figure)
             assert found == value if value is None else found == pytest.approx(value, rel=1e-5, abs=1e-9), figure
-        assert answer.figures.torque_largest != pytest.approx(today.torque_largest, rel=1e-3)
+        assert answer.metrics.torque_largest != pytest.approx(today.torque_largest, rel=1e-3)
 
 
 def compared(previewer: Previewer, force: float) -> Outlook | None:

@@ -279,6 +279,8 @@ for kill in range(36):
     if child == 0:
         folder = StateFolder(Path(sys.argv[1]))
         for changed in scenarios():
+            if line.pinned:
+                line.unpin(line.pinned[-1].number)
             line.pin()
             folder.save(changed, line.pinned)
     time.sleep(random.uniform(0.0, 0.12))

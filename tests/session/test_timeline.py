@@ -7,7 +7,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
-from app.analysis.metrics import account, measure
+from app.analysis.metrics import account, metrics_of
 from app.dashboard.panels.runs import table_html
 from app.dashboard.scene import pinned_arms
 from app.dashboard.scene.pinned_arms import posture
@@ -215,6 +215,22 @@ def test_pins_are_numbered_bounded_and_stay_as_they_were() -> None:
         line.unpin(3)
 
 
+def test_a_run_that_has_not_gone_on_is_pinned_once() -> None:
+    line = run(line_of(shipped()["planar2r-semicircle"]), 10)
+    line.pin()
+    line.rename(1, "first")
+    for _ in range(2):
+        with pytest.raises(ScenarioError, match="pin: this is pinned already, as first; allowed: once"):
+            line.pin()
+        line.pin(may_be_pinned=True)
+        assert [pinned.number for pinned in line.pinned] == [1]
+    run(line, 1).pin()
+    assert [pinned.number for pinned in line.pinned] == [1, 2]
+    line.seek(0.0)
+    with pytest.raises(ScenarioError, match="as run 2"):
+        line.pin()
+
+
 def test_a_branch_shares_full_blocks_and_goes_on_by_itself() -> None:
     line = run(line_of(shipped()["planar2r-semicircle"]), BLOCK + 100)
     whole = line.recording.rows()
@@ -384,10 +400,10 @@ def test_the_arm_of_another_run_with_the_same_number_is_another_arm(monkeypatch:
         seen = SimpleNamespace(pinned=line.pinned, t=0.002, scenario=shipped()[name])
         for _ in range(2):
             shown.show(cast(Snapshot, seen), wanted=True)
-        views[-1].set_visible.assert_called_with(True)
+        views[-1].set_visible.assert_called_with(visible=True)
     seen.scenario = shipped()["panda-hybrid"]
     shown.show(cast(Snapshot, seen), wanted=True)
-    views[-1].set_visible.assert_called_with(False)  # an arm of another kind has no place beside this one
+    views[-1].set_visible.assert_called_with(visible=False)  # an arm of another kind has no place beside this one
     assert [view.robot.n for view in views] == [6, 2]
     assert [view.remove.call_count for view in views] == [1, 0]
     assert [len(view.show.call_args.args[0]) for view in views] == [6, 2]
@@ -492,6 +508,6 @@ def test_a_blend_takes_nothing_from_what_was_flagged_or_reached() -> None:
     assert "saturates" in (plain.warning or "")
     assert blended.warning == plain.warning
     assert len(blended.recording.epochs) > len(plain.recording.epochs) == 1
-    figures = measure(plain), measure(blended)
+    figures = metrics_of(plain), metrics_of(blended)
     assert figures[0].reaching_time == figures[1].reaching_time
     assert figures[0].reaching_time_bound == figures[1].reaching_time_bound > 0.0

@@ -1,4 +1,4 @@
-"""The tabs of the control panel, one file each: they post commands and read snapshots, and hold no state."""
+"""The tabs of the control panel, one file each: they post commands and read snapshots, and hold no state of the run."""
 
 from __future__ import annotations
 

@@ -8,13 +8,15 @@ import viser
 
 from app.dashboard.widgets.arm_choice import InForce
 from app.dashboard.widgets.constants_table import constants_html
-from app.dashboard.widgets.controls import Control, Desk, Dropdown, FieldPlace, NumberField, PlaceWhere, decades
+from app.dashboard.widgets.controls import Control, Desk, Dropdown, NumberField
+from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, log_scale
 from app.dashboard.widgets.own_parameters import own_number
 from app.dashboard.widgets.theorem_table import TheoremTable
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import laws
 from controllers.control_law import ControlLaw
-from controllers.premises import STATEMENTS, Premise
+from controllers.premise_statements import STATEMENTS
+from controllers.premises import Premise
 from parameters import Parameter
 
 _SAID = '<div class="vs-checks"><div class="vs-message vs-warn">{}</div></div>'
@@ -53,20 +55,20 @@ class ControllerPanel:
             layer = PlaceWhere("controller.layer", lambda scenario: scenario.controller.switching != "discontinuous")
             self._controls += [
                 Dropdown(desk, "controller.gain", "Gain d", {"by the theorem (17)": "theorem", "constant": "constant"}),
-                NumberField(desk, d, "constant d [N]", decades(1, 1000)),
-                NumberField(desk, FieldPlace("controller.epsilon"), "margin ε [N]", decades(0.1, 100)),
+                NumberField(desk, d, "constant d [N]", log_scale(1, 1000)),
+                NumberField(desk, FieldPlace("controller.epsilon"), "margin ε [N]", log_scale(0.1, 100)),
                 Dropdown(desk, "controller.bounds", "Bounds", {"in task space (tight)": "tight", "as in (7)": "paper"}),
             ]
             self._feedback = gui.add_html("")
             self._controls += [
                 Dropdown(desk, "controller.switching", "Switching", switching),
-                NumberField(desk, layer, "layer s_b [m/s]", decades(1e-4, 0.1)),
-                NumberField(desk, FieldPlace("controller.K_s"), "K_s [N·s/m]", decades(1, 2000)),
+                NumberField(desk, layer, "layer s_b [m/s]", log_scale(1e-4, 0.1)),
+                NumberField(desk, FieldPlace("controller.K_s"), "K_s [N·s/m]", log_scale(1, 2000)),
             ]
         with surface:
             self._controls += [
-                NumberField(desk, FieldPlace("controller.F_1"), "F_1 [1/s]", decades(0.5, 200)),
-                NumberField(desk, FieldPlace("controller.F_2"), "F_2", decades(0.05, 20)),
+                NumberField(desk, FieldPlace("controller.F_1"), "F_1 [1/s]", log_scale(0.5, 200)),
+                NumberField(desk, FieldPlace("controller.F_2"), "F_2", log_scale(0.05, 20)),
                 NumberField(desk, FieldPlace("controller.A"), "A ≤ 0 [1/s]"),
                 Dropdown(
                     desk,
@@ -83,8 +85,8 @@ class ControllerPanel:
         with gui.add_folder("Domain Ω"):
             stop_or_flag = {"stops the run": "stop", "is said, and the run goes on": "flag"}
             self._controls += [
-                NumberField(desk, FieldPlace("simulation.domain_radius"), "radius [rad]", decades(0.01, 3)),
-                NumberField(desk, FieldPlace("simulation.sigma_min"), "σ_min ≥ [m]", decades(0.001, 0.2, zero=True)),
+                NumberField(desk, FieldPlace("simulation.domain_radius"), "radius [rad]", log_scale(0.01, 3)),
+                NumberField(desk, FieldPlace("simulation.sigma_min"), "σ_min ≥ [m]", log_scale(0.001, 0.2, zero=True)),
                 Dropdown(desk, "simulation.leaving_domain", "Leaving it", stop_or_flag),
                 Dropdown(desk, "simulation.bound_violation", "‖s‖ over (20)", stop_or_flag),
             ]
@@ -94,7 +96,7 @@ class ControllerPanel:
             estimates = {"M, C, G on-line": "online", "along r_d (Remark 3)": "along-reference"}
             self._controls += [
                 Dropdown(desk, "controller.estimates", "Estimates", estimates),
-                NumberField(desk, FieldPlace("controller.period"), "period [s]", decades(1e-4, 0.02)),
+                NumberField(desk, FieldPlace("controller.period"), "period [s]", log_scale(1e-4, 0.02)),
             ]
 
     def show(self, snapshot: Snapshot) -> None:
@@ -124,7 +126,11 @@ def _feedback_html(snapshot: Snapshot) -> str:
     for premise, way in ((Premise.GAIN_BY_CHATTER, "the chattering"), (Premise.GAIN_BY_FORCE, "the contact force")):
         found = by_names.get(premise.name.lower())
         if found is not None and found.value is not None:
-            said.append(f'<span title="{escape(STATEMENTS[premise].why)}">{found.value:.2g} by {way}</span>')
+            part = f"{found.value:.2g} of each increase through {way}"
+            said.append(f'<span title="{escape(STATEMENTS[premise].why)}">{part}</span>')
     if not said:
         return ""
-    return f'<div class="vs-note">d feeds itself: {" and ".join(said)}, of each change; allowed below 1.</div>'
+    return (
+        f'<div class="vs-note">A larger d makes (17) ask for even more: {" and ".join(said)}. Below 1 that comes to an '
+        "end; from 1 on d would grow without bound.</div>"
+    )

@@ -11,7 +11,7 @@ import viser
 from PIL import Image
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import BESIDE_FILM, figure_of, plots_of, with_series
+from app.dashboard.plots.paper_figures import BESIDE_PLAYBACK, figure_of, plots_of, with_series
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.controls import Desk
@@ -140,7 +140,7 @@ class ExportPanel:
             last, begin, end = self._stretch(snapshot)
             frames = playback_frames(last.scenario, last.recording, begin, end)
             setup = Setup.of(last, viewing.coordinate, viewing.joint)
-            figure = figure_of(plots_of(BESIDE_FILM), last, setup, begin, end)
+            figure = figure_of(plots_of(BESIDE_PLAYBACK), last, setup, begin, end)
             return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT, figure), tell)
 
         self._give(event, "3-D playback", "html", make)

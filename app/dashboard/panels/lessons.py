@@ -10,7 +10,7 @@ import numpy as np
 import structlog
 import viser
 
-from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure
+from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure, run_colors
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.class_panel import ClassPanel
@@ -187,7 +187,7 @@ class LessonsPanel:
             return
         step, lock = course.step, self._desk.lock
         lock.fields = None
-        begins = isinstance(step.block, blocks.StartScenario | blocks.Goal) or again
+        begins = isinstance(step.block, blocks.BeginScenario | blocks.Goal) or again
         if begins and step.scenario is not None:
             lock.post(Load(step.scenario))
             lock.post(Reset())
@@ -228,7 +228,8 @@ class LessonsPanel:
         self._show_run(step, course, busy=busy, playing=playing)
         seen = run is not None and not (run is step and playing) and run.number in course.outcomes
         self._picture.content = (
-            outcome_html(run, course.traces(run), course.predictions(run)) + _notes(run, course, snapshot)
+            outcome_html(run, course.traces(run), course.predictions(run), run_colors(course.lesson))
+            + _notes(run, course, snapshot)
             if run is not None and seen
             else ""
         )

@@ -9,8 +9,10 @@ from typing import Protocol
 import numpy as np
 import viser
 
-from app.dashboard.widgets.controls import Desk, FieldPlace, NumberField, SliderScale, decades
+from app.dashboard.transport.page_values import PageEvent, from_pages
+from app.dashboard.widgets.controls import Desk, NumberField
 from app.dashboard.widgets.equation import is_fixed, symbol
+from app.dashboard.widgets.field_place import FieldPlace, SliderScale, log_scale
 from app.dashboard.widgets.impedance_view import ImpedanceView
 from app.dashboard.widgets.matrix_editor import MatrixEditor
 from app.dashboard.widgets.matrix_text import written
@@ -54,7 +56,7 @@ class ModelPanel:
         self._chosen = next(iter(views))
         hint = "How the model is written here; the choice changes nothing in it."
         self._choice = gui.add_dropdown("Edit by", tuple(views), initial_value=self._chosen, hint=hint)
-        self._choice.on_update(self._on_choice)
+        self._choice.on_update(from_pages(self._on_choice))
         self._folders: dict[str, viser.GuiFolderHandle] = {}
         self._views: dict[str, _View] = {}
         for title, view in views.items():
@@ -65,9 +67,8 @@ class ModelPanel:
         self._impedance = ImpedanceView(desk)
         self._checked: tuple[Scenario, float | None, Edit | None] | None = None
 
-    async def _on_choice(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._chosen = self._choice.value
+    async def _on_choice(self, _: PageEvent) -> None:
+        self._chosen = self._choice.value
 
     def show(self, snapshot: Snapshot) -> None:
         self._choice.value = self._chosen
@@ -106,7 +107,7 @@ class _PerCoordinate:
         self._linked = False
         hint = "A slider or number also sets the other lengths, or the other angles, that have the same value."
         self._link = desk.gui.add_checkbox("Link equal axes", self._linked, hint=hint)
-        self._link.on_update(self._on_link)
+        self._link.on_update(from_pages(self._on_link))
         tabs = desk.gui.add_tab_group()
         self._tabs = {name: tabs.add_tab(name) for name in quantities}
         self._rows: dict[str, list[NumberField]] = {name: [] for name in quantities}
@@ -115,9 +116,8 @@ class _PerCoordinate:
             with tab:
                 self._notes[name] = desk.gui.add_html("")
 
-    async def _on_link(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._linked = self._link.value
+    async def _on_link(self, _: PageEvent) -> None:
+        self._linked = self._link.value
 
     def _is_linked(self) -> bool:
         return self._linked
@@ -133,7 +133,7 @@ class _PerCoordinate:
                 row.show(snapshot)
                 if i < len(snapshot.coordinates):
                     row.set_label(f"{name} {symbol(snapshot.coordinates[i].name)}")
-                    row.enable(not is_fixed(snapshot, name, i))
+                    row.set_enabled(enabled=not is_fixed(snapshot, name, i))
             note, unit = quantity.note(snapshot), quantity.unit(snapshot)
             self._notes[name].content = f'<div class="vs-note" data-unit="{unit}">{note}</div>'
 
@@ -184,21 +184,21 @@ def _diagonal(name: str, meaning: str, scale: SliderScale) -> _Quantity:
 
 
 _DIAGONALS = {
-    "M_m": _diagonal("M_m", "inertia", decades(0.1, 100)),
-    "B_m": _diagonal("B_m", "damping", decades(1, 10_000)),
-    "K_m": _diagonal("K_m", "stiffness", decades(1, 100_000, zero=True)),
-    "K_f": _diagonal("K_f", "weight of the force error", decades(0.01, 100, zero=True)),
+    "M_m": _diagonal("M_m", "inertia", log_scale(0.1, 100)),
+    "B_m": _diagonal("B_m", "damping", log_scale(1, 10_000)),
+    "K_m": _diagonal("K_m", "stiffness", log_scale(1, 100_000, zero=True)),
+    "K_f": _diagonal("K_f", "weight of the force error", log_scale(0.01, 100, zero=True)),
 }
 _OSCILLATORS = {
     "ω": _Quantity(
         lambda i, linked: OscillatorPlace("target_model", "omega", i, linked),
-        decades(1, 200),
+        log_scale(1, 200),
         lambda snapshot: oscillator_note(snapshot, "rad/s"),
         lambda _: "rad/s",
     ),
     "ζ": _Quantity(
         lambda i, linked: OscillatorPlace("target_model", "zeta", i, linked),
-        decades(0.05, 5),
+        log_scale(0.05, 5),
         lambda snapshot: oscillator_note(snapshot, "damping ratio"),
         lambda _: "",
     ),

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from app.dashboard.widgets.arm_choice import ArmChoice, ArmVerdict, InForce, ToolFrame, Upload, UrdfPath
-from app.dashboard.widgets.controls import Control, Desk, FieldPlace, NumberField, PlaceWhere, SliderScale, decades
+from app.dashboard.widgets.controls import Control, Desk, NumberField
+from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, SliderScale, log_scale
 from app.dashboard.widgets.matrix_text import number
 from app.dashboard.widgets.text_field import TextField
 from app.scenario.schema import Scenario
@@ -88,7 +89,7 @@ class RobotPanel:
                 NumberField(desk, InForce("robot.tool_offset", _tool_offset), "tool at [m]"),
                 NumberField(desk, InForce("robot.posture", _posture), "posture"),
                 NumberField(desk, InForce("robot.rotor_inertia", _rotors), "rotors [kg·m²]"),
-                NumberField(desk, FieldPlace("task_space.characteristic_length"), "length l [m]", decades(0.02, 1)),
+                NumberField(desk, FieldPlace("task_space.characteristic_length"), "length l [m]", log_scale(0.02, 1)),
             ]
         with gui.add_folder("Own URDF"):
             self._controls += [Upload(desk), UrdfPath(desk)]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from app.dashboard.widgets.controls import Desk, NumberRow
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.field_place import NumberRow
 from app.dashboard.widgets.gain_search import GainSearch
 from app.dashboard.widgets.robustness_map import RobustnessMap
 from app.scenario.errors import ScenarioError
@@ -15,8 +16,9 @@ class RobustnessPanel:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         desk.gui.add_html(
-            '<div class="vs-note">The context menu of any slider chooses it here: the right mouse button on its row, a '
-            "long touch of its label, or Shift+F10 while it has the focus.</div>"
+            '<div class="vs-note">To put a slider of any tab in here, press the right mouse button on its row, touch '
+            "its name for long, or press Shift+F10 while it has the focus. The menu there has <i>Sweep this</i>, for "
+            "the map, and <i>Let a search move this</i>.</div>"
         )
         with desk.gui.add_folder("Robustness map"):
             self._map = RobustnessMap(desk)

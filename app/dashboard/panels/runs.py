@@ -1,4 +1,4 @@
-"""Runs panel: figures of the running run beside those of the pinned ones."""
+"""Runs panel: metrics of the running run beside those of the pinned ones."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import Literal
 
 import viser
 
-from app.analysis.metrics import FIGURES, Account, ShownFigure, account
+from app.analysis.metrics import ACCOUNT_METRICS, Account, ShownMetric, account
 from app.dashboard.theme.colors import RUNS, css
 from app.dashboard.theme.style import COMMIT, MARKS
+from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_words import field_in_words
 from app.scenario.data import differences
@@ -22,12 +23,12 @@ from app.storage.session_index import PINS
 
 Over = Literal["own", "same"]
 OVER: dict[str, Over] = {"each run's own last seconds": "own", "the same instants": "same"}
-_EVERY = 1.0  # s, between two updates of the figures
+_EVERY = 1.0  # s, between two updates of the metrics
 _TOLD = 4  # differences of a pinned run's scenario that are shown at most
 
 
 class RunsPanel:
-    """Runs panel: buttons to pin, name and forget runs, and a table of figures over the last seconds of each run, or
+    """Runs panel: buttons to pin, name and forget runs, and a table of metrics over the last seconds of each run, or
     over the same instants of all runs."""
 
     def __init__(self, desk: Desk) -> None:
@@ -35,7 +36,8 @@ class RunsPanel:
         gui = desk.gui
         self._note = gui.add_html("")
         gui.add_button(
-            "Pin this run", hint="Keep it as it is now, to compare it with what you change. Key: P"
+            "Pin this run",
+            hint="Keep it up to now, to compare it with what you change. Reset (R) runs again beside it. Key: P",
         ).on_click(self._on_pin)
         self._over = gui.add_dropdown("Figures over", tuple(OVER), hint="Which instants of the runs are compared.")
         self._table = gui.add_html("")
@@ -73,13 +75,11 @@ class _PinnedRow:
             self._text = desk.gui.add_text("", "", hint="What this run is called in the plots and in the table.")
         self._back = desk.gui.add_button("", visible=False, hint="The present run goes on, or begins anew, with them.")
         self._forget = desk.gui.add_button("", visible=False, color="gray", hint="Frees its place.")
-        self._text.on_update(self._on_text)
+        self._text.on_update(from_pages(self._on_text))
         self._back.on_click(self._on_back)
         self._forget.on_click(self._on_forget)
 
-    async def _on_text(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_text(self, _: PageEvent) -> None:
         self._typing = not self._text.value.endswith(COMMIT)
         name = self._text.value.rstrip("".join(MARKS)).strip()
         if self._run is not None and not self._typing:
@@ -109,9 +109,26 @@ class _PinnedRow:
 def _note(snapshot: Snapshot, window: float, over: Over) -> str:
     if not snapshot.pinned:
         return (
-            f"Pin up to {PINS} runs, change something, and see both: each has a colour of its own in the plots and the "
-            "scene, and a column in a table here. A fork pins what it leaves, an edit a run that has stopped."
+            f"Pin up to {PINS} runs; then change something, and press reset (R): it runs again beside the pinned run, "
+            "which ends where it was pinned. Each has a colour of its own in the plots and the scene, and a column in "
+            "a table here. A fork pins what it leaves, an edit a run that has stopped."
         )
+    return f"{_behind(snapshot)}{_over(snapshot, window, over)}"
+
+
+def _behind(snapshot: Snapshot) -> str:
+    """Note on what to do to see a pinned run again, where all of them have ended; "" where one is still to be seen."""
+    last = max(snapshot.pinned, key=lambda pinned: pinned.t)
+    if snapshot.t < last.t - snapshot.scenario.controller.period:
+        return ""
+    return (
+        f"{escape(last.title)} ends at {last.t:.2f} s: to see another run beside it, change something and press reset "
+        "(R). "
+    )
+
+
+def _over(snapshot: Snapshot, window: float, over: Over) -> str:
+    """Note on the instants that the table compares."""
     if over == "own":
         return f"Of every run its own last {window:g} s; in brackets: against the present run."
     end = _last_of_all(snapshot)
@@ -125,7 +142,7 @@ def _last_of_all(snapshot: Snapshot) -> float:
 
 
 def table_html(snapshot: Snapshot, window: float, over: Over = "own") -> str:
-    """Table of figures over `window` s as HTML: a column for each run, with the difference of a pinned run from the
+    """Table of metrics over `window` s as HTML: a column for each run, with the difference of a pinned run from the
     present one in per cent; below it the differences of each pinned run's scenario.
     over: whether each run is measured over its own last seconds, or all over the same instants."""
     shown, same = (snapshot, *snapshot.pinned), _last_of_all(snapshot)
@@ -134,17 +151,17 @@ def table_html(snapshot: Snapshot, window: float, over: Over = "own") -> str:
     accounts = tuple(account(system, rows, end - window, end) for system, rows, end in runs)
     heads = "".join(f'<th><i class="vs-dot" style="background: {css(RUNS[p.place])}"></i> {escape(p.title)}</th>'
                     for p in snapshot.pinned)  # fmt: skip
-    rows = "".join(_row(figure, figure.units(systems), accounts) for figure in FIGURES)
+    rows = "".join(_row(metric, metric.units(systems), accounts) for metric in ACCOUNT_METRICS)
     told = "".join(_told(pinned, snapshot) for pinned in snapshot.pinned)
     return f'<table class="vs-facts vs-runs"><tr><th></th><th>now</th>{heads}</tr>{rows}</table>{told}'
 
 
-def _row(figure: ShownFigure, unit: str, accounts: tuple[Account | None, ...]) -> str:
-    now, *others = (figure.of(account) for account in accounts)
+def _row(metric: ShownMetric, unit: str, accounts: tuple[Account | None, ...]) -> str:
+    now, *others = (metric.of(account) for account in accounts)
     if now is None and not any(value is not None for value in others):
         return ""
     cells = f"<td>{_number(now)}</td>" + "".join(f"<td>{_number(v)}{_against(v, now)}</td>" for v in others)
-    return f'<tr><td>{figure.title} <span class="vs-dim">{unit}</span></td>{cells}</tr>'
+    return f'<tr><td>{metric.title} <span class="vs-dim">{unit}</span></td>{cells}</tr>'
 
 
 def _number(value: float | None) -> str:

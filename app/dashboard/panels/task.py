@@ -5,21 +5,30 @@ from __future__ import annotations
 from html import escape
 from typing import Any
 
-import viser
-
-from app.dashboard.widgets.controls import Control, Desk, Dropdown, FieldPlace, NumberField, PlaceWhere, decades
+from app.dashboard.transport.page_values import PageEvent, from_pages
+from app.dashboard.widgets.controls import Control, Desk, Dropdown, NumberField
 from app.dashboard.widgets.equation import told_of_mode
+from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, log_scale
+from app.dashboard.widgets.matrix_text import written
 from app.dashboard.widgets.section_controls import field_controls, kind_choice
-from app.process.own_code import own_code
 from app.scenario.data import shipped
+from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario, TruthSection
-from app.session.commands import Edit, Load
+from app.session.commands import BeginScenario, Edit
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 from environments.force_profiles.table import FORCE_PROFILES
 from environments.trajectories.table import ROTATIONS, TRAJECTORIES
 
 _EDITED = "edited, or one of your own"
+_MODE = (
+    "In which directions the tool follows a path and in which it presses with a force, and how it yields: one of the "
+    "five applications of section IV, each with its own target model. Keys: 1 to 5"
+)
+_COUNTS = {1: "one number", 2: "two numbers", 3: "three numbers"}
+_PROFILE = "How the desired force goes over time: it is constant, steps, or swings."
+_PATH = "Along which path the tool is to move: it holds its place, goes to a point, along a line or round a circle."
+_ANGLES = "Which path the angles take: the tool keeps its direction, or turns."
 
 
 def _in_axes(scenario: Scenario) -> bool:
@@ -41,6 +50,28 @@ class Supplemental(FieldPlace):
         return Edit(self.path, None if joints == [0] else joints)
 
 
+class Shift(FieldPlace):
+    """Place of the shift: a number for each coordinate that it can move, also for those left out of the list."""
+
+    def read(self, snapshot: Snapshot) -> tuple[float, ...] | None:
+        by, free = snapshot.scenario.shift.by, _moved(snapshot)
+        return (*by, *[0.0] * (free - len(by))) if free else None
+
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+        free = _moved(snapshot)
+        by = value if isinstance(value, list) else [value]
+        if len(by) != free:
+            example = written((0.02, *[0.0] * (free - 1)))
+            raise ValueError(f"{written(by)}; allowed: {_COUNTS.get(free, f'{free} numbers')}, such as {example}")
+        return Edit(self.path, by)
+
+
+def _moved(snapshot: Snapshot) -> int:
+    """Number of the coordinates that a shift moves."""
+    system = snapshot.system
+    return (system.layout.n if system.layout.joint else system.layout.end_of_places) - system.m
+
+
 class TaskPanel:
     """Task panel: scenario, mode, desired motion and desired force."""
 
@@ -50,28 +81,29 @@ class TaskPanel:
         self._scenarios = shipped()
         self._titles = {(s.title or name): name for name, s in self._scenarios.items()}
         self._scenario = gui.add_dropdown(
-            "Scenario", (*self._titles, _EDITED), hint="Load one of the shipped scenarios."
+            "Scenario", tuple(self._titles), hint="One of the shipped scenarios: it begins at t = 0 and runs."
         )
-        self._scenario.on_update(self._load)
-        self._mode = Dropdown(desk, "mode", "Mode", {mode.label: name for name, mode in MODES.items()})
+        self._scenario.on_update(from_pages(self._load))
+        modes = {mode.label: name for name, mode in MODES.items()}
+        self._mode = Dropdown(desk, "mode", "Mode", modes, hint=_MODE)
         self._note = gui.add_html("")
         self._controls: list[Control] = [self._mode]
         self._force = gui.add_folder("Desired force")
         with self._force:
-            self._controls.append(kind_choice(desk, "force", "Profile", FORCE_PROFILES, {}))
+            self._controls.append(kind_choice(desk, "force", "Profile", FORCE_PROFILES, {}, hint=_PROFILE))
             self._controls += field_controls(desk, "force", FORCE_PROFILES, {})
         with gui.add_folder("Desired motion"):
             paths = own_code().trajectories
             self._controls += [
-                kind_choice(desk, "motion", "Path", TRAJECTORIES, paths),
+                kind_choice(desk, "motion", "Path", TRAJECTORIES, paths, hint=_PATH),
                 *field_controls(desk, "motion", TRAJECTORIES, paths),
-                NumberField(desk, FieldPlace("shift.by"), "shifted by [m]"),
-                NumberField(desk, FieldPlace("shift.duration"), "within [s]", decades(0.1, 10)),
+                NumberField(desk, Shift("shift.by"), "shifted by [m]"),
+                NumberField(desk, FieldPlace("shift.duration"), "within [s]", log_scale(0.1, 10)),
             ]
         self._rotation = gui.add_folder("Desired rotation")
         with self._rotation:
             self._controls += [
-                kind_choice(desk, "rotation", "Angles", ROTATIONS, {}),
+                kind_choice(desk, "rotation", "Angles", ROTATIONS, {}, hint=_ANGLES),
                 *field_controls(desk, "rotation", ROTATIONS, {}),
             ]
             gui.add_html(
@@ -88,14 +120,19 @@ class TaskPanel:
         with gui.add_folder("Push on the tool"):
             self._controls += field_controls(desk, "truth", [TruthSection], {})
 
-    async def _load(self, event: viser.GuiEvent) -> None:
-        if event.client is not None and self._scenario.value != _EDITED:
-            self._desk.post(Load(self._scenarios[self._titles[self._scenario.value]]))
+    async def _load(self, _: PageEvent) -> None:
+        if self._scenario.value != _EDITED:
+            self._desk.post(BeginScenario(self._scenarios[self._titles[self._scenario.value]]))
 
     def show(self, snapshot: Snapshot) -> None:
         scenario = snapshot.scenario
         shipped = self._scenarios.get(scenario.name) == scenario
+        # the entry for any other scenario is there only while it is the one that runs: to choose it would do nothing
+        if not shipped and _EDITED not in self._scenario.options:
+            self._scenario.options = (*self._titles, _EDITED)
         self._scenario.value = (scenario.title or scenario.name) if shipped else _EDITED
+        if shipped and _EDITED in self._scenario.options:
+            self._scenario.options = tuple(self._titles)
         mode = MODES[snapshot.scenario.mode]
         if self._force.visible != mode.on_surface:
             self._force.visible = mode.on_surface

@@ -11,7 +11,8 @@ from typing import Any, Protocol
 import viser
 
 from app.dashboard.scene.camera import VIEWS, fly, viewpoint
-from app.dashboard.view_options import FINE, LIGHT, Look, Viewing
+from app.dashboard.transport.page_values import PageEvent, from_pages
+from app.dashboard.view_options import FINE, LIGHT, SceneOptions, Viewing
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.scene_legend import legend_html
 from app.session.snapshot import Snapshot
@@ -61,26 +62,24 @@ class _Widget(Protocol):
 
 
 class _Field:
-    """Widget of one field of the look. options: values in the look by the text shown, None for a widget of the value
+    """Widget of one field of the scene options. choices: values by the text shown, None for a widget of the value
     itself."""
 
     def __init__(
-        self, viewing: Viewing, name: str, widget: _Widget, options: Mapping[str, object] | None = None
+        self, viewing: Viewing, name: str, widget: _Widget, choices: Mapping[str, object] | None = None
     ) -> None:
-        self._viewing, self._name, self._widget, self._options = viewing, name, widget, options
-        widget.on_update(self._on_update)
+        self._viewing, self._name, self._widget, self._choices = viewing, name, widget, choices
+        widget.on_update(from_pages(self._on_update))
 
-    async def _on_update(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_update(self, _: PageEvent) -> None:
         shown = self._widget.value
-        value = shown if self._options is None else self._options[shown]
-        self._viewing.look = replace(self._viewing.look, **{self._name: value})
+        value = shown if self._choices is None else self._choices[shown]
+        self._viewing.scene_options = replace(self._viewing.scene_options, **{self._name: value})
 
-    def show(self, look: Look) -> None:
-        value = getattr(look, self._name)
-        if self._options is not None:
-            value = next(title for title, held in self._options.items() if held == value)
+    def show(self, options: SceneOptions) -> None:
+        value = getattr(options, self._name)
+        if self._choices is not None:
+            value = next(title for title, held in self._choices.items() if held == value)
         self._widget.value = value
 
 
@@ -95,7 +94,7 @@ class ViewPanel:
         self._camera.on_click(self._on_camera)
         with gui.add_folder("Drawn"):
             self._fields = [
-                _Field(viewing, name, gui.add_checkbox(title, getattr(viewing.look, name), hint=hint))
+                _Field(viewing, name, gui.add_checkbox(title, getattr(viewing.scene_options, name), hint=hint))
                 for name, (title, hint) in SWITCHES.items()
             ]
             self._fields += [
@@ -134,6 +133,8 @@ class ViewPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         viewing = self._desk.viewing
-        self._legend.content = f'<div class="vs-note">{legend_html(viewing.look, viewing.legend, snapshot)}</div>'
+        self._legend.content = (
+            f'<div class="vs-note">{legend_html(viewing.scene_options, viewing.legend, snapshot)}</div>'
+        )
         for field in self._fields:
-            field.show(viewing.look)
+            field.show(viewing.scene_options)

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 
 import viser
 
-from app.dashboard.widgets.controls import (
-    Control,
-    Desk,
-    Dropdown,
-    FieldPlace,
-    NumberField,
-    PlaceWhere,
-    SliderScale,
-    Switch,
-    decades,
-)
-from app.dashboard.widgets.section_controls import field_controls, kind_choice
-from app.process.own_code import own_code
+from app.dashboard.widgets.controls import Control, Desk, Dropdown, NumberField, Switch
+from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, SliderScale, log_scale
+from app.dashboard.widgets.section_controls import field_control, field_controls, kind_choice
+from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
@@ -39,16 +31,8 @@ _SYNTAX = (
 )
 
 
-def _touching(scenario: Scenario) -> bool:
-    return scenario.contact.nature.touches
-
-
 def _springy(scenario: Scenario) -> bool:
     return scenario.contact.nature.springs
-
-
-def _massive(scenario: Scenario) -> bool:
-    return scenario.contact.nature.massive
 
 
 def _heavy(scenario: Scenario) -> bool:
@@ -88,6 +72,33 @@ def _coupled_estimates(scenario: Scenario) -> bool:
     return _coupled(scenario) and _foreseen(scenario)
 
 
+def _contact_controls(desk: Desk, contact: str, estimate: str, foreseen: Callable[[Scenario], bool]) -> list[Control]:
+    """Controls of the contact with one surface, but for the menu of its kind.
+    contact: path of its section.
+    estimate: path of the controller's estimate of its stiffness.
+    foreseen: whether the law's reference needs that estimate."""
+
+    def where(holds: Callable[[ContactKind], bool]) -> Callable[[Scenario], bool]:
+        return lambda scenario: holds(section_of(scenario).nature)
+
+    section_of = attrgetter(contact)
+    touches = where(lambda kind: kind.touches)
+    springs, massive = where(lambda kind: kind.springs), where(lambda kind: kind.massive)
+
+    def number(field: str, applies: Callable[[Scenario], bool], label: str, scale: SliderScale) -> NumberField:
+        return NumberField(desk, PlaceWhere(f"{contact}.{field}", applies), label, scale)
+
+    return [
+        number("K_e", springs, "K_e [N/m]", log_scale(100, 1_000_000)),
+        NumberField(desk, PlaceWhere(estimate, foreseen), "K̂_e [N/m]", log_scale(100, 1_000_000)),
+        number("B_e", springs, "B_e [N·s/m]", log_scale(1, 10_000, zero=True)),
+        number("M_e", massive, "M_e [kg]", log_scale(0.01, 100, zero=True)),
+        Switch(desk, PlaceWhere(f"{contact}.unilateral", touches), "Pushes only"),
+        number("friction_coulomb", touches, "friction μ", SliderScale(0, 1)),
+        number("friction_viscous", touches, "viscous [N·s/m]", log_scale(0.1, 1000, zero=True)),
+    ]
+
+
 class WorldPanel:
     """World panel: surface and contact, the controller's estimate of the surface, sensor and integration."""
 
@@ -98,18 +109,7 @@ class WorldPanel:
             kinds = {contact.title: kind for kind, contact in CONTACTS.items()}
             self._controls += [
                 Dropdown(desk, "contact.kind", "Kind", kinds),
-                NumberField(desk, PlaceWhere("contact.K_e", _springy), "K_e [N/m]", decades(100, 1_000_000)),
-                NumberField(desk, PlaceWhere("controller.K_e_hat", _foreseen), "K̂_e [N/m]", decades(100, 1_000_000)),
-                NumberField(desk, PlaceWhere("contact.B_e", _springy), "B_e [N·s/m]", decades(1, 10_000, zero=True)),
-                NumberField(desk, PlaceWhere("contact.M_e", _massive), "M_e [kg]", decades(0.01, 100, zero=True)),
-                Switch(desk, PlaceWhere("contact.unilateral", _touching), "Pushes only"),
-                NumberField(desk, PlaceWhere("contact.friction_coulomb", _touching), "friction μ", SliderScale(0, 1)),
-                NumberField(
-                    desk,
-                    PlaceWhere("contact.friction_viscous", _touching),
-                    "viscous [N·s/m]",
-                    decades(0.1, 1000, zero=True),
-                ),
+                *_contact_controls(desk, "contact", "controller.K_e_hat", _foreseen),
             ]
         self._surface = gui.add_folder("Surface")
         with self._surface:
@@ -119,10 +119,10 @@ class WorldPanel:
         with gui.add_folder("Flat tool", expand_by_default=False):
             self._controls += [
                 Switch(desk, PlaceWhere("face.flat", _plain), "Touches with a flat face"),
-                NumberField(desk, PlaceWhere("face.K_t", _flat), "K_t [N·m/rad]", decades(1, 1000)),
-                NumberField(desk, PlaceWhere("face.K_t_hat", _aligned), "K̂_t [N·m/rad]", decades(1, 1000)),
-                NumberField(desk, PlaceWhere("face.moment", _aligned), "moments [N·m]"),
-                NumberField(desk, PlaceWhere("face.normal", _flat), "face normal"),
+                field_control(desk, "face.K_t", _flat),
+                field_control(desk, "face.K_t_hat", _aligned),
+                field_control(desk, "face.moment", _aligned),
+                field_control(desk, "face.normal", _flat),
             ]
         self._further = [self._add_further(desk, "second"), self._add_further(desk, "third")]
         self._coupling = gui.add_folder("Coupling", expand_by_default=False)
@@ -160,9 +160,6 @@ class WorldPanel:
         def there(scenario: Scenario) -> bool:
             return bool(getattr(scenario, section).present)
 
-        def of_contact(kind: Callable[[ContactKind], bool]) -> Callable[[Scenario], bool]:
-            return lambda scenario: kind(getattr(scenario, section).contact.nature)
-
         def foreseen(scenario: Scenario) -> bool:
             return there(scenario) and _foreseen(scenario)
 
@@ -172,34 +169,13 @@ class WorldPanel:
         def asked(scenario: Scenario) -> bool:
             return choosable(scenario) and getattr(scenario, section).control == "force"
 
-        springs, massive = of_contact(lambda kind: kind.springs), of_contact(lambda kind: kind.massive)
         kinds = {contact.title: kind for kind, contact in CONTACTS.items()}
         with (folder := desk.gui.add_folder(f"{section.capitalize()} surface", expand_by_default=False)):
             self._controls += [
                 Dropdown(desk, f"{section}.contact.kind", "Contact", kinds),
                 kind_choice(desk, f"{section}.surface", "Shape", SURFACES, own_code().surfaces, there),
                 *field_controls(desk, f"{section}.surface", SURFACES, own_code().surfaces, there),
-                NumberField(desk, PlaceWhere(f"{section}.contact.K_e", springs), "K_e [N/m]", decades(100, 1_000_000)),
-                NumberField(desk, PlaceWhere(f"{section}.K_e_hat", foreseen), "K̂_e [N/m]", decades(100, 1_000_000)),
-                NumberField(
-                    desk,
-                    PlaceWhere(f"{section}.contact.B_e", springs),
-                    "B_e [N·s/m]",
-                    decades(1, 10_000, zero=True),
-                ),
-                NumberField(
-                    desk, PlaceWhere(f"{section}.contact.M_e", massive), "M_e [kg]", decades(0.01, 100, zero=True)
-                ),
-                Switch(desk, PlaceWhere(f"{section}.contact.unilateral", there), "Pushes only"),
-                NumberField(
-                    desk, PlaceWhere(f"{section}.contact.friction_coulomb", there), "friction μ", SliderScale(0, 1)
-                ),
-                NumberField(
-                    desk,
-                    PlaceWhere(f"{section}.contact.friction_viscous", there),
-                    "viscous [N·s/m]",
-                    decades(0.1, 1000, zero=True),
-                ),
+                *_contact_controls(desk, f"{section}.contact", f"{section}.K_e_hat", foreseen),
                 Dropdown(
                     desk,
                     f"{section}.control",

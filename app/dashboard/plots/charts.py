@@ -2,9 +2,9 @@
 `chart_widget` what shows them.
 
 Time runs to the right and ends at now; right of it stands the preview, which the page's script makes lighter. The
-script also sets the ends of the time axis, which it reads from the tab's marker (`visible_tabs.py`): if viser set them,
-it would build the chart anew and lose the user's zoom. A line has gaps (nan) where its quantity does not exist: beyond
-the end of a pinned run, or for a bound under a law without one.
+script also sets the ends of the time axis, which it reads from the tab's marker (`visible_parts.py`): if viser set
+them, it would build the chart anew and lose the user's zoom. A line has gaps (nan) where its quantity does not exist:
+beyond the end of a pinned run, or for a bound under a law without one.
 """
 
 from __future__ import annotations

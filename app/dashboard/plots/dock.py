@@ -16,8 +16,10 @@ from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.chart_frames import Frame, Recent
 from app.dashboard.plots.chart_widget import ChartWidget
 from app.dashboard.plots.charts import BUCKETS, Label, PinnedChart, Setup, Signals
-from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
-from app.dashboard.transport.visible_tabs import VisibleTabs
+from app.dashboard.plots.law_drawings import LEAD
+from app.dashboard.plots.plot_table import TABS, Chooser, Tab
+from app.dashboard.transport.page_values import PageEvent, from_pages
+from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.equation import symbol
 from app.session.preview import Outlook
@@ -55,15 +57,15 @@ class Plots:
     turn: lock that is held while choices are shown, see `WidgetLock`."""
 
     def __init__(
-        self, gui: viser.GuiApi, visible_tabs: VisibleTabs, viewing: Viewing, turn: AbstractContextManager[object]
+        self, gui: viser.GuiApi, visible_parts: VisibleParts, viewing: Viewing, turn: AbstractContextManager[object]
     ) -> None:
-        self._viewing, self._visible_tabs = viewing, visible_tabs
+        self._viewing, self._visible_parts = viewing, visible_parts
         panel = gui.add_panel()
         self._tabs: dict[str, _TabView] = {}
         for title, tab in TABS.items():
             with panel.add_tab(title):
-                self._tabs[title] = _TabView(gui, title, tab, visible_tabs, viewing, turn)
-                visible_tabs.add_field(gui)
+                self._tabs[title] = _TabView(gui, title, tab, visible_parts, viewing, turn)
+                visible_parts.add_field(gui)
         panel.dock_left()
         panel.expand()  # on a phone, too
         panel.set_width(400)
@@ -82,7 +84,7 @@ class Plots:
         band = None if ahead is None or ahead.band is None else (ahead.band.since, ahead.band.reach)
         outlook = None if ahead is None else (ahead.number, len(ahead.ahead), band)
         drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, outlook)
-        reports = {title: self._visible_tabs.reports(title) for title in looked_at if title in self._tabs}
+        reports = {title: self._visible_parts.reports(title) for title in looked_at if title in self._tabs}
         stale = [t for t, number in reports.items() if self._drawn.get(t) != drawn or self._reports.get(t) != number]
         if not stale:
             return
@@ -147,11 +149,12 @@ class _TabView:
         gui: viser.GuiApi,
         title: str,
         tab: Tab,
-        visible_tabs: VisibleTabs,
+        visible_parts: VisibleParts,
         viewing: Viewing,
         turn: AbstractContextManager[object],
     ) -> None:
-        self._title, self._tab, self._visible_tabs, self._viewing, self._turn = title, tab, visible_tabs, viewing, turn
+        self._title, self._tab, self._viewing = title, tab, viewing
+        self._visible_parts, self._turn = visible_parts, turn
         with gui.add_form(None):
             self._window = gui.add_dropdown(
                 "window", tuple(WINDOWS), initial_value=WINDOW, hint="How far back to look."
@@ -160,28 +163,26 @@ class _TabView:
                 chooser: gui.add_dropdown(chooser, (_NONE,), hint=f"Which {chooser} the plots below show.")
                 for chooser in tab.choosers
             }
-        self._window.on_update(self._on_window)
+        self._window.on_update(from_pages(self._on_window))
         for chooser in self._choosers.values():
-            chooser.on_update(self._on_choice)
-        self._note = gui.add_html(visible_tabs.marker_html(title))
+            chooser.on_update(from_pages(self._on_choice))
+        self._note = gui.add_html(visible_parts.marker_html(title))
         self._charts = [ChartWidget(gui, plot) for plot in tab.plots]
         self._page_height = 0
 
-    async def _on_window(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._viewing.window = WINDOWS[self._window.value]
+    async def _on_window(self, _: PageEvent) -> None:
+        self._viewing.window = WINDOWS[self._window.value]
 
-    async def _on_choice(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            for chooser, widget in self._choosers.items():
-                setattr(self._viewing, chooser, widget.options.index(widget.value))
+    async def _on_choice(self, _: PageEvent) -> None:
+        for chooser, widget in self._choosers.items():
+            setattr(self._viewing, chooser, widget.options.index(widget.value))
 
     def show(self, snapshot: Snapshot, setup: Setup, shown: Shown, frame: Frame, *, whole: bool) -> None:
         """Draw the data of a refresh. whole: see `ChartWidget.draw`."""
         with self._turn:
             self._show_choices(setup)
         ahead = 0.0 if shown.outlook is None else shown.horizon
-        self._note.content = self._visible_tabs.marker_html(
+        self._note.content = self._visible_parts.marker_html(
             self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
         )
         for chart in self._charts:

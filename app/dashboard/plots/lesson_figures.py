@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from app.dashboard.theme.colors import MEASURED, SERIES
+from app.dashboard.theme.colors import MEASURED, SERIES, Rgb
 from app.export.export_jobs import plain_name
 from app.export.figures import Curve, Figure, FigureChart
 from app.lessons.answers import Answer
@@ -14,6 +14,14 @@ from app.lessons.blocks import LessonRun, PictureLine
 from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.playing import LessonOutcome, Trace
 from app.lessons.predictions import predicted
+
+_FREE = (SERIES[0], *SERIES[2:])  # without the one that is next to that of the predictions
+
+
+def run_colors(lesson: Lesson) -> dict[str, Rgb]:
+    """Colours of the lesson's runs by title, the same in all its pictures."""
+    titles = dict.fromkeys(step.block.title for step in lesson.steps if isinstance(step.block, LessonRun))
+    return {title: _FREE[number % len(_FREE)] for number, title in enumerate(titles)}
 
 
 def figure_of_run(
@@ -26,8 +34,9 @@ def figure_of_run(
     """Figure of a run, with a chart for each line that it shows, and its measured numbers in the caption."""
     block = run.block
     assert isinstance(block, LessonRun)
+    colors = run_colors(lesson)
     charts = tuple(
-        _chart(block, line, [each for each in traces if each.line.shows(line)], answers) for line in block.show
+        _chart(block, line, [each for each in traces if each.line.shows(line)], answers, colors) for line in block.show
     )
     told = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in outcome.told.items())
     caption = f"{lesson.head.title}: {block.title}." + (f" Measured: {told}." if told else "")
@@ -41,13 +50,16 @@ def name_of_figure(lesson: Lesson, run: LessonStep, extension: str) -> str:
 
 
 def _chart(
-    run: LessonRun, line: PictureLine, traces: Sequence[Trace], answers: Sequence[tuple[LessonStep, Answer]]
+    run: LessonRun,
+    line: PictureLine,
+    traces: Sequence[Trace],
+    answers: Sequence[tuple[LessonStep, Answer]],
+    colors: Mapping[str, Rgb],
 ) -> FigureChart:
     curves = []
     for number, trace in enumerate(traces):
         last = number == len(traces) - 1
-        color = SERIES[0] if last else SERIES[2 + number % 4]
-        curves.append(Curve(trace.run, color, trace.t, trace.values, width=1.2 if last else 0.8))
+        curves.append(Curve(trace.run, colors[trace.run], trace.t, trace.values, width=1.2 if last else 0.8))
     found = predicted(run, line, answers)
     ends = np.array([0.0, max(float(trace.t[-1]) for trace in traces)])
     values = np.concatenate([trace.values for trace in traces])

@@ -24,7 +24,7 @@ from parameters import allowed
 
 EXAMINED = 300  # instants at which the true arm is analysed
 TOLD = 6  # changes of a run, by their instants, in a caption
-BESIDE_FILM = ("Overview",)  # plots beside a 3-D playback
+BESIDE_PLAYBACK = ("Overview",)  # plots beside a 3-D playback
 WIDTH = 0.6  # points of a line on paper for each of its pixels on the page
 
 

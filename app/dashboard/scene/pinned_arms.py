@@ -39,7 +39,7 @@ class PinnedArms:
                 self._arms[pinned.number] = pinned, view
             if pinned.number in self._arms:
                 _, arm = self._arms[pinned.number]
-                arm.set_visible(q is not None)
+                arm.set_visible(visible=q is not None)
                 if q is not None:
                     arm.show(q)
 

@@ -92,7 +92,7 @@ class RobotView:
             for number, part in enumerate(parts)
         ]
 
-    def set_visible(self, visible: bool) -> None:
+    def set_visible(self, *, visible: bool) -> None:
         self._root.visible = visible
 
     def remove(self) -> None:

@@ -18,7 +18,7 @@ from app.access.admission import Names
 from app.dashboard.scene.view import SceneView
 from app.dashboard.transport.handshake import behind_doors
 from app.dashboard.transport.message_filter import MessageFilter
-from app.dashboard.view_options import Look
+from app.dashboard.view_options import SceneOptions
 from app.export.figures import SINGLE, Figure, FigureOptions
 from app.export.playback_frames import FRAMES_PER_SECOND, PlaybackFrames
 from app.export.printing import svg_with_panels
@@ -63,14 +63,14 @@ def _html(frames: PlaybackFrames, count: int, tell: Tell) -> str:
     times = frames.signals["t"][:count]
     pauses = [*np.diff(times), 1.0 / FRAMES_PER_SECOND]
     with _server() as server:
-        scene, look = SceneView(server), Look()
+        scene, options = SceneView(server), SceneOptions()
         recorder: StateSerializer | None = None
         for number, (snapshot, pause) in enumerate(zip(snapshots(frames), pauses, strict=False)):
             if recorder is None and not snapshot.robot.shipped:
                 link_meshes(snapshot.robot).result()  # the playback shows the whole arm from its first frame on
-            scene.show(snapshot, look)
+            scene.show(snapshot, options)
             if number % PATHS_EVERY == 0:
-                scene.draw_paths(look)
+                scene.draw_paths(options)
             if recorder is None:  # only now, so that the recording starts with the scene of the first frame
                 recorder = server.get_scene_serializer()
             recorder.insert_sleep(float(pause))

@@ -107,10 +107,10 @@ class Hand:
         self._handle.on_drag("left", modifier="shift")(guarded(self._on_shift_drag, desk.complain))
 
     async def _on_drag(self, event: viser.SceneNodeDragEvent) -> None:
-        self._drag(event, self._desk.viewing.look.drag)
+        self._drag(event, self._desk.viewing.scene_options.drag)
 
     async def _on_shift_drag(self, event: viser.SceneNodeDragEvent) -> None:
-        self._drag(event, "target" if self._desk.viewing.look.drag == "push" else "push")
+        self._drag(event, "target" if self._desk.viewing.scene_options.drag == "push" else "push")
 
     def _drag(self, event: viser.SceneNodeDragEvent, drag: str) -> None:
         snapshot, pointer = self._desk.snapshot(), np.array(event.end_position)
@@ -123,12 +123,12 @@ class Hand:
             self._held = None
             self._let_go(snapshot, held)
         elif held.drag == "push":
-            look = self._desk.viewing.look
+            options = self._desk.viewing.scene_options
             x, y, z = (float(c) for c in pointer + held.offset)
-            self._pull(Grip((x, y, z), look.stiffness, look.limit))
+            self._pull(Grip((x, y, z), options.stiffness, options.limit))
         elif held.drag == "turn":
-            look = self._desk.viewing.look
-            grip = Grip(None, turned=held.turned(pointer), torsion=look.torsion, moment_limit=look.moment_limit)
+            options = self._desk.viewing.scene_options
+            grip = Grip(None, turned=held.turned(pointer), torsion=options.torsion, moment_limit=options.moment_limit)
             self._pull(grip)
         else:
             moved = snapshot.system.charted.chart(pointer, snapshot.t).g - held.offset

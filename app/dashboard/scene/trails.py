@@ -59,10 +59,10 @@ class Trail:
         """Scale of the colours: a round number (m) above the largest error."""
         return rounded_up(max(piece.largest for piece in self._pieces), LEAST_ERROR)
 
-    def draw(self, shown: bool, largest: float | None) -> None:
+    def draw(self, *, shown: bool, largest: float | None) -> None:
         """Send the new points to the pages. largest: error (m) of the last colour, None for one plain colour."""
         for piece in self._pieces:
-            piece.draw(shown, largest)
+            piece.draw(shown=shown, largest=largest)
 
 
 class _Piece:
@@ -96,7 +96,7 @@ class _Piece:
         self.largest = 0.0
         self._line.visible = self._shown = False
 
-    def draw(self, shown: bool, largest: float | None) -> None:
+    def draw(self, *, shown: bool, largest: float | None) -> None:
         """See `Trail.draw`."""
         shown = shown and len(self.points) > 1
         if shown and (self._changed or largest != self._colored_to):

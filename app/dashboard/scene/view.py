@@ -16,7 +16,7 @@ from app.dashboard.scene.spring_damper import SpringDamper
 from app.dashboard.scene.surface_view import SurfaceView
 from app.dashboard.scene.trails import Trail
 from app.dashboard.theme.colors import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Theme
-from app.dashboard.view_options import Legend, Look
+from app.dashboard.view_options import Legend, SceneOptions
 from app.session.ghost import Ghost, Shade
 from app.session.snapshot import Snapshot
 from environments.robots import Robot
@@ -27,7 +27,7 @@ _GHOST_PAINT = Paint(GHOST, opacity=0.3, coat=0.003)
 
 
 class SceneView:
-    """View of the scene: `show` moves its objects, and rebuilds only those that another scenario or look changes."""
+    """View of the scene: `show` moves its objects, and rebuilds only those that another scenario or option changes."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -73,47 +73,47 @@ class SceneView:
         """Set the grid's colours; the page's style sheet sets the background."""
         self._grid.cell_color, self._grid.section_color = GRID[theme], GRID_SECTION[theme]
 
-    def show(self, snapshot: Snapshot, look: Look) -> Legend:
+    def show(self, snapshot: Snapshot, options: SceneOptions) -> Legend:
         """Draw a snapshot; returns the present legend of lengths and colours."""
-        shade = self._ghost.follow(snapshot) if look.ghost else None
-        self._rebuild(snapshot, look, shade)
-        newtons = self._scale.fit((snapshot.force, snapshot.force_desired, snapshot.push), look.newtons)
+        shade = self._ghost.follow(snapshot) if options.ghost else None
+        self._rebuild(snapshot, options, shade)
+        newtons = self._scale.fit((snapshot.force, snapshot.force_desired, snapshot.push), options.newtons)
         if self._robot_view is not None:
             self._robot_view.show(snapshot.q)
         if self._ghost_view is not None:
-            self._ghost_view.set_visible(shade is not None)
+            self._ghost_view.set_visible(visible=shade is not None)
             if shade is not None:
                 self._ghost_view.show(shade.q)
-        self._pinned.show(snapshot, wanted=look.pinned_arms)
+        self._pinned.show(snapshot, wanted=options.pinned_arms)
         for surface in self._surfaces:
-            surface.place(snapshot, visible=look.surface)
+            surface.place(snapshot, visible=options.surface)
         for arrow, start, force in (
             (self._force, snapshot.tool, snapshot.force),
             (self._desired, snapshot.tool + _ASIDE, snapshot.force_desired),
         ):
-            arrow.show(start, force if look.forces else np.zeros(3), newtons)
-        if look.frame:
+            arrow.show(start, force if options.forces else np.zeros(3), newtons)
+        if options.frame:
             system = snapshot.system
             self._frame.show(system.charted, system.layout.positions, snapshot.tool, snapshot.t)
         else:
             self._frame.hide()
-        if look.spring:
-            self._spring.show(snapshot.tool, snapshot.tool_desired, look.times)
+        if options.spring:
+            self._spring.show(snapshot.tool, snapshot.tool_desired, options.times)
         else:
             self._spring.hide()
-        self._grid.visible = look.grid
+        self._grid.visible = options.grid
         if not snapshot.looking_back:  # then the paths of the whole run are drawn already
             self._tool_path.extend(snapshot.tool, lambda: _path_error(snapshot))
             if snapshot.tool_desired is not None:
                 self._desired_path.extend(snapshot.tool_desired)
         return Legend(self._tool_path.scale, newtons, None if shade is None else shade.distance)
 
-    def draw_paths(self, look: Look) -> None:
+    def draw_paths(self, options: SceneOptions) -> None:
         """Send the paths; they are long, so this happens less often than `show`."""
-        self._tool_path.draw(look.tool_path, self._tool_path.scale if look.error_colors else None)
-        self._desired_path.draw(look.desired_path, None)
+        self._tool_path.draw(shown=options.tool_path, largest=self._tool_path.scale if options.error_colors else None)
+        self._desired_path.draw(shown=options.desired_path, largest=None)
 
-    def _rebuild(self, snapshot: Snapshot, look: Look, shade: Shade | None) -> None:
+    def _rebuild(self, snapshot: Snapshot, options: SceneOptions, shade: Shade | None) -> None:
         if snapshot.run != self._run:
             self._run = snapshot.run
             self._tool_path.clear()
@@ -125,9 +125,9 @@ class SceneView:
             self._known_arm = arm
             self._arm_key = arm.urdf, arm.joint_names, arm.tool_frame, arm.tool_offset.tolist()
         robot = self._arm_key
-        if (robot, look.cell) != self._robot_key:
-            self._robot_key = robot, look.cell
-            self._robot_view = self._arm(snapshot, self._robot_view, look.cell, None)
+        if (robot, options.cell) != self._robot_key:
+            self._robot_key = robot, options.cell
+            self._robot_view = self._arm(snapshot, self._robot_view, options.cell, None)
             self._robot_view.show(snapshot.q)
         if shade is not None and robot != self._ghost_key:
             self._ghost_key = robot

@@ -12,8 +12,10 @@ import numpy as np
 import viser
 
 from app.dashboard.theme.style import COMMIT, MARKS
+from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
-from app.dashboard.widgets.controls import AwaitedAnswer, Desk, FieldPlace
+from app.dashboard.widgets.controls import AwaitedAnswer, Desk
+from app.dashboard.widgets.field_place import FieldPlace
 from app.scenario.errors import ScenarioError
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
@@ -41,12 +43,10 @@ class ArmChoice:
         self._answer = AwaitedAnswer()
         self._names = {entry.title: name for name, entry in CATALOGUE.items()}
         self._dropdown = desk.gui.add_dropdown("Arm", (*self._names, OWN), hint="row of the catalogue, or a URDF")
-        self._dropdown.on_update(self._on_update)
+        self._dropdown.on_update(from_pages(self._on_update))
         self._note = desk.gui.add_html("")
 
-    async def _on_update(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_update(self, _: PageEvent) -> None:
         snapshot, chosen = self._desk.snapshot(), self._dropdown.value
         if chosen in self._names:
             self._answer.expect(snapshot, seconds=1.0)
@@ -94,11 +94,9 @@ class UrdfPath:
         self._desk, self._place, self._answer = desk, FieldPlace("robot.urdf"), AwaitedAnswer()
         with desk.gui.add_form(None):
             self._text = desk.gui.add_text("path", "", hint="of a URDF on the computer that runs the dashboard")
-        self._text.on_update(self._on_text)
+        self._text.on_update(from_pages(self._on_text))
 
-    async def _on_text(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_text(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
         if not self._text.value.endswith(COMMIT):
             self._answer.expect(snapshot, seconds=60.0)
@@ -121,12 +119,11 @@ class ToolFrame:
         self._desk, self._answer = desk, AwaitedAnswer()
         place = FieldPlace("robot.tool_frame")
         self._dropdown: viser.GuiDropdownHandle[str] = desk.gui.add_dropdown("Tool frame", ["—"], hint=place.hint)
-        self._dropdown.on_update(self._on_update)
+        self._dropdown.on_update(from_pages(self._on_update))
 
-    async def _on_update(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._answer.expect(self._desk.snapshot(), seconds=1.0)
-            self._desk.post(Edit("robot.tool_frame", self._dropdown.value))
+    async def _on_update(self, _: PageEvent) -> None:
+        self._answer.expect(self._desk.snapshot(), seconds=1.0)
+        self._desk.post(Edit("robot.tool_frame", self._dropdown.value))
 
     def show(self, snapshot: Snapshot) -> None:
         robot = snapshot.robot

@@ -10,6 +10,7 @@ import msgspec
 import viser
 
 from app.dashboard.theme.style import MARKS
+from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.file_delivery import FileDelivery
 from app.dashboard.widgets.swept_fields import number_of, unmarked
@@ -37,7 +38,7 @@ class BesideLoop(ABC, Generic[W]):
     def _add_length(self) -> None:
         """Add the text field for the length of each run."""
         self._seconds = self._desk.gui.add_text("Each run [s]", "2", hint="0.2 to 10 s.")
-        self._seconds.on_update(unmarked)
+        self._seconds.on_update(from_pages(unmarked))
 
     def _add_button(self) -> None:
         """Add the button, and the picture below it."""
@@ -50,7 +51,7 @@ class BesideLoop(ABC, Generic[W]):
         which the script finds it."""
         self._desk.gui.add_html(f'<i class="{field}"></i>')
         self._mark = self._desk.gui.add_text("", "")
-        self._mark.on_update(self._on_mark)
+        self._mark.on_update(from_pages(self._on_mark))
 
     def _length(self) -> float:
         """Length of each run, s. Raises ScenarioError."""
@@ -73,8 +74,8 @@ class BesideLoop(ABC, Generic[W]):
     def _begin(self, snapshot: Snapshot) -> W:
         """Begin the computation of the present choices. Raises ScenarioError."""
 
-    async def _on_mark(self, event: viser.GuiEvent) -> None:
-        if event.client is not None and self._work is not None:
+    async def _on_mark(self, event: PageEvent) -> None:
+        if self._work is not None:
             self._choose(self._work, self._mark.value.partition(" ")[0], event.client.client_id)
 
     @abstractmethod

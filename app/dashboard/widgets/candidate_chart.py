@@ -10,7 +10,7 @@ from html import escape
 import numpy as np
 
 from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, plain, said_html
-from app.sweep.figures_of_run import COLUMNS
+from app.sweep.run_metrics import COLUMNS
 from app.sweep.titles import unit_of
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate, front
@@ -18,6 +18,7 @@ from app.tune.question import in_words
 
 HEIGHT, FIELD = 224, "vs-candidate-field"
 EDGE = 8  # px, between the axes and the candidates
+DECADE = 10.0  # ratio of an aim's values from which on their axis is logarithmic: else one far out hides the others
 
 
 def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: int | None) -> str:
@@ -32,7 +33,8 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
     at = {each.number: _place(each) for each in shown}
     # what is over a limit, and never offered, lies at the picture's edge where it is beyond the others
     offered = [at[each.number] for each in shown if not each.badge or each.number == 0]
-    across, up = (ColorScale.of(np.array([place[k] for place in offered or at.values()])) for k in (0, 1))
+    places = np.array(offered or list(at.values()))
+    across, up = (_scale(places[:, 0], of_aim=len(aims) > 1), _scale(places[:, 1], of_aim=True))
     x = {number: LEFT + EDGE + across.share(place[0]) * (RIGHT - LEFT - 2 * EDGE) for number, place in at.items()}
     y = {number: BOTTOM - EDGE - up.share(place[1]) * (BOTTOM - TOP - 2 * EDGE) for number, place in at.items()}
     marks = [
@@ -45,12 +47,12 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
         f"{name}, logarithmic" if scale.logarithmic else name
         for name, scale in zip(names_of_axes, (across, up), strict=True)
     )
-    previewed = ' data-previewed=""' if chosen is not None else ""
+    state = (' data-previewed=""' if chosen is not None else "") + (' data-going=""' if tuning.going else "")
     steps = _front([(x[each.number], y[each.number]) for each in best]) if len(aims) > 1 else ""
     return (
         f'<div class="vs-checks"><div class="vs-note">{told}. Red: the front; star: the present gains at the start; '
         f"cross: over a limit, never offered</div>{said_html(FIELD)}"
-        f'<svg class="vs-poles vs-tiles" data-field="{FIELD}"{previewed} viewBox="0 0 {WIDTH} {HEIGHT}" role="group" '
+        f'<svg class="vs-poles vs-tiles" data-field="{FIELD}"{state} viewBox="0 0 {WIDTH} {HEIGHT}" role="group" '
         f'aria-label="candidates: one shows what it would do, chosen again it is applied">'
         f'<path class="axis" fill="none" d="M {LEFT} {TOP} V {BOTTOM} H {RIGHT}"/>{steps}{"".join(marks)}'
         f"{_axes(names_of_axes, across, up)}</svg></div>"
@@ -77,11 +79,11 @@ def said_of(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, 
         f"{names[path]} {plain(float(value))} {unit_of(path, units)}".rstrip()
         for path, value in candidate.values.items()
     )
-    figures = ", ".join(
+    metrics = ", ".join(
         f"{aim.replace('_', ' ')} {plain(value)} {COLUMNS[aim].unit_in(units)}".rstrip()
         for aim, value in zip(tuning.tuning.aims, candidate.aims, strict=True)
     )
-    return f"{gains or 'own gains'}: {figures}"
+    return f"{gains or 'own gains'}: {metrics}"
 
 
 def _said(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
@@ -94,6 +96,12 @@ def _place(candidate: Candidate) -> tuple[float, float]:
     """Position of a candidate in the picture: its two aims, or its number and its only aim."""
     first, *others = candidate.aims
     return (first, others[0]) if others else (float(candidate.number), first)
+
+
+def _scale(values: np.ndarray, *, of_aim: bool) -> ColorScale:
+    """Axis over these values: of an aim, or of the candidates' numbers, which is linear."""
+    low, high = float(values.min()), float(values.max())
+    return ColorScale(low, high, of_aim and 0.0 < DECADE * low < high)
 
 
 def _mark(candidate: Candidate, x: float, y: float, said: str, chosen: int | None, *, in_front: bool) -> str:

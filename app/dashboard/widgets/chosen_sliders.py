@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from app.dashboard.widgets.controls import Desk, NumberField, NumberRow
+from app.dashboard.widgets.controls import Desk, NumberField
+from app.dashboard.widgets.field_place import NumberRow
 from app.session.snapshot import Snapshot
 
 MOST = 3

@@ -11,30 +11,28 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Protocol
 
 import viser
 from msgspec import Struct
 
 from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, MOVED, RELEASED, SWEPT
+from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.edit_lock import EditLock
+from app.dashboard.widgets.field_place import FINE_STEP, FieldPlace, NumberRow, PlaceWhere, SliderScale
 from app.dashboard.widgets.matrix_text import read_back, written
 from app.dashboard.widgets.whatif import HeldControl, WhatIf
 from app.export.export_jobs import ExportJobs
 from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk
 from app.scenario.data import kind_of
-from app.scenario.field_info import FieldInfo, field_info
 from app.scenario.schema import Scenario
 from app.scenario.units import label_with_joints
 from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
 from app.sweep.share import Share
-
-FINE = 0.0002  # share of a slider's length: step with Shift
-STEP = 0.002  # step without Shift; `rows.js` makes it of ten FINE
 
 
 @dataclass(frozen=True)
@@ -96,117 +94,9 @@ class AwaitedAnswer:
         return time.monotonic() < self._until
 
 
-@dataclass(frozen=True)
-class FieldPlace:
-    """Place of a control's value in the scenario: a field by its dotted path."""
-
-    path: str
-
-    def read(self, snapshot: Snapshot) -> Any:
-        """The running value, or None when this scenario has no such field."""
-        value: Any = snapshot.scenario
-        for name in self.path.split("."):
-            value = getattr(value, name, None)
-        return value
-
-    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
-        """Command that gives this place a value. A place that is part of a field takes the rest of it from the
-        snapshot.
-
-        Raises ValueError with a sentence for a value that the field cannot hold.
-        """
-        del snapshot
-        return Edit(self.path, value)
-
-    def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
-        """Places that an edit of this place sets: itself, and those linked to it."""
-        del snapshot
-        return (self,)
-
-    def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
-        """Path by which a sweep varies this place (see `app.scenario.data.with_value`), and values by path that the
-        scenario must get before. Raises ValueError with a sentence where the place is no single number."""
-        del snapshot
-        return self.path, {}
-
-    @property
-    def info(self) -> FieldInfo | None:
-        """Meaning, unit and bounds in the scenario's schema; None for a field that it does not describe."""
-        try:
-            return field_info(self.path)
-        except KeyError:
-            return None
-
-    @property
-    def hint(self) -> str:
-        """Meaning, unit and bounds in words."""
-        info = self.info
-        if info is None:
-            return self.path
-        unit = f" [{info.unit}]" if info.unit not in ("", "1") else ""
-        low = "" if info.least is None else f" ≥ {info.least:g}"
-        high = "" if info.largest is None else f" ≤ {info.largest:g}"
-        return f"{info.doc}{unit}{low}{high}"
-
-
-@dataclass(frozen=True)
-class PlaceWhere(FieldPlace):
-    """Place of a field that has a meaning only in the scenarios for which `applies` returns True; in others its control
-    is hidden."""
-
-    applies: Callable[[Scenario], bool]
-
-    def read(self, snapshot: Snapshot) -> Any:
-        return super().read(snapshot) if self.applies(snapshot.scenario) else None
-
-
-@dataclass(frozen=True)
-class SliderScale:
-    """Scale of a slider.
-    low, high: values at its ends.
-    logarithmic: equal ways along the slider are equal factors of the value.
-    zero: the left end means exactly 0."""
-
-    low: float
-    high: float
-    logarithmic: bool = False
-    zero: bool = False
-
-    def value(self, position: float) -> float:
-        """Value at a position, 0 to 1, of the slider: of three digits at multiples of STEP, of four between them."""
-        if self.zero and position <= 0:
-            return 0.0
-        value = self.low + position * (self.high - self.low)
-        if self.logarithmic:
-            value = self.low * (self.high / self.low) ** position
-        whole = abs(position - STEP * round(position / STEP)) < 0.1 * FINE
-        return float(f"{value:.3g}" if whole else f"{value:.4g}")
-
-    def position(self, value: float) -> float:
-        if not self.logarithmic:
-            share = (value - self.low) / (self.high - self.low)
-        elif value <= 0:
-            share = 0.0
-        else:
-            share = math.log(value / self.low) / math.log(self.high / self.low)
-        return min(max(share, 0.0), 1.0)
-
-
-def decades(low: float, high: float, *, zero: bool = False) -> SliderScale:
-    return SliderScale(low, high, logarithmic=True, zero=zero)
-
-
 def labelled(label: str, unit: str) -> str:
     """Label of a control with the unit of its numbers."""
     return label if unit in ("", "1") else f"{label} [{unit}]"
-
-
-class NumberRow(NamedTuple):
-    """Row of a number on the page: its place, its label, and the scale of its slider, None without a slider."""
-
-    place: FieldPlace
-    label: str
-    scale: SliderScale | None
 
 
 class NumberField:
@@ -219,11 +109,11 @@ class NumberField:
         self._form = desk.gui.add_form(None)
         with self._form:
             self._text = desk.gui.add_text(label, "", hint=place.hint)
-            self._text.on_update(self._on_text)
+            self._text.on_update(from_pages(self._on_text))
             self._slider = None
             if scale is not None:
-                self._slider = desk.gui.add_slider("", 0.0, 1.0, FINE, 0.0, marks=(), hint=place.hint)
-                self._slider.on_update(self._on_slider)
+                self._slider = desk.gui.add_slider("", 0.0, 1.0, FINE_STEP, 0.0, marks=(), hint=place.hint)
+                self._slider.on_update(from_pages(self._on_slider))
 
     @property
     def row(self) -> NumberRow:
@@ -234,9 +124,7 @@ class NumberField:
         """Remove the control from the page."""
         self._form.remove()
 
-    async def _on_text(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_text(self, _: PageEvent) -> None:
         if self._text.value.endswith((RELEASED, ESCAPED)):
             self._let_go(apply=self._text.value.endswith(RELEASED))
             return
@@ -265,8 +153,8 @@ class NumberField:
         else:
             self._ask(snapshot, edit, seconds=1.0)
 
-    async def _on_slider(self, event: viser.GuiEvent) -> None:
-        if event.client is None or self._slider is None or self._scale is None:
+    async def _on_slider(self, event: PageEvent) -> None:
+        if self._slider is None or self._scale is None:
             return
         snapshot, value = self._desk.snapshot(), self._scale.value(self._slider.value)
         if self._place.read(snapshot) is None:  # the new scenario has no such field: the row is being hidden
@@ -341,7 +229,7 @@ class NumberField:
     def set_label(self, label: str) -> None:
         self._label = self._text.label = label
 
-    def enable(self, enabled: bool) -> None:
+    def set_enabled(self, *, enabled: bool) -> None:
         for widget in (self._text, self._slider):
             if widget is not None and widget.disabled == enabled:
                 widget.disabled = not enabled
@@ -350,7 +238,8 @@ class NumberField:
 class Dropdown:
     """Dropdown of a field.
     options: values in the scenario by the text shown.
-    applies: see `PlaceWhere`, None for a field of every scenario."""
+    applies: see `PlaceWhere`, None for a field of every scenario.
+    hint: what is chosen, where the field's meaning in the schema does not say it."""
 
     def __init__(
         self,
@@ -359,17 +248,16 @@ class Dropdown:
         label: str,
         options: Mapping[str, object],
         applies: Callable[[Scenario], bool] | None = None,
+        hint: str = "",
     ) -> None:
         self._desk, self._options = desk, dict(options)
         self._place = FieldPlace(path) if applies is None else PlaceWhere(path, applies)
         self._shown = {value: title for title, value in options.items()}
         self._answer = AwaitedAnswer()
-        self._dropdown = desk.gui.add_dropdown(label, tuple(options), hint=self._place.hint)
-        self._dropdown.on_update(self._on_update)
+        self._dropdown = desk.gui.add_dropdown(label, tuple(options), hint=hint or self._place.hint)
+        self._dropdown.on_update(from_pages(self._on_update))
 
-    async def _on_update(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_update(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
         posted = self._desk.post(Edit(self._place.path, self._options[self._dropdown.value]))
         self._answer.expect(snapshot, seconds=1.0 if posted else 0.0)
@@ -390,11 +278,9 @@ class Switch:
         self._desk, self._place = desk, place
         self._answer = AwaitedAnswer()
         self._checkbox = desk.gui.add_checkbox(label, False, hint=self._place.hint)
-        self._checkbox.on_update(self._on_update)
+        self._checkbox.on_update(from_pages(self._on_update))
 
-    async def _on_update(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_update(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
         posted = self._desk.post(Edit(self._place.path, self._checkbox.value))
         self._answer.expect(snapshot, seconds=1.0 if posted else 0.0)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from app.session.commands import Blend, Command, Continue, Edit, EditAll, Load, Push, PushNow, TakeWayOut
+from app.session.commands import BeginScenario, Blend, Command, Continue, Edit, EditAll, Load, Push, PushNow, TakeWayOut
 
 # commands that change the run and are no edits, and their names in a refusal
 _OTHERS = {
     Blend: "a blend",
     Load: "another scenario",
+    BeginScenario: "another scenario",
     Continue: "the last session",
     PushNow: "a push",
     TakeWayOut: "the way out",

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 from app.dashboard.widgets.matrix_text import written
 from app.scenario.units import Units
 from app.sweep.titles import said, title_of, unit_of
 
 LONGEST = 40  # letters of a value
+FIRST = 3  # numbers of a list that is longer than that
+_PER_AXIS = ("target_model.", "controller.")  # fields with a number for each axis
+# a matrix of the target model as refusals name it, which may have the number of one of the paper's blocks
+_MATRIX = re.compile(r"\btarget_model\.([MBK]_[mf])([12]?)\b")
+_BLOCKS = {"": "", "1": " of the pressed coordinates", "2": " of the free coordinates"}
 
 
 def field_in_words(path: str, value: object, units: Units) -> str:
@@ -19,5 +26,23 @@ def _value(path: str, value: object, units: Units) -> str:
         return "the mode's own" if path.startswith("target_model.") else "not given"
     if isinstance(value, bool | str):
         return said(path, value)
+    unit = unit_of(path, units)
+    if isinstance(value, list | tuple) and value:
+        if isinstance(value[0], list | tuple):
+            return f"{len(value)} × {len(value[0])} numbers"
+        return _listed(path, [written(each) for each in value], unit)
     text = written(value) if isinstance(value, float | int) else str(value)
-    return f"{text if len(text) < LONGEST else f'{text[: LONGEST - 3]}…'} {unit_of(path, units)}".rstrip()
+    return f"{text if len(text) < LONGEST else f'{text[: LONGEST - 3]}…'} {unit}".rstrip()
+
+
+def _listed(path: str, numbers: list[str], unit: str) -> str:
+    """Numbers of a list in words: the one number that all are, or the first few of many."""
+    if len(numbers) > 1 and len(set(numbers)) == 1:
+        return f"{f'{numbers[0]} {unit}'.rstrip()}{', all axes' if path.startswith(_PER_AXIS) else ' each'}"
+    text = ", ".join(numbers)
+    return f"{text if len(text) < LONGEST else ', '.join([*numbers[:FIRST], '…'])} {unit}".rstrip()
+
+
+def refusal_in_words(sentence: str) -> str:
+    """Reason of a refusal with the matrices of the target model called as on the page."""
+    return _MATRIX.sub(lambda found: f"{found[1]}{_BLOCKS[found[2]]}", sentence)

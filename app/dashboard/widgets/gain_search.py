@@ -8,9 +8,11 @@ from html import escape
 import viser
 
 from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.transport.page_values import from_pages
 from app.dashboard.widgets.beside_loop import BesideLoop, lasting, typed
 from app.dashboard.widgets.candidate_chart import FIELD, candidates_html, said_of
-from app.dashboard.widgets.controls import Desk, NumberRow
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.field_place import NumberRow
 from app.dashboard.widgets.robustness_map import ARMS
 from app.dashboard.widgets.swept_fields import (
     GAINS,
@@ -83,7 +85,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._file = gui.add_button("This search as a folder", color="gray", visible=False, hint="As `vsmrc tune` has.")
         self._add_mark(FIELD)
         for text in (self._unseen, self._seed):
-            text.on_update(unmarked)
+            text.on_update(from_pages(unmarked))
         self._file.on_click(guarded(self._on_file, desk.complain))
 
     def let_move(self, row: NumberRow) -> None:

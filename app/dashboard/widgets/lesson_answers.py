@@ -6,11 +6,12 @@ from collections.abc import Callable, Coroutine
 from html import escape
 
 import msgspec
-import viser
 
 from app.dashboard.theme.style import MARKS
+from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
-from app.dashboard.widgets.controls import Desk, FieldPlace, NumberField, SliderScale
+from app.dashboard.widgets.controls import Desk, NumberField
+from app.dashboard.widgets.field_place import FieldPlace, SliderScale
 from app.dashboard.widgets.model_fields import DiagonalPlace
 from app.dashboard.widgets.outcome_chart import pad_html
 from app.lessons import blocks
@@ -67,12 +68,12 @@ class NumberAnswer:
         with self._form:
             self._text = desk.gui.add_text("", "")
         self._lock = desk.gui.add_button("Lock my answer", visible=False, hint="It counts once, before the run.")
-        self._text.on_update(self._on_text)
+        self._text.on_update(from_pages(self._on_text))
         self._lock.on_click(self._on_lock)
         self._step = 0
 
-    async def _on_text(self, event: viser.GuiEvent) -> None:
-        if event.client is not None and self._text.value.endswith(MARKS):
+    async def _on_text(self, _: PageEvent) -> None:
+        if self._text.value.endswith(MARKS):
             self._text.value = self._text.value.rstrip("".join(MARKS))
 
     async def _on_lock(self, _: object) -> None:

@@ -9,6 +9,7 @@ import viser
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.controls import Desk
 from app.lessons.answers import LessonProgress, csv_of, json_of
+from app.lessons.blocks import Goal
 from app.lessons.lesson import Lesson
 from app.lessons.markup import inline_html
 
@@ -65,7 +66,7 @@ class LessonList:
         if done is not None:
             scores = [answer.score for answer in done.answers.values() if answer.score is not None]
             told = f" {sum(scores):g} of {len(scores)} answers right" if scores else ""
-            state = f"<p>{chip('done', 'vs-good') if done.finished else chip('begun', 'vs-warn')}{told}</p>"
+            state = f"<p>{_state(lesson, done)}{told}</p>"
             label = "Take it again" if done.finished else f"Continue at step {done.step}"
         content = (
             f'<div class="vs-lesson vs-prose"><p class="vs-dim">{lesson.head.minutes:g} minutes. '
@@ -75,6 +76,17 @@ class LessonList:
             self._about.content = content
         if self._begin.label != label:
             self._begin.label = label
+
+
+def _state(lesson: Lesson, progress: LessonProgress) -> str:
+    """Whether the lesson has been gone through, and whether its goals were met, as a chip."""
+    if not progress.finished:
+        return chip("begun", "vs-warn")
+    goals = [step.number for step in lesson.steps if isinstance(step.block, Goal)]
+    missed = len(set(goals) - set(progress.goals))
+    if not missed:
+        return chip("done", "vs-good")
+    return chip(f"done, {'goal' if len(goals) == 1 else f'{missed} of {len(goals)} goals'} not met", "vs-warn")
 
 
 def _title(name: str, lesson: Lesson) -> str:

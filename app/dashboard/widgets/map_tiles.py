@@ -15,11 +15,12 @@ from app.sweep.background import BackgroundSweep
 from app.sweep.charts import wide
 from app.sweep.points import Points, interval
 from app.sweep.question import SweepQuestion
-from controllers.premises import STATEMENTS, Premise
+from controllers.premise_statements import STATEMENTS
+from controllers.premises import Premise
 
 LEFT, RIGHT, TOP, BOTTOM, WIDTH, HEIGHT = 44, 330, 8, 196, 336, 248  # px, of the tiles and of the whole picture
 COURSE_HEIGHT = 224  # px, of a picture over one field, which has no colour bar
-GAP = 0.8  # px, around a tile, so that its neighbours do not cover the outline that tells the focus
+GAP = 0.8  # px, around a tile, which can be pressed, too; neighbours do not cover the outline that tells the focus
 STOPS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))  # evenly spaced colours of viridis
 SHADES = 24  # of the colour bar
 NOTHING = "rgba(128, 128, 128, 0.18)"
@@ -92,10 +93,11 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
         picture, ends, height = _course(question, points, numbers, naming, present), "", COURSE_HEIGHT
     else:
         picture, ends, height = (*_tiles(question, points, numbers, naming, present), HEIGHT)
+    going = ' data-going=""' if sweep.going else ""
     return (
         f'<div class="vs-checks"><div class="vs-note">{escape(naming.title)}{over}: {told}{ends}; '
         f"{'ring' if len(question.sweep.vary) > 1 else 'blue line'}: the present setting</div>{said_html(FIELD)}"
-        f'<svg class="vs-poles vs-tiles" data-field="{FIELD}" viewBox="0 0 {WIDTH} {height}" role="group" '
+        f'<svg class="vs-poles vs-tiles" data-field="{FIELD}"{going} viewBox="0 0 {WIDTH} {height}" role="group" '
         f'aria-label="{escape(naming.title)}: a tile opens its run">{picture}</svg></div>'
     )
 
@@ -129,13 +131,16 @@ def _tiles(
             if not math.isnan(of_points[k]):
                 held[i, j] = bool(of_points[k])
         color = NOTHING if math.isnan(number) else _color(scale.share(number))
+        x_at, y_at = LEFT + i * frame.wide, BOTTOM - (j + 1) * frame.tall
         cross = f'<path d="{_cross(i, j, frame)}" stroke="currentColor"/>' if points.stopped[k] else ""
         said = escape(_said(question, points, k, number, naming))
         tiles.append(
             f'<g data-point="{i * len(y.values) + j}" data-at="{i},{j}" tabindex="{-1 if tiles else 0}" role="button" '
             f'aria-label="{said}">'
-            f'<rect x="{LEFT + i * frame.wide + GAP:.1f}" y="{BOTTOM - (j + 1) * frame.tall + GAP:.1f}" '
-            f'width="{frame.wide - 2 * GAP:.1f}" height="{frame.tall - 2 * GAP:.1f}" fill="{color}"/>{cross}</g>'
+            f'<rect x="{x_at + GAP:.1f}" y="{y_at + GAP:.1f}" '
+            f'width="{frame.wide - 2 * GAP:.1f}" height="{frame.tall - 2 * GAP:.1f}" fill="{color}"/>{cross}'
+            f'<rect x="{x_at:.2f}" y="{y_at:.2f}" width="{frame.wide:.2f}" height="{frame.tall:.2f}" '
+            'fill="transparent"/></g>'
         )
     red = _ends(declared, frame, 'class="vs-ends" stroke="#e84040" stroke-width="2"')
     dashed = _ends(

@@ -10,6 +10,7 @@ from html import escape
 import numpy as np
 import viser
 
+from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.equation import symbol
 from app.dashboard.widgets.matrix_text import read_matrix, written_rows
@@ -38,7 +39,7 @@ class Draft:
         try:
             return read_matrix(self.texts[name], self.n)
         except ValueError as error:
-            raise ValueError(f"target_model.{name}: {error}") from error
+            raise ValueError(f"{name}: {error}") from error
 
     def matrices(self) -> dict[str, np.ndarray]:
         """All matrices of the draft. Raises ValueError as `matrix` does."""
@@ -69,25 +70,25 @@ class MatrixEditor:
         self._asked_at: tuple[int, int] | None = None  # counts of the runner's answers when the draft was sent
         self._name, self._block = "K_m", 0
         self._matrix = gui.add_dropdown("Matrix", NAMES, initial_value=self._name)
-        self._matrix.on_update(self._on_choice)
+        self._matrix.on_update(from_pages(self._on_choice))
         self._blocks = gui.add_dropdown("Block", _NO_BLOCKS, hint="Rows × columns. An entry's mirror image follows it.")
-        self._blocks.on_update(self._on_choice)
+        self._blocks.on_update(from_pages(self._on_choice))
         self._rows: dict[int, list[viser.GuiVector2Handle] | list[viser.GuiVector3Handle]] = {
             2: [gui.add_vector2("", (0.0, 0.0), step=1.0, visible=False) for _ in range(2)],
             3: [gui.add_vector3("", (0.0, 0.0, 0.0), step=1.0) for _ in range(3)],
         }
         for row in (*self._rows[2], *self._rows[3]):
             row.precision = 4
-            row.on_update(self._on_row)
+            row.on_update(from_pages(self._on_row))
         self._text = gui.add_text(
             "or paste", "", multiline=True, hint="n rows of n numbers, or n numbers for a diagonal; blanks or commas."
         )
-        self._text.on_update(self._on_text)
+        self._text.on_update(from_pages(self._on_text))
         self._over = gui.add_number(
             "blend over [s]", 0.0, min=0.0, max=3600.0, step=0.5, hint="0: at once. Else convexly, if that is stable."
         )
         self._over.precision = 3
-        self._over.on_update(self._on_over)
+        self._over.on_update(from_pages(self._on_over))
         self._seconds = 0.0
         self._told: tuple[object, str] | None = None
         self._buttons = gui.add_button_group("", ("apply all", "discard"))
@@ -98,30 +99,24 @@ class MatrixEditor:
         """Command that applies the draft, None without a draft. Raises ValueError for a text that is no matrix."""
         return model_edit(snapshot, self._draft.matrices()) if self._draft.texts else None
 
-    async def _on_choice(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_choice(self, _: PageEvent) -> None:
         self._name = self._matrix.value
         if self._blocks.value in self._blocks.options:
             self._block = self._blocks.options.index(self._blocks.value)
         self.show(self._desk.snapshot())
 
-    async def _on_row(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_row(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
         rows, columns, width = self._window(len(snapshot.coordinates))
         block = np.array([row.value for row in self._rows[width]])
         changed = with_entries(self._current(snapshot), rows, columns, block)
         self._draft = self._draft.with_text(self._name, written_rows(changed))
 
-    async def _on_text(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._draft = self._draft.with_text(self._name, self._text.value)
+    async def _on_text(self, _: PageEvent) -> None:
+        self._draft = self._draft.with_text(self._name, self._text.value)
 
-    async def _on_over(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._seconds = float(self._over.value)
+    async def _on_over(self, _: PageEvent) -> None:
+        self._seconds = float(self._over.value)
 
     async def _on_button(self, event: viser.GuiEvent) -> None:
         if event.target.value == "discard":

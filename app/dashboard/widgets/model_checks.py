@@ -10,6 +10,7 @@ from html import escape
 import numpy as np
 
 from app.dashboard.widgets.chips import chip
+from app.dashboard.widgets.field_words import refusal_in_words
 from app.dashboard.widgets.matrix_text import short
 from app.dashboard.widgets.pole_drag import draggable
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
@@ -116,7 +117,7 @@ def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
     verdicts = _verdict(now, "")
     if asked is not None:
         verdicts += _verdict(asked, "asked: ")
-    message = f'<div class="vs-message vs-bad">{escape(problem)}</div>' if problem else ""
+    message = f'<div class="vs-message vs-bad">{escape(refusal_in_words(problem))}</div>' if problem else ""
     return (
         f'<div class="vs-checks"><div class="vs-row">{verdicts}</div>{message}'
         f"{pole_map_html(grouped(now.poles), [] if asked is None else grouped(asked.poles), draggable(snapshot))}"

@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from msgspec import to_builtins
 
-from app.dashboard.widgets.controls import FieldPlace
 from app.dashboard.widgets.equation import is_fixed
+from app.dashboard.widgets.field_place import FieldPlace
 from app.dashboard.widgets.matrix_text import written
 from app.session.commands import Blend, Edit
 from app.session.snapshot import Snapshot

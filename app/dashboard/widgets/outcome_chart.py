@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
 
-from app.dashboard.theme.colors import MEASURED, SERIES, Rgb, css
+from app.dashboard.theme.colors import MEASURED, Rgb, css
 from app.lessons.answers import Answer
 from app.lessons.blocks import CurveQuestion, LessonRun, PictureLine
 from app.lessons.lesson import LessonStep
@@ -20,15 +20,20 @@ LEFT, RIGHT, TOP, BOTTOM = 40, 330, 20, 140  # px, edges of the frame
 TICKS = 4
 
 
-def outcome_html(run: LessonStep, traces: Sequence[Trace], predictions: Sequence[tuple[LessonStep, Answer]]) -> str:
-    """Pictures of a run as HTML, one below the other for each line that it shows."""
+def outcome_html(
+    run: LessonStep,
+    traces: Sequence[Trace],
+    predictions: Sequence[tuple[LessonStep, Answer]],
+    colors: Mapping[str, Rgb],
+) -> str:
+    """Pictures of a run as HTML, one below the other for each line that it shows. colors: of the runs, by title."""
     block = run.block
     assert isinstance(block, LessonRun)
     pictures = []
     for line in block.show:
         of = [trace for trace in traces if trace.line.shows(line)]
         if of:
-            pictures.append(_picture(block, line, of, predictions))
+            pictures.append(_picture(block, line, of, predictions, colors))
     return "".join(pictures)
 
 
@@ -84,7 +89,11 @@ class _Frame:
 
 
 def _picture(
-    run: LessonRun, line: PictureLine, traces: Sequence[Trace], predictions: Sequence[tuple[LessonStep, Answer]]
+    run: LessonRun,
+    line: PictureLine,
+    traces: Sequence[Trace],
+    predictions: Sequence[tuple[LessonStep, Answer]],
+    colors: Mapping[str, Rgb],
 ) -> str:
     found = predicted(run, line, predictions)
     values = np.concatenate(
@@ -97,7 +106,7 @@ def _picture(
     legend = []
     for number, trace in enumerate(traces):
         last = number == len(traces) - 1
-        color: Rgb = SERIES[0] if last else SERIES[2 + number % 4]
+        color = colors[trace.run]
         parts.append(
             f'<path fill="none" stroke="{css(color)}" stroke-width="{2 if last else 1.2}" '
             f'd="{_path(frame, np.column_stack([trace.t, trace.values]))}"><title>{escape(trace.run)}</title></path>'

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from app.dashboard.widgets.controls import Desk, FieldPlace, NumberField, SliderScale, decades, labelled
+from app.dashboard.widgets.controls import Desk, NumberField, labelled
+from app.dashboard.widgets.field_place import FieldPlace, SliderScale, log_scale
 from app.scenario.field_info import FieldInfo
 from app.session.snapshot import Snapshot
 from parameters import Parameter
@@ -32,5 +33,5 @@ class OwnPlace(FieldPlace):
 
 def own_number(desk: Desk, path: str, p: Parameter, running: Callable[[Snapshot], float | None]) -> NumberField:
     """Control of an own parameter. path: of its place in the scenario, dotted. running: see `OwnPlace`."""
-    scale = decades(p.low, p.high) if p.low > 0.0 and p.high >= WIDE * p.low else SliderScale(p.low, p.high)
+    scale = log_scale(p.low, p.high) if p.low > 0.0 and p.high >= WIDE * p.low else SliderScale(p.low, p.high)
     return NumberField(desk, OwnPlace(path, p, running), labelled(p.name, p.unit), scale)

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from html import escape
 from typing import Literal, NamedTuple
 
-import viser
-
 from app.analysis.run_events import Event, RunEvents
 from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
+from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk
 from app.dashboard.widgets.field_words import field_in_words
 from app.scenario.units import Units
@@ -94,7 +93,7 @@ class Playback:
         gui = desk.gui
         gui.add_html(_buttons_html())
         self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1×", hint="Simulated over real time.")
-        self._speed.on_update(self._on_speed)
+        self._speed.on_update(from_pages(self._on_speed))
         self._ticks = gui.add_html("")
         self._time = _Time(desk)
         for action in _ACTIONS:
@@ -119,9 +118,8 @@ class Playback:
         later = [instant for instant in self._instants if instant > t + _SAME]
         self._desk.post(Seek(min(later)) if later else ToEnd())
 
-    async def _on_speed(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._desk.post(SetSpeed(_SPEEDS[self._speed.value]))
+    async def _on_speed(self, _: PageEvent) -> None:
+        self._desk.post(SetSpeed(_SPEEDS[self._speed.value]))
 
     def show(self, snapshot: Snapshot) -> None:
         events = self._events.of(snapshot.recording, snapshot.end, snapshot.state.flagged, snapshot.forks)
@@ -209,12 +207,10 @@ class _Time:
         with desk.gui.add_form(None):
             self._text = desk.gui.add_text("time t [s]", "", hint=hint)
             self._slider = desk.gui.add_slider("", 0.0, 1.0, 0.0005, 1.0, marks=(), hint=hint)
-        self._text.on_update(self._on_text)
-        self._slider.on_update(self._on_slider)
+        self._text.on_update(from_pages(self._on_text))
+        self._slider.on_update(from_pages(self._on_slider))
 
-    async def _on_text(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_text(self, _: PageEvent) -> None:
         snapshot, text = self._desk.snapshot(), self._text.value.rstrip("".join(MARKS)).strip()
         if self._text.value.endswith((RELEASED, ESCAPED)):
             self._text.value = text
@@ -233,9 +229,7 @@ class _Time:
         except ValueError:
             self._desk.complain(f"time t [s]: {text!r:.60} is not a number; allowed: such as 1.5")
 
-    async def _on_slider(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_slider(self, _: PageEvent) -> None:
         snapshot, share = self._desk.snapshot(), self._slider.value
         self._answer.expect(snapshot, seconds=0.5)
         t = snapshot.first + share * (snapshot.end - snapshot.first)

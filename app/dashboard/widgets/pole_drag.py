@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import viser
 
+from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.matrix_text import written
@@ -64,11 +64,9 @@ class PoleDrag:
         self._drag: _Drag | None = None
         desk.gui.add_html('<i class="vs-pole-field"></i>')
         self._field = desk.gui.add_text("", "")
-        self._field.on_update(self._on_report)
+        self._field.on_update(from_pages(self._on_report))
 
-    async def _on_report(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_report(self, event: PageEvent) -> None:
         words = self._field.value.split()
         try:
             number, pole, phase = int(words[0]), complex(float(words[1]), abs(float(words[2]))), words[3]

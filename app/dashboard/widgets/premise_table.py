@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from html import escape
 
-from app.dashboard.widgets.chips import CHIP_OF, chip
+from app.dashboard.widgets.chips import chip, verdict_now, verdict_of_run
 from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
 from app.simulation.verdict import Finding
-from controllers.premises import STATEMENTS, Premise
+from controllers.premise_statements import STATEMENTS
+from controllers.premises import Premise
 
 
 def premises_html(snapshot: Snapshot) -> str:
     """Table of the premises that apply, with the verdict above it, as HTML."""
     standing = snapshot.standing
-    promise, run = standing.now, standing.run
-    head = f"<div>{chip(f'now: {promise.verdict}', CHIP_OF[promise.verdict])} {escape(promise.because)}</div>"
-    if run.verdict != promise.verdict:
+    (now, look), (whole, look_of_run), run = verdict_now(standing), verdict_of_run(standing), standing.run
+    head = f"<div>{chip(f'now: {now}', look)} {escape(standing.now.because)}</div>"
+    if whole != now:
         head += (
-            f"<div>{chip(f'this run: {run.verdict}', CHIP_OF[run.verdict])} {escape(run.because)}; "
+            f"<div>{chip(f'this run: {whole}', look_of_run)} {escape(run.because)}; "
             f"all premises held in {100 * run.share:.4g} % of its periods</div>"
         )
     rows = "".join(_row(finding) for finding in standing.findings)

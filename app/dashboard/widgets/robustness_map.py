@@ -7,8 +7,10 @@ import msgspec
 import viser
 
 from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.transport.page_values import from_pages
 from app.dashboard.widgets.beside_loop import BesideLoop, lasting, typed
-from app.dashboard.widgets.controls import Desk, NumberRow
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.field_place import NumberRow
 from app.dashboard.widgets.map_tiles import FIELD, Naming, map_html
 from app.dashboard.widgets.swept_fields import (
     FIELDS,
@@ -30,9 +32,9 @@ from app.session.snapshot import Snapshot
 from app.storage.recording_files import Tell
 from app.sweep import charts
 from app.sweep.background import BackgroundSweep
-from app.sweep.figures_of_run import COLUMNS, Figures, columns_of
 from app.sweep.points import Points, SweepView, points_of
 from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.run_metrics import COLUMNS, RunMetrics, columns_of
 from app.sweep.titles import unit_of
 
 SIZES = {"5": 5, "9": 9, "13": 13}
@@ -79,7 +81,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
             "This map", (*FORMATS, FOLDER), visible=False, hint="As a figure, or with all its runs for `vsmrc sweep`."
         )
         self._add_mark(FIELD)
-        self._within.on_update(unmarked)
+        self._within.on_update(from_pages(unmarked))
         self._files.on_click(guarded(self._on_file, desk.complain))
 
     def sweep(self, row: NumberRow) -> None:
@@ -150,7 +152,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         named = msgspec.structs.replace(scenario, name=question.sweep.scenario.name)
         snapshot, end = self._desk.snapshot(), question.sweep.length
         if snapshot.scenario != self._opened and len(snapshot.recording):
-            self._desk.post(Pin())
+            self._desk.post(Pin(may_be_pinned=True))
         self._opened = named
         self._desk.post(Perform(named, (), end))
 
@@ -196,6 +198,6 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         return map_html(work, self._points(work), self._naming(work.question.sweep.scenario.units), present)
 
 
-def badness(row: Figures, metric: str) -> tuple[bool, float]:
+def badness(row: RunMetrics, metric: str) -> tuple[bool, float]:
     """Order of the runs of a point, the worst last: stopped ones, then by the metric."""
     return bool(row.get("stopped")), float(COLUMNS[metric].badness(row.get(metric)))

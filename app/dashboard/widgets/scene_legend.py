@@ -18,7 +18,7 @@ from app.dashboard.theme.colors import (
     Rgb,
     css,
 )
-from app.dashboard.view_options import NEWTON_METRES, Legend, Look
+from app.dashboard.view_options import NEWTON_METRES, Legend, SceneOptions
 from app.dashboard.widgets.controls import Desk
 from app.session.snapshot import Snapshot
 
@@ -42,37 +42,37 @@ class SceneLegend:
         self._html = desk.gui.add_html("")
 
     def show(self, snapshot: Snapshot) -> None:
-        rows = legend_html(self._viewing.look, self._viewing.legend, snapshot)
+        rows = legend_html(self._viewing.scene_options, self._viewing.legend, snapshot)
         self._html.content = f'<div class="vs-legend">{rows}</div>'
 
 
-def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
+def legend_html(options: SceneOptions, legend: Legend, snapshot: Snapshot) -> str:
     """Rows of the legend as HTML, for the objects that are drawn."""
     lines = []
-    if look.tool_path and look.error_colors and snapshot.tool_desired is not None:
+    if options.tool_path and options.error_colors and snapshot.tool_desired is not None:
         colors = ", ".join(css(color) for color in ERROR_COLORS)
         bar = f'<span class="vs-bar" style="background: linear-gradient(90deg, {colors})">'
         lines.append(f"<div class='vs-row'>path error&ensp;0 {bar}</span> {1e3 * legend.error:g} mm</div>")
     places = [_key(TIP, "tool tip")]
-    if look.desired_path:
+    if options.desired_path:
         places.append(_key(DESIRED, "desired"))
-    if look.tool_path and not look.error_colors:
+    if options.tool_path and not options.error_colors:
         places.append(_key(TOOL_PATH, "tool"))
-    forces = [_key(MEASURED, "force"), _key(DESIRED, "desired force")] if look.forces else []
-    if look.forces or snapshot.push.any():
+    forces = [_key(MEASURED, "force"), _key(DESIRED, "desired force")] if options.forces else []
+    if options.forces or snapshot.push.any():
         forces += [_key(PUSH, "push"), f"<span>100 mm = {legend.newtons:g} N</span>"]
     if snapshot.push_moment.any():
         forces.append(f"<span>turned: 100 mm = {NEWTON_METRES:g} N·m</span>")
     model, frame, arms = [], [], []
-    if look.spring and snapshot.tool_desired is not None:
-        times = "" if look.times == 1.0 else f", deflection × {look.times:g}"
+    if options.spring and snapshot.tool_desired is not None:
+        times = "" if options.times == 1.0 else f", deflection × {options.times:g}"
         model.append(_key(MODEL, f"spring and damper of (8){times}"))
-    if look.frame:
+    if options.frame:
         names = [] if snapshot.system.layout.joint else [snapshot.coordinates[i] for i in snapshot.system.layout.places]
         frame += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
-    if look.pinned_arms and snapshot.pinned:
+    if options.pinned_arms and snapshot.pinned:
         arms += [_key(RUNS[pinned.place], escape(pinned.title)) for pinned in snapshot.pinned]
-    if look.ghost:
+    if options.ghost:
         away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
         arms.append(_key(GHOST, f"ghost, {away}"))
     lines += [f"<div class='vs-row'>{' '.join(keys)}</div>" for keys in (places, forces, model, frame, arms) if keys]

@@ -7,42 +7,40 @@ from typing import Any
 
 from msgspec import Struct
 
-from app.dashboard.widgets.controls import (
-    Control,
-    Desk,
-    Dropdown,
-    FieldPlace,
-    NumberField,
-    PlaceWhere,
-    SliderScale,
-    labelled,
-)
+from app.dashboard.widgets.controls import Control, Desk, Dropdown, NumberField, labelled
+from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, SliderScale
 from app.dashboard.widgets.own_parameters import own_number
 from app.dashboard.widgets.text_field import TextField
 from app.scenario.data import OWN, kind_of
-from app.scenario.field_info import FieldInfo, field_info, types_of
+from app.scenario.field_info import field_info, types_of
 from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
 from environments.surfaces.own import OwnSurface
 from environments.trajectories.own import OwnTrajectory
-from parameters import Parameter, Widget
+from parameters import Parameter
 
 _Own = Mapping[str, OwnSurface] | Mapping[str, OwnTrajectory]
 _Applies = Callable[[Scenario], bool]
 
 
 def kind_choice(
-    desk: Desk, section: str, label: str, kinds: Sequence[Any], own: _Own, applies: _Applies | None = None
+    desk: Desk,
+    section: str,
+    label: str,
+    kinds: Sequence[Any],
+    own: _Own,
+    applies: _Applies | None = None,
+    hint: str = "",
 ) -> Dropdown:
     """Menu of a section's kinds.
     kinds: allowed ones, each with its `title`.
     own: those of the user's own files, by kind.
-    applies: see `PlaceWhere`."""
+    applies: see `PlaceWhere`.
+    hint: what is chosen, in words."""
     options = {kind.title: str(kind.__struct_config__.tag) for kind in kinds}
     options = {title: kind for title, kind in options.items() if kind != OWN}
-    return Dropdown(
-        desk, section, label, options | {each.title: f"{OWN}:{name}" for name, each in own.items()}, applies
-    )
+    options |= {each.title: f"{OWN}:{name}" for name, each in own.items()}
+    return Dropdown(desk, section, label, options, applies, hint)
 
 
 def field_controls(
@@ -53,10 +51,26 @@ def field_controls(
     for name, each in own.items():
         controls += [_own_parameter(desk, section, f"{OWN}:{name}", p) for p in each.parameters]
     for path in _paths(section, kinds):
-        info = field_info(path)
-        if info.widget is not None:
-            controls.append(_control(desk, path, info, info.widget, applies))
+        if field_info(path).widget is not None:
+            controls.append(field_control(desk, path, applies))
     return controls
+
+
+def field_control(desk: Desk, path: str, applies: _Applies | None = None) -> Control:
+    """Control of the field at a dotted path, with the label, slider or menu that the schema's `Widget` for it says.
+    applies: see `PlaceWhere`."""
+    info = field_info(path)
+    if (shown := info.widget) is None:
+        raise ValueError(f"{path} has no widget in the schema")
+    place = FieldPlace(path) if applies is None else PlaceWhere(path, applies)
+    if shown.options:
+        return Dropdown(desk, path, shown.label, dict(shown.options), applies)
+    if info.text:
+        return TextField(desk, place, shown.label)
+    scale = None
+    if shown.low is not None and shown.high is not None:
+        scale = SliderScale(shown.low, shown.high, shown.logarithmic, shown.zero)
+    return NumberField(desk, place, labelled(shown.label, info.unit), scale)
 
 
 def _paths(prefix: str, kinds: Sequence[type[Struct]]) -> list[str]:
@@ -70,18 +84,6 @@ def _paths(prefix: str, kinds: Sequence[type[Struct]]) -> list[str]:
             else:
                 (texts if field_info(path).text else others).append(path)
     return list(dict.fromkeys([*texts, *others, *nested]))
-
-
-def _control(desk: Desk, path: str, info: FieldInfo, shown: Widget, applies: _Applies | None) -> Control:
-    place = FieldPlace(path) if applies is None else PlaceWhere(path, applies)
-    if shown.options:
-        return Dropdown(desk, path, shown.label, dict(shown.options), applies)
-    if info.text:
-        return TextField(desk, place, shown.label)
-    scale = None
-    if shown.low is not None and shown.high is not None:
-        scale = SliderScale(shown.low, shown.high, shown.logarithmic, shown.zero)
-    return NumberField(desk, place, labelled(shown.label, info.unit), scale)
 
 
 def _own_parameter(desk: Desk, section: str, kind: str, p: Parameter) -> NumberField:

@@ -8,14 +8,14 @@ from typing import Literal, get_args
 from app.dashboard.widgets.controls import Desk
 from app.scenario.data import shipped
 from app.scenario.schema import Scenario
-from app.session.commands import Edit, Load
+from app.session.commands import BeginScenario, Edit
 from controllers.modes import MODES
 
 _Digit = Literal["1", "2", "3", "4", "5", "6", "7", "8", "9"]
 
 
 class Shortcuts:
-    """Commands that load a mode by its place in MODES, or a scenario by title or name."""
+    """Commands that choose a mode by its place in MODES, or begin a scenario by title or name."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -23,7 +23,7 @@ class Shortcuts:
             desk.gui.add_command(f"Mode: {mode.label}", hotkey=digit).on_trigger(self._change(mode.name))
         for name, scenario in shipped().items():
             label = f"Scenario: {scenario.title or name}"
-            desk.gui.add_command(label, description=name).on_trigger(self._load(scenario))
+            desk.gui.add_command(label, description=name).on_trigger(self._begin(scenario))
 
     def _change(self, mode: str) -> Callable[[object], Coroutine[None, None, None]]:
         async def change(_: object) -> None:
@@ -31,8 +31,8 @@ class Shortcuts:
 
         return change
 
-    def _load(self, scenario: Scenario) -> Callable[[object], Coroutine[None, None, None]]:
-        async def load(_: object) -> None:
-            self._desk.post(Load(scenario))
+    def _begin(self, scenario: Scenario) -> Callable[[object], Coroutine[None, None, None]]:
+        async def begin(_: object) -> None:
+            self._desk.post(BeginScenario(scenario))
 
-        return load
+        return begin

@@ -6,12 +6,12 @@ from html import escape
 
 import numpy as np
 
-from app.dashboard.widgets.chips import CHIP_OF, ChipClass, chip
+from app.dashboard.widgets.chips import ChipClass, chip, verdict_now
 from app.scenario.caption import title_of
 from app.scenario.schema import Scenario
 from app.session.pacing import Pace
 from app.session.snapshot import PREPARING, Snapshot
-from app.simulation.verdict import PromiseVerdict
+from app.simulation.verdict import Standing
 from controllers.modes import MODES
 
 _LATELY = 0.2  # s before now in which a cut torque is still reported
@@ -31,7 +31,7 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
         f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
         "</div>",
         '<div class="vs-row">'
-        f"{_verdict(snapshot.standing.now)}"
+        f"{_verdict(snapshot.standing)}"
         f'<span class="vs-right vs-pace" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
         f'<b class="vs-number">{f"{snapshot.realtime_factor:.2f}×" if pace else "—"}</b></span></div>',
         _reason(snapshot),
@@ -76,10 +76,11 @@ def _phase(snapshot: Snapshot) -> str:
     return chip(snapshot.phase, looks[snapshot.phase])
 
 
-def _verdict(promise: PromiseVerdict) -> str:
+def _verdict(standing: Standing) -> str:
     """Verdict on the theorem's promise, as HTML."""
-    text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
-    return f'<span title="{escape(promise.because)}">{chip(text, CHIP_OF[promise.verdict])}</span>'
+    words, look = verdict_now(standing)
+    text = {"holds": "promise holds", "broken": "promise broken"}.get(words, words)
+    return f'<span title="{escape(standing.now.because)}">{chip(text, look)}</span>'
 
 
 def _reason(snapshot: Snapshot) -> str:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import viser
 
 from app.dashboard.theme.style import MARKS
-from app.dashboard.widgets.controls import Desk, FieldPlace, NumberRow
+from app.dashboard.transport.page_values import PageEvent, from_pages
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.field_place import FieldPlace, NumberRow
 from app.scenario.data import with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -120,8 +121,8 @@ class FieldChoice:
         self._range = desk.gui.add_text(
             label, self._range_of(first), hint="From, to: two numbers, in the unit beside it."
         )
-        self._field.on_update(self._on_field)
-        self._range.on_update(unmarked)
+        self._field.on_update(from_pages(self._on_field))
+        self._range.on_update(from_pages(unmarked))
         self._units = CARTESIAN
         self._show()
 
@@ -151,7 +152,7 @@ class FieldChoice:
         self._of = self._field.value = NONE
         self._show()
 
-    async def _on_field(self, _: object) -> None:
+    async def _on_field(self, _: PageEvent) -> None:
         if self._field.value != self._of:
             self._of = self._field.value
             self._range.value = self._range_of(self._of)
@@ -207,9 +208,9 @@ def prepared(snapshot: Snapshot, fields: list[Field]) -> Scenario:
     return with_values(snapshot.scenario, needed)
 
 
-async def unmarked(event: viser.GuiEvent) -> None:
+async def unmarked(event: PageEvent) -> None:
     """Remove the marks of the page's script from a text field."""
-    if event.client is not None and event.target.value.endswith(MARKS):
+    if event.target.value.endswith(MARKS):
         event.target.value = event.target.value.rstrip("".join(MARKS))
 
 

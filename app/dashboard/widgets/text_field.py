@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import viser
-
 from app.dashboard.theme.style import COMMIT, MARKS
-from app.dashboard.widgets.controls import Desk, FieldPlace
+from app.dashboard.transport.page_values import PageEvent, from_pages
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.field_place import FieldPlace
 from app.session.snapshot import Snapshot
 
 
@@ -42,11 +42,9 @@ class TextField:
         self._form = desk.gui.add_form(None)
         with self._form:
             self._text = desk.gui.add_text(label, "", hint=place.hint)
-        self._text.on_update(self._on_text)
+        self._text.on_update(from_pages(self._on_text))
 
-    async def _on_text(self, event: viser.GuiEvent) -> None:
-        if event.client is None:
-            return
+    async def _on_text(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
         text, done = self._text.value.rstrip("".join(MARKS)), self._text.value.endswith(COMMIT)
         self._draft = _Draft(text, snapshot.run)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from html import escape
 
 import viser
 
 from app.dashboard.widgets.chips import chip
 from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
+from controllers.premise_statements import STATEMENTS
+from controllers.premises import Premise
 
 
 class TheoremTable:
@@ -58,20 +61,22 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
             (
                 "‖s‖ (20)",
                 f"{number('s_norm', 1e3)} ≤ {f'{allowed * 1e3:.3g}' if math.isfinite(allowed) else '—'} {units.rate}",
-                verdict(live["s_norm"] <= allowed) if math.isfinite(allowed) else "",
+                verdict(holds=live["s_norm"] <= allowed) if math.isfinite(allowed) else "",
                 "the sliding variable and its bound, with the band of sampling and boundary layer; — where nothing is "
                 "promised",
             ),
             ("band reached", *_reached(epoch.t, epoch.banded, epoch.banded_by)),
         ]
         if math.isfinite(live["layer_loop_factor"]):
+            layer = STATEMENTS[Premise.LAYER]
+            layer_limit = snapshot.metrics.evaluation.read().table.limit[Premise.LAYER]
             rows += [
                 ("layer reached", *_reached(epoch.t, epoch.reached, epoch.reached_by)),
                 (
                     "layer, sampled",
-                    f"{number('layer_loop_factor')} &lt; 2",
-                    verdict(live["layer_loop_factor"] < 2.0),
-                    "(λ_max(K_s) + d/s_b) T / λ_min(H): the boundary layer stops the chattering only below 2",
+                    f"{number('layer_loop_factor')} {escape(layer.sign)} {layer_limit:g}",
+                    verdict(holds=live["layer_loop_factor"] < layer_limit),
+                    layer.why,
                 ),
             ]
     if math.isfinite(live["force_loop_factor"]):
@@ -79,7 +84,7 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
             (
                 "force loop, sampled",
                 f"|{number('force_loop_factor')}| &lt; 1",
-                verdict(abs(live["force_loop_factor"]) < 1.0),
+                verdict(holds=abs(live["force_loop_factor"]) < 1.0),
                 "what one sample makes of an error in the force that is fed back",
             )
         )
@@ -106,11 +111,11 @@ def _reached(since: float, measured: float | None, promised: float | None) -> tu
     since: instant from which both are counted, s. measured, promised: instants, s, None for unknown ones."""
     after = "not yet" if measured is None else f"<b>{measured - since:.3g}</b>"
     by = "—" if promised is None else f"{promised - since:.3g}"
-    held = "" if measured is None or promised is None else verdict(measured <= promised + 1e-9)
+    held = "" if measured is None or promised is None else verdict(holds=measured <= promised + 1e-9)
     return f"{after} ≤ {by} s", held, "the measured time and the promised one, since the last change"
 
 
-def verdict(holds: bool) -> str:
+def verdict(*, holds: bool) -> str:
     """Chip that says whether a condition holds."""
     return chip("holds", "vs-good") if holds else chip("violated", "vs-bad")
 

@@ -10,9 +10,11 @@ from html import escape
 
 import viser
 
+from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.field_words import refusal_in_words
 from app.scenario.units import Units
-from app.session.preview import Figures, Outlook
+from app.session.preview import Outlook, PreviewMetrics
 from app.session.snapshot import Snapshot
 
 BANDS = {"none": 0, "16 of the declared set": 16, "64 of the declared set": 64}
@@ -35,10 +37,10 @@ class WhatIfPanel:
             self._push = gui.add_slider("Push at rest [N]", 0.0, 100.0, 1.0, desk.whatif.push, marks=(), hint=hint)
             hint = "Drawn behind the preview: all, 5 % to 95 %, and their median. The same arms at every value."
             self._arms = gui.add_dropdown("True arms", tuple(BANDS), initial_value=_named(desk.whatif.arms), hint=hint)
-        self._arms.on_update(self._on_arms)
-        self._on.on_update(self._on_switch)
-        self._horizon.on_update(self._on_horizon)
-        self._push.on_update(self._on_push)
+        self._arms.on_update(from_pages(self._on_arms))
+        self._on.on_update(from_pages(self._on_switch))
+        self._horizon.on_update(from_pages(self._on_horizon))
+        self._push.on_update(from_pages(self._on_push))
         self._window = gui.add_panel(visible=False)
         with self._window.add_tab("What if"):
             self._html = gui.add_html("")
@@ -47,22 +49,18 @@ class WhatIfPanel:
         self._window.float(x=-12, y=12, width=330)
         self._told, self._until = "", -math.inf
 
-    async def _on_switch(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._desk.whatif.on = self._horizon.visible = self._push.visible = self._on.value
-            self._arms.visible = self._on.value
+    async def _on_switch(self, _: PageEvent) -> None:
+        self._desk.whatif.on = self._horizon.visible = self._push.visible = self._on.value
+        self._arms.visible = self._on.value
 
-    async def _on_horizon(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._desk.whatif.horizon = self._horizon.value
+    async def _on_horizon(self, _: PageEvent) -> None:
+        self._desk.whatif.horizon = self._horizon.value
 
-    async def _on_push(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._desk.whatif.push = self._push.value
+    async def _on_push(self, _: PageEvent) -> None:
+        self._desk.whatif.push = self._push.value
 
-    async def _on_arms(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._desk.whatif.arms = BANDS[self._arms.value]
+    async def _on_arms(self, _: PageEvent) -> None:
+        self._desk.whatif.arms = BANDS[self._arms.value]
 
     async def _on_revert(self, _: viser.GuiEvent) -> None:
         whatif = self._desk.whatif
@@ -90,16 +88,16 @@ class WhatIfPanel:
     def _body(self, units: Units) -> str:
         whatif = self._desk.whatif
         if whatif.refusal:
-            return f'<div class="vs-message vs-bad">{escape(whatif.refusal)}</div>'
+            return f'<div class="vs-message vs-bad">{escape(refusal_in_words(whatif.refusal))}</div>'
         if whatif.outlook is None:
             return '<div class="vs-dim">…</div>'
-        figures, today = whatif.outlook.figures, whatif.outlook.today
-        notes = [f'<div class="vs-message vs-warn">{escape(figures.left)}</div>'] if figures.left else []
+        metrics, today = whatif.outlook.metrics, whatif.outlook.today
+        notes = [f'<div class="vs-message vs-warn">{escape(metrics.left)}</div>'] if metrics.left else []
         if whatif.outlook.restarts:
             notes.append('<div class="vs-message vs-warn">This edit begins the scenario anew.</div>')
-        pushed = f", with a push of {figures.push:g} N" if figures.push else ""
-        span = f'<div class="vs-dim">within the next {figures.span:.1f} s{pushed}:</div>'
-        return f"{span}{_table(figures, today, units)}{_of_band(whatif.outlook)}{''.join(notes)}"
+        pushed = f", with a push of {metrics.push:g} N" if metrics.push else ""
+        span = f'<div class="vs-dim">within the next {metrics.span:.1f} s{pushed}:</div>'
+        return f"{span}{_table(metrics, today, units)}{_of_band(whatif.outlook)}{''.join(notes)}"
 
 
 def _named(arms: int) -> str:
@@ -113,7 +111,7 @@ def _of_band(outlook: Outlook) -> str:
         return f'<div class="vs-dim">No true arms behind it: {escape(outlook.bandless)}.</div>'
     if band is None:
         return ""
-    so_far = "" if band.reach >= outlook.figures.span else f", the next {band.reach:.1f} s"
+    so_far = "" if band.reach >= outlook.metrics.span else f", the next {band.reach:.1f} s"
     arms = f"{band.arms} true arms of the declared set{so_far}"
     told = f'<div class="vs-dim">shaded: {arms}; darker: 5 % to 95 % of them</div>'
     if band.stopped:
@@ -128,8 +126,8 @@ class _Row:
     told: returns a text beside the title, such as a predicted value, None for none."""
 
     title: str
-    value: Callable[[Figures], str | None]
-    told: Callable[[Figures], str | None] = lambda _: None
+    value: Callable[[PreviewMetrics], str | None]
+    told: Callable[[PreviewMetrics], str | None] = lambda _: None
 
 
 def _rows(units: Units) -> tuple[_Row, ...]:
@@ -141,13 +139,13 @@ def _rows(units: Units) -> tuple[_Row, ...]:
     def force(value: float | None) -> str | None:
         return None if value is None else f"{_small(value, 1e-9)} {units.force}"
 
-    def predicted(figures: Figures) -> str | None:
-        by_37 = figures.force_error_predicted
+    def predicted(metrics: PreviewMetrics) -> str | None:
+        by_37 = metrics.force_error_predicted
         return "F_d varies" if by_37 is None else f"by (37) {_newtons(by_37)}"
 
-    def largest(figures: Figures) -> str | None:
-        most = length(figures.motion_largest)
-        return None if most is None else f"{'≥ ' if figures.motion_grows else ''}{most}"
+    def largest(metrics: PreviewMetrics) -> str | None:
+        most = length(metrics.motion_largest)
+        return None if most is None else f"{'≥ ' if metrics.motion_grows else ''}{most}"
 
     def angle(value: float | None) -> str | None:
         return None if value is None else f"{_small(value * 1e3, 1e-4)} mrad"
@@ -174,14 +172,14 @@ def _rows(units: Units) -> tuple[_Row, ...]:
     )
 
 
-def _table(figures: Figures, today: Figures | None, units: Units) -> str:
-    """Table of the preview's figures as HTML, of the rows that have a meaning.
-    today: figures of the running scenario, shown beside them; None for none."""
+def _table(metrics: PreviewMetrics, today: PreviewMetrics | None, units: Units) -> str:
+    """Table of the preview's metrics as HTML, of the rows that have a meaning.
+    today: metrics of the running scenario, shown beside them; None for none."""
     lines = ["<tr><th></th><th>then</th><th>now</th></tr>"]
     for row in _rows(units):
-        if (value := row.value(figures)) is None:
+        if (value := row.value(metrics)) is None:
             continue
-        told = f'<br><span class="vs-dim">{text}</span>' if (text := row.told(figures)) else ""
+        told = f'<br><span class="vs-dim">{text}</span>' if (text := row.told(metrics)) else ""
         before = "…" if today is None else row.value(today) or "—"
         lines.append(f"<tr><td>{row.title}{told}</td><td><b>{value}</b></td><td>{before}</td></tr>")
     return f'<table class="vs-facts vs-foreseen">{"".join(lines)}</table>'

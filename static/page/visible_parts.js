@@ -1,5 +1,5 @@
-// What viser does not tell the server: which tabs of plots and of controls are on the screen, and how large the scene is
-// there; viser tells how many pixels it draws, which depends on the machine (app/dashboard/transport/visible_tabs.py).
+// What viser does not tell the server: which tabs of plots and of controls are on the screen, and how large the scene
+// is there; viser tells how many pixels it draws, which depends on the machine (app/dashboard/transport/visible_parts.py).
 const type = (input, text) => {
   Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text);
   input.dispatchEvent(new Event("input", { bubbles: true }));
@@ -13,10 +13,10 @@ const QUIET = 200; // ms
 let told = null, acted = -QUIET;
 const report = () => {
   if (performance.now() - acted < QUIET) return;
-  const input = document.querySelector("div:has(> .vs-looking) + div input");
+  const input = document.querySelector("div:has(> .vs-visible) + div input");
   if (!input) return;
   const seen = [...document.querySelectorAll(".vs-plots, .vs-panel")].filter(onScreen).map((mark) => mark.dataset.plots);
-  const tabs = document.hidden ? "-" : seen.join(","); // "-": AWAY in visible_tabs.py
+  const tabs = document.hidden ? "-" : seen.join(","); // "-": AWAY in visible_parts.py
   const { width, height } = document.querySelector("canvas[data-engine]")?.getBoundingClientRect() ?? { width: 0, height: 0 };
   const view = `${tabs}#${Math.round(width)}x${Math.round(height)}`;
   if (told && told.input === input && told.view === view) return;

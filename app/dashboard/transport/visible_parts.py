@@ -9,9 +9,10 @@ from html import escape
 
 import viser
 
+from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.transport.viser_private import uuid_of
 
-AWAY = "-"  # instead of tabs, of a page that is not on the screen: `static/page/looking.js`
+AWAY = "-"  # instead of tabs, of a page that is not on the screen: `static/page/visible_parts.js`
 NARROW = 576  # px: phones are up to this wide
 _SIZE = re.compile(r"([1-9]\d{0,4})x([1-9]\d{0,4})")
 
@@ -22,7 +23,7 @@ def takes_part(width: int, height: int) -> bool:
     return width > NARROW or height > width
 
 
-class VisibleTabs:
+class VisibleParts:
     """Visible tabs and scene of every page: the page's script writes them into one of several hidden text fields, since
     a collapsed panel removes the field in it. heard: called after every report."""
 
@@ -49,21 +50,20 @@ class VisibleTabs:
 
     def add_field(self, gui: viser.GuiApi) -> None:
         """Add one more field, in the current container."""
-        gui.add_html('<i class="vs-looking"></i>')
+        gui.add_html('<i class="vs-visible"></i>')
         field = gui.add_text("", "")
         self.fields |= {uuid_of(field)}
 
-        async def on_report(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                names, _, rest = field.value.partition("#")
-                size, _, _ = rest.partition("#")  # the part behind only makes every report a new value
-                self._tabs[event.client.client_id] = tabs = frozenset(self._marked.intersection(names.split(",")))
-                if found := _SIZE.fullmatch(size):
-                    self._scenes[event.client.client_id] = int(found[1]), int(found[2])
-                self._reports.update(tabs)
-                self._heard()
+        async def on_report(event: PageEvent) -> None:
+            names, _, rest = field.value.partition("#")
+            size, _, _ = rest.partition("#")  # the part behind only makes every report a new value
+            self._tabs[event.client.client_id] = tabs = frozenset(self._marked.intersection(names.split(",")))
+            if found := _SIZE.fullmatch(size):
+                self._scenes[event.client.client_id] = int(found[1]), int(found[2])
+            self._reports.update(tabs)
+            self._heard()
 
-        field.on_update(on_report)
+        field.on_update(from_pages(on_report))
 
     def reports(self, tab: str) -> int:
         """Number of reports in which this tab was visible; when it grows, a page may not have the tab's data yet."""

@@ -1,0 +1,129 @@
+"""Places of the numbers that controls show: a field of the scenario, its row on the page and its slider's scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from app.export.ticks import plain_number
+from app.scenario.field_info import FieldInfo, field_info
+from app.scenario.schema import Scenario
+from app.session.commands import Edit
+from app.session.snapshot import Snapshot
+
+FINE_STEP = 0.0002  # share of a slider's length: step with Shift
+STEP = 0.002  # step without Shift; `rows.js` makes it of ten FINE_STEP
+
+
+@dataclass(frozen=True)
+class FieldPlace:
+    """Place of a control's value in the scenario: a field by its dotted path."""
+
+    path: str
+
+    def read(self, snapshot: Snapshot) -> Any:
+        """The running value, or None when this scenario has no such field."""
+        value: Any = snapshot.scenario
+        for name in self.path.split("."):
+            value = getattr(value, name, None)
+        return value
+
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+        """Command that gives this place a value. A place that is part of a field takes the rest of it from the
+        snapshot; where one number is shown of a field that holds a list, one number can be typed.
+
+        Raises ValueError with a sentence for a value that the field cannot hold.
+        """
+        running = self.read(snapshot)
+        alone = isinstance(running, tuple) and len(running) == 1 and not isinstance(value, list)
+        return Edit(self.path, [value] if alone else value)
+
+    def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
+        """Places that an edit of this place sets: itself, and those linked to it."""
+        del snapshot
+        return (self,)
+
+    def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
+        """Path by which a sweep varies this place (see `app.scenario.data.with_value`), and values by path that the
+        scenario must get before. Raises ValueError with a sentence where the place is no single number."""
+        del snapshot
+        return self.path, {}
+
+    @property
+    def info(self) -> FieldInfo | None:
+        """Meaning, unit and bounds in the scenario's schema; None for a field that it does not describe."""
+        try:
+            return field_info(self.path)
+        except KeyError:
+            return None
+
+    @property
+    def hint(self) -> str:
+        """Meaning, unit and bounds in words."""
+        info = self.info
+        if info is None:
+            return self.path
+        unit = "" if info.unit == "1" else info.unit
+        low, high = (None if bound is None else plain_number(bound, None) for bound in (info.least, info.largest))
+        if low is None and high is None:
+            return f"{info.doc} [{unit}]" if unit else info.doc
+        bounds = f"from {low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
+        return f"{info.doc}, {bounds} {unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class PlaceWhere(FieldPlace):
+    """Place of a field that has a meaning only in the scenarios for which `applies` returns True; in others its control
+    is hidden."""
+
+    applies: Callable[[Scenario], bool]
+
+    def read(self, snapshot: Snapshot) -> Any:
+        return super().read(snapshot) if self.applies(snapshot.scenario) else None
+
+
+@dataclass(frozen=True)
+class SliderScale:
+    """Scale of a slider.
+    low, high: values at its ends.
+    logarithmic: equal ways along the slider are equal factors of the value.
+    zero: the left end means exactly 0."""
+
+    low: float
+    high: float
+    logarithmic: bool = False
+    zero: bool = False
+
+    def value(self, position: float) -> float:
+        """Value at a position, 0 to 1, of the slider: of three digits at multiples of STEP, of four between them."""
+        if self.zero and position <= 0:
+            return 0.0
+        value = self.low + position * (self.high - self.low)
+        if self.logarithmic:
+            value = self.low * (self.high / self.low) ** position
+        whole = abs(position - STEP * round(position / STEP)) < 0.1 * FINE_STEP
+        return float(f"{value:.3g}" if whole else f"{value:.4g}")
+
+    def position(self, value: float) -> float:
+        if not self.logarithmic:
+            share = (value - self.low) / (self.high - self.low)
+        elif value <= 0:
+            share = 0.0
+        else:
+            share = math.log(value / self.low) / math.log(self.high / self.low)
+        return min(max(share, 0.0), 1.0)
+
+
+def log_scale(low: float, high: float, *, zero: bool = False) -> SliderScale:
+    """A logarithmic scale; `zero`: its left end means exactly 0."""
+    return SliderScale(low, high, logarithmic=True, zero=zero)
+
+
+class NumberRow(NamedTuple):
+    """Row of a number on the page: its place, its label, and the scale of its slider, None without a slider."""
+
+    place: FieldPlace
+    label: str
+    scale: SliderScale | None

@@ -1,0 +1,74 @@
+"""Sentence on what a change of mode, arm or surface has adapted besides, in the words of the page."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from app.scenario.data import to_plain
+from app.scenario.field_info import field_info
+from app.scenario.schema import ContactSection, Scenario
+
+_SECTION_WORDS = {
+    "motion": "path",
+    "rotation": "rotation",
+    "contact": "contact",
+    "task_space": "task space",
+    "surface": "surface",
+}
+
+
+def adaptation_sentence(asked: Scenario, done: Scenario) -> str:
+    """Sentence on the fields that a change of mode, arm or surface has adapted; "" for none.
+    asked: the scenario with that change alone.
+    done: the scenario that runs."""
+    adaptations: list[str] = []
+    for section, word in _SECTION_WORDS.items():
+        old, new = getattr(asked, section), getattr(done, section)
+        before, after = to_plain(asked)[section], to_plain(done)[section]
+        if before["kind"] != after["kind"]:
+            adaptations.append(f"{word} {_kind_title(new)} instead of {_kind_title(old)}")
+            continue
+        changed = [name for name in after if after[name] != before[name]]
+        if section == "surface" and changed == ["origin"]:
+            adaptations.append("surface brought to the tool")
+            continue
+        adaptations += [f"{word} {_field_phrase(f'{section}.{name}', before[name], after[name])}" for name in changed]
+    for each in ("second", "third"):
+        old, new = (getattr(of, each).contact for of in (asked, done))
+        if old.kind != new.kind and getattr(done, each).present:
+            adaptations.append(f"{each} surface {_kind_title(new)} instead of {_kind_title(old)}")
+    taken = [each for each in ("second", "third") if getattr(asked, each).present > getattr(done, each).present]
+    adaptations += [f"{each} surface taken away" for each in taken]
+    if asked.face.flat and not done.face.flat:
+        adaptations.append("the tool touches with a point")
+    if asked.controller.K_s != done.controller.K_s:
+        adaptations.append(f"boundary layer {done.controller.layer:.3g}, and K_s, by the characteristic length ℓ")
+    if asked.controller.gain != done.controller.gain:
+        adaptations.append(f"gain d {done.controller.gain}")
+    return f"Adapted: {'; '.join(adaptations)}." if adaptations else ""
+
+
+def _field_phrase(path: str, before: object, after: object) -> str:
+    """Label of the field at a dotted path, and its value after and before."""
+    info = field_info(path)
+    label = info.widget.label if info.widget else path.rpartition(".")[2].replace("_", " ")
+    unit = f" {info.unit}" if info.unit not in ("", "1") else ""
+    titles = {_hashable(value): title for title, value in info.widget.options} if info.widget else {}
+    was, now = (titles.get(_hashable(value), _value_text(value)) for value in (before, after))
+    return f"{label} {now} instead of {was}{unit}"
+
+
+def _kind_title(section: Any) -> str:
+    """Title, on the page, of the kind of a section."""
+    described = section.nature if isinstance(section, ContactSection) else section
+    return described.title if hasattr(described, "title") else str(section.kind)
+
+
+def _hashable(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _value_text(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(_value_text(each) for each in value)
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
