@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from app.analysis.metrics import TAIL, account, measure
+from app.analysis.metrics import TAIL, account, metrics_of
 from app.scenario.data import shipped
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.constants_store import kept_memory
@@ -17,7 +17,7 @@ def test_the_end_of_a_run_and_the_same_stretch_have_the_same_figures(name: str) 
     loop = ClosedLoop(shipped()[name], memory=kept_memory())
     while loop.t < 0.5 - 0.5 * loop.period:
         loop.advance()
-    whole, t = measure(loop), loop.recording.stretch()["t"]
+    whole, t = metrics_of(loop), loop.recording.stretch()["t"]
     begin = t[-1] - TAIL * (t[-1] - t[0])
     end = account(loop.system, loop.recording, begin - 1e-9, t[-1] + 1e-9)
     assert end is not None
