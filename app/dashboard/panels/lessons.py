@@ -187,7 +187,7 @@ class LessonsPanel:
             return
         step, lock = course.step, self._desk.lock
         lock.fields = None
-        begins = isinstance(step.block, blocks.BeginScenario | blocks.Goal) or again
+        begins = isinstance(step.block, blocks.StartScenario | blocks.Goal) or again
         if begins and step.scenario is not None:
             lock.post(Load(step.scenario))
             lock.post(Reset())
