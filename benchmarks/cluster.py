@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import operator
-import os
 import time
 
 import tyro
 
+from app.process.cores import usable_cores
 from app.scenario.data import edited, shipped
 from app.sweep.axes import axis_of
 from app.sweep.cluster import Cluster
@@ -28,7 +28,7 @@ def main() -> None:
     """Measure a cluster of this machine's cores."""
     from distributed import Client
 
-    workers = os.cpu_count() or 1
+    workers = usable_cores()
     sweeps = {name: _sweep(name, duration, runs) for name, duration, runs in SCENARIOS}
     for name, sweep in sweeps.items():
         reached = rate(sweep, len(sweep.vary[0].values), workers)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 import time
 from pathlib import Path
@@ -14,6 +13,7 @@ import msgspec
 import tyro
 
 from app.process import worker_pool
+from app.process.cores import usable_cores
 from app.scenario.data import edited, shipped
 from app.sweep.axes import axis_of
 from app.sweep.fingerprint import fingerprint
@@ -32,7 +32,7 @@ def main(runs: int = 200, whole: bool = False) -> None:
         runs: for the rates
         whole: play all 900 runs of the map as well, from the command to its end
     """
-    workers = os.cpu_count() or 1
+    workers = usable_cores()
     scenario = edited(shipped()["ur5-hybrid"], "simulation.duration", DURATION)
     sweep = Sweep(scenario, tuple(map(axis_of, AXES)), program=fingerprint())
     runner = SweepRunner(sweep)

@@ -168,7 +168,8 @@ def configured(name_or_file: str, settings: Settings, duration: float | None = N
         if whole := {path.removeprefix("robot."): value for path, value in of_arm if path == field_of(path)}:
             name = scenario.name
             scenario = with_robot(scenario, whole)
-            if scenario.name == Scenario().name != name:  # that of no scenario: another arm has lost it
+            # another arm's scenario has the name of one that has none
+            if scenario.name == Scenario().name != name:
                 scenario = msgspec.structs.replace(scenario, name=f"{name}-edited"[:LONGEST_NAME])
         for path, value in of_arm:
             if path != (field := field_of(path)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import Annotated, get_args
 
@@ -16,7 +17,7 @@ from app.scenario.errors import ScenarioError
 
 
 def sweep_plot(
-    folder: tyro.conf.Positional[Path],
+    folder: tyro.conf.Positional[Path | None] = None,
     /,
     *,
     of: str = "motion_error",
@@ -44,6 +45,8 @@ def sweep_plot(
     from app.sweep.fingerprint import another_program, fingerprint
     from app.sweep.run_store import table_of
 
+    if folder is None:
+        raise ScenarioError("sweep plot: no folder; allowed: the folder of a sweep")
     if within is not None and not math.isfinite(within):
         raise ScenarioError(f"--within {within}; allowed: a finite number")
     form = _form(to, out)
@@ -75,7 +78,7 @@ def _form(to: str | None, out: Path | None) -> Format:
         forms = (asked,)
     if out is None:
         return forms[0]
-    if out.is_dir():
+    if os.path.isdir(out):  # also a name that no file can have
         raise ScenarioError(f"--out {out}: is a folder; allowed: a file")
     if to is not None and not out.suffix:
         return forms[0]

@@ -39,7 +39,7 @@ class _Option:
         for value in values[: self.count]:
             if not value:
                 of_files = self.kind is Path and flag in ("--out", "--figures")
-                noun = "the name of a folder, or a dot for this one" if of_files else self.noun
+                noun = "the name of a folder" if of_files else self.noun
                 raise ScenarioError(f"{flag}: an empty text; allowed: {noun}")
             if self.kind in (int, float):
                 try:
@@ -53,12 +53,17 @@ def require_options(name: str, command: Command, typed: list[str], others: Mappi
     another kind, and for an empty text. others: commands that are named where they have the option."""
     if {"--", "-h", "--help"} & set(typed):
         return
-    options, waiting = _options(command), list(typed)
+    options, waiting, most, names = _options(command), list(typed), _most_names(command), 0
     while waiting:
         token = waiting.pop(0)
         if not _flag(token):
+            names += 1
             if not token:
                 raise ScenarioError(f"{name}: an empty text; allowed: a name, see `vsmrc {name} --help`")
+            if most is not None and names > most:
+                raise ScenarioError(
+                    f"{name}: {token!r:.60} is one name too many; allowed: {most}, see `vsmrc {name} --help`"
+                )
             continue
         flag, equals, value = token.partition("=")
         flag = flag.replace("_", "-")
@@ -76,12 +81,20 @@ def _flag(token: str) -> bool:
     return token.startswith("--")
 
 
+def _most_names(command: Command) -> int | None:
+    """Most names that a command takes beside its options; None for any number."""
+    hints, kind = get_type_hints(command), inspect.Parameter.KEYWORD_ONLY
+    named = [each.name for each in inspect.signature(command).parameters.values() if each.kind is not kind]
+    return None if any(_kind(hints[each])[1] is None for each in named) else len(named)
+
+
 def _instead(flag: str, options: Mapping[str, _Option], others: Mapping[str, Command]) -> str:
     """End of a refusal of an option: where there is one of this name, or those that are allowed."""
     takers = [f"`vsmrc {name}`" for name, command in others.items() if flag in _options(command)]
     if takers:
         return f"allowed: with {', '.join(takers)}"
-    return allowed(flag, (each for each in options if not each.startswith("--no-")))
+    negated = flag.startswith("--no-")  # a switch is offered the way round that was typed
+    return allowed(flag, (each for each in options if each.startswith("--no-") == negated))
 
 
 def _options(command: Command) -> dict[str, _Option]:

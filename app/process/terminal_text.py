@@ -38,7 +38,8 @@ def stand_in() -> None:
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # the system gives the lowest number that is free
+            nowhere = os.open(os.devnull, os.O_RDWR)  # the system gives the lowest number that is free
+            os.set_inheritable(nowhere, True)  # a child, too, begins with all three
     if sys.stdout is None:
         sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115  # for as long as the program
     if sys.stderr is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from functools import cache
@@ -201,8 +202,9 @@ def load(name_or_file: str) -> Scenario:
     if path.suffix != ".toml":
         named = allowed(name_or_file, scenarios).replace("allowed: ", "allowed: a .toml file or ", 1)
         raise ScenarioError(f"scenario {name_or_file!r:.200}: unknown; {named}")
-    if path.exists() and not path.is_file():  # a pipe would never end
-        what = "a folder" if path.is_dir() else "a pipe or a device"
+    # os.path takes names that no file can have for files that are not there
+    if os.path.exists(path) and not os.path.isfile(path):  # a pipe would never end
+        what = "a folder" if os.path.isdir(path) else "a pipe or a device"
         raise ScenarioError(f"scenario {name_or_file!r:.200}: is {what}; allowed: a file")
     try:
         with path.open("rb") as file:

@@ -19,6 +19,7 @@ _Metadata = msgspec.inspect.Metadata
 class FieldInfo:
     """Facts of a field that the page and the documentation show.
     least, largest: bounds, None where there are none.
+    least_allowed, largest_allowed: whether the bounds themselves are allowed.
     widget: its display on the page, None where a panel of the page decides that.
     text: whether the field is a text."""
 
@@ -29,6 +30,8 @@ class FieldInfo:
     choices: tuple[str, ...]
     widget: Widget | None = None
     text: bool = False
+    least_allowed: bool = True
+    largest_allowed: bool = True
 
 
 def field_info(path: str) -> FieldInfo:
@@ -65,6 +68,8 @@ def _info(metadata: msgspec.inspect.Metadata) -> FieldInfo:
         choices=tuple(getattr(inner, "values", ())),
         widget=(metadata.extra or {}).get("widget"),
         text=isinstance(inner, msgspec.inspect.StrType),
+        least_allowed=getattr(inner, "gt", None) is None,
+        largest_allowed=getattr(inner, "lt", None) is None,
     )
 
 

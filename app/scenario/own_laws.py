@@ -19,9 +19,9 @@ def require_callable(laws: Iterable[ControlLaw]) -> None:
     for law in laws:
         if not callable(law.torque):
             raise OwnCodeError(f"--use: law {law.kind}: torque {law.torque!r:.60}; allowed: a function")
-        path = Path(inspect.getfile(inspect.unwrap(getattr(law.torque, "py_func", law.torque))))
         if law.states is None:
             continue
+        path = _file_of(law)
         if not callable(law.states):
             raise OwnCodeError(
                 f"--use {path}: states {law.states!r:.60}; allowed: a function of the number of coordinates, such as "
@@ -29,6 +29,14 @@ def require_callable(laws: Iterable[ControlLaw]) -> None:
             )
         for n in COORDINATES:
             _require_length(law, n, path)
+
+
+def _file_of(law: ControlLaw) -> Path:
+    """File of the law's torque; the law's kind for what has no file, such as a `partial`."""
+    try:
+        return Path(inspect.getfile(inspect.unwrap(getattr(law.torque, "py_func", law.torque))))
+    except TypeError:
+        return Path(law.kind)
 
 
 def _require_length(law: ControlLaw, n: int, path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -12,6 +11,7 @@ import msgspec
 import numpy as np
 
 from app.analysis.metrics import MULTIPLIERS
+from app.process.cores import usable_cores
 from app.process.priority import step_back
 from app.scenario.departures import Departure
 from app.scenario.schema import Declared
@@ -183,7 +183,7 @@ class TrueArms:
         self._memory = memory
         self._begun: ClosedLoop | None = None
         self._systems: dict[int, System] = {}  # by the arm's number; two threads cannot step with the same one
-        self._count = os.cpu_count() or 1
+        self._count = usable_cores()
         self._pool = ThreadPoolExecutor(self._count, "arms", step_back, (NICENESS,))
 
     def run(self, stretch: BandStretch, count: int) -> ArmsAhead:

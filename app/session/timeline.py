@@ -210,7 +210,9 @@ class Timeline:
             raise ScenarioError("pin: nothing is recorded yet; allowed: after the first control period")
         same = self._add_once(self._pinned())
         if same is not None and not may_be_pinned:
-            raise ScenarioError(f"pin: this is pinned already, as {same.title}; allowed: once the run has gone on")
+            raise ScenarioError(
+                f"pin: this is pinned already, as {same.title}; allowed: when the run has gone on from there"
+            )
 
     def _pinned(self) -> Pinned:
         end, back = self._end, self._back

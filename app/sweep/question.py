@@ -123,11 +123,6 @@ class SweepQuestion:
         """Number of runs."""
         return self.count_of_points * self.arms
 
-    @property
-    def seconds(self) -> float:
-        """Simulated time of all runs, s, where none stops."""
-        return self.seconds_of(np.arange(self.count))
-
     def seconds_of(self, numbers: np.ndarray) -> float:
         """Simulated time of the runs of these numbers, s, where none stops; 0 of one that is refused for its
         duration."""

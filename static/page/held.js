@@ -44,12 +44,14 @@ const phone = matchMedia("(max-width: 36em)");
 const undo = document.createElement("button");
 undo.className = "vs-undo";
 const revert = () => [...document.querySelectorAll("button:not(.vs-undo)")].find((each) => each.textContent.trim() === "Revert");
-undo.addEventListener("click", () => { revert()?.click(); undo.remove(); });
+let reverted = ""; // text of the row whose button was pressed, until the server has answered
+undo.addEventListener("click", () => { revert()?.click(); reverted = undo.textContent; undo.remove(); });
 const offer = () => {
   const applied = phone.matches && !lent && revert() && document.querySelector(".vs-held .vs-row > span");
-  if (!applied) undo.remove();
+  const text = applied ? `Revert ${applied.textContent}` : "";
+  if (text !== reverted) reverted = "";
+  if (!text || reverted) undo.remove();
   else {
-    const text = `Revert ${applied.textContent}`;
     if (undo.textContent !== text) undo.textContent = text;
     if (!undo.isConnected) document.body.append(undo);
   }

@@ -219,17 +219,20 @@ setInterval(() => {
     valued(plot);
     setTimeout(() => inLegend(plot)); // a run that stands still is not drawn again
     const box = plot.root.closest(".uplot-container");
-    if (plot.scales.x.distr !== 1 || !box || box.querySelector(".vs-measure")) continue;
+    if (!box || box.querySelector(".vs-enlarge")) continue;
+    // viser's own button to enlarge a plot is there only under the mouse: this one is for the keyboard
+    const enlarge = document.createElement("button");
+    Object.assign(enlarge, { className: "vs-enlarge", title: "enlarge" });
+    enlarge.setAttribute("aria-label", "enlarge the plot, or make it small again");
+    enlarge.innerHTML = '<svg viewBox="0 0 16 16" aria-hidden="true"><path d="M9 2h5v5M14 2l-5 5M7 14H2V9M2 14l5-5"/></svg>';
+    box.append(enlarge);
+    if (plot.scales.x.distr !== 1) continue;
     const button = document.createElement("button");
     Object.assign(button, { className: "vs-measure", textContent: "Δ", title: "two cursors: Δt, Δy, overshoot, settling" });
     button.setAttribute("aria-label", "measure with two cursors");
-    // viser's own button to enlarge a plot is there only under the mouse: this one is for the keyboard
-    const enlarge = document.createElement("button");
-    enlarge.className = "vs-enlarge";
-    enlarge.innerHTML = '<svg viewBox="0 0 16 16" aria-hidden="true"><path d="M9 2h5v5M14 2l-5 5M7 14H2V9M2 14l5-5"/></svg>';
     const whole = document.createElement("button");
     Object.assign(whole, { className: "vs-unzoom", textContent: "whole window", title: "the whole window again, in all plots" });
-    box.append(button, whole, enlarge);
+    enlarge.before(button, whole);
   }
   for (const [plot, { box, again }] of [...measured]) {
     if (plot.root.isConnected) again();

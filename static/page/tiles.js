@@ -79,7 +79,8 @@ document.addEventListener("click", (e) => {
   const button = e.target instanceof Element && e.target.closest("button");
   const near = (field) => document.querySelector(`.${field}`)?.closest(".mantine-Paper-root")?.contains(button);
   const field = button && FIELDS.find(near);
-  if (field) awaited = { field, until: performance.now() + 60_000 };
+  const going = field && document.querySelector(`.vs-tiles[data-going][data-field="${field}"]`); // the button cancels it
+  if (field && !going) awaited = { field, until: performance.now() + 60_000 };
 }, true);
 for (const kind of ["wheel", "touchmove", "pointerdown", "keydown"])
   document.addEventListener(kind, () => { awaited = null; }, { capture: true, passive: true });

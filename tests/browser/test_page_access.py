@@ -157,6 +157,7 @@ def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     track = row.locator(".mantine-Slider-trackContainer")
     touch = page.context.new_cdp_session(page)
     lent, told = page.locator("[data-held-plot]"), page.locator(".vs-told")
+    begun = served[1].snapshot.scenario.force
     for _ in range(5):  # the page may still be laid out when it is touched
         row.scroll_into_view_if_needed()
         box = resting_box(track)
@@ -182,9 +183,12 @@ def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     expect(lent).to_have_count(0)
     expect(told).to_have_count(0)
-    begun = served[1].snapshot.scenario
-    page.locator(".vs-undo", has_text="Revert F_d [N]").click()
-    until(lambda: served[1].snapshot.scenario != begun)
+    offered = page.locator(".vs-undo", has_text="Revert F_d [N]")
+    expect(offered).to_be_visible()
+    until(lambda: served[1].snapshot.scenario.force != begun)
+    held = served[1].snapshot.scenario.force
+    offered.click()
+    until(lambda: served[1].snapshot.scenario.force != held)
     expect(page.locator(".vs-undo")).to_have_count(0)
 
 

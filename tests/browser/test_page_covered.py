@@ -79,7 +79,7 @@ def test_controls_that_are_folded_away_leave_timeline_buttons_and_style(session:
         page.get_by_role("button", name="step", exact=True).click()
         session.wait(lambda now: now.phase == "paused")
         plot.hover()
-        plot.get_by_role("button", name="enlarge").click()
+        plot.locator(".mantine-ActionIcon-root").click()
         page.wait_for_function("document.querySelector('[data-large]')?.getBoundingClientRect().width > 1150")
         page.keyboard.press("Escape")
         page.mouse.click(1268, 400)  # the strip that is left of them

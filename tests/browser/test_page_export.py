@@ -120,6 +120,7 @@ def test_a_scenario_is_loaded_and_a_wrong_one_refused(session: PageSession, tmp_
     session.wait(lambda now: now.scenario == wanted and now.t > 0.2)
     revision = session.now.revision
     load.set_input_files(tmp_path / "wrong.toml")
+    session.page.get_by_text("File uploaded successfully.").first.wait_for(state="attached")
     session.page.locator(".vs-message", has_text="wrong.toml: mode: 'levitation'; allowed:").wait_for()
     assert (session.now.revision, session.now.phase) == (revision, "running")
     expect(session.page.get_by_text("File uploaded successfully.").locator("visible=true")).to_have_count(0)

@@ -93,6 +93,7 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     assert session.now.phase == "running"
     tiles = page.locator(".vs-tiles[data-field=vs-tile-field] [data-point]")
     expect(tiles).to_have_count(25)
+    expect(page.get_by_role("button", name="Compute the map")).to_be_visible()
     filled = resting_box(page.locator(".vs-tiles[data-field=vs-tile-field]"))
     assert filled["y"] + filled["height"] < VIEWPORT["height"] + 1  # it came into view
     page.evaluate("document.querySelector('.mantine-ScrollArea-viewport:has(.vs-status)').scrollTop = 0")

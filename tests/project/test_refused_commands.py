@@ -60,7 +60,7 @@ def test_a_folder_without_a_name_is_refused(command: str, here: Callable[..., Do
         done = here(command, "ur5-hybrid", *out)
         assert (done.returncode, done.stderr) == (
             2,
-            "vsmrc: --out: an empty text; allowed: the name of a folder, or a dot for this one\n",
+            "vsmrc: --out: an empty text; allowed: the name of a folder\n",
         )
 
 
@@ -211,6 +211,8 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
         (("export", "ur5-hybrid", "--to"), "--to: no value; allowed: svg, pdf, png, csv, npz, html, toml; one or more"),
         (("export", "ur5-hybrid", "--plots"), "--plots: no value; allowed: a text; one or more"),
         (("sweep", "plot", "map", "--over"), "--over: no value; allowed: a text; one or more"),
+        (("sweep", "plot"), "sweep plot: no folder; allowed: the folder of a sweep"),
+        (("sweep", "ur5-hybrid", "map"), "sweep: 'map' is one name too many; allowed: 1, see `vsmrc sweep --help`"),
         (("response", "ur5-hybrid", "--measure"), "--measure: no value; allowed: a number; one or more"),
         (("response", "ur5-hybrid", "--chirp", "1"), "--chirp: 1; allowed: 2 numbers"),
         (("figures", "--only"), "--only: no value; allowed: a text; one or more"),

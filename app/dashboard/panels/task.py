@@ -59,7 +59,7 @@ class Shift(FieldPlace):
 
     def edit(self, snapshot: Snapshot, value: Any) -> Edit:
         free = _moved(snapshot)
-        by = value if isinstance(value, list) else [value]
+        by = list(value) if isinstance(value, list | tuple) else [value]
         if len(by) != free:
             example = written((0.02, *[0.0] * (free - 1)))
             raise ValueError(f"{written(by)}; allowed: {_COUNTS.get(free, f'{free} numbers')}, such as {example}")

@@ -15,7 +15,7 @@ from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.playing import LessonOutcome, Trace
 from app.lessons.predictions import predicted
 
-_FREE = (SERIES[0], *SERIES[2:])  # without the one that is next to that of the predictions
+_FREE = (SERIES[0], *SERIES[2:])  # without SERIES[1], whose orange is too near to that of the predictions
 
 
 def run_colors(lesson: Lesson) -> dict[str, Rgb]:

@@ -37,7 +37,7 @@ class FieldPlace:
         Raises ValueError with a sentence for a value that the field cannot hold.
         """
         running = self.read(snapshot)
-        alone = isinstance(running, tuple) and len(running) == 1 and not isinstance(value, list)
+        alone = isinstance(running, tuple) and len(running) == 1 and not isinstance(value, list | tuple)
         return Edit(self.path, [value] if alone else value)
 
     def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
@@ -69,7 +69,12 @@ class FieldPlace:
         low, high = (None if bound is None else plain_number(bound, None) for bound in (info.least, info.largest))
         if low is None and high is None:
             return f"{info.doc} [{unit}]" if unit else info.doc
-        bounds = f"from {low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
+        if low and high and info.least_allowed and info.largest_allowed:
+            bounds = f"from {low} to {high}"
+        else:
+            least = f"{'at least' if info.least_allowed else 'above'} {low}" if low else ""
+            most = f"{'at most' if info.largest_allowed else 'below'} {high}" if high else ""
+            bounds = ", ".join(filter(None, (least, most)))
         return f"{info.doc}, {bounds} {unit}".rstrip()
 
 

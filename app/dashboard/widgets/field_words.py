@@ -39,8 +39,8 @@ def _listed(path: str, numbers: list[str], unit: str) -> str:
     """Numbers of a list in words: the one number that all are, or the first few of many."""
     if len(numbers) > 1 and len(set(numbers)) == 1:
         return f"{f'{numbers[0]} {unit}'.rstrip()}{', all axes' if path.startswith(_PER_AXIS) else ' each'}"
-    text = ", ".join(numbers)
-    return f"{text if len(text) < LONGEST else ', '.join([*numbers[:FIRST], '…'])} {unit}".rstrip()
+    text, more = ", ".join(numbers), len(numbers) > FIRST
+    return f"{', '.join([*numbers[:FIRST], '…']) if more and len(text) >= LONGEST else text} {unit}".rstrip()
 
 
 def refusal_in_words(sentence: str) -> str:
