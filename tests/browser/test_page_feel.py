@@ -177,7 +177,8 @@ def test_a_drag_over_a_message_selects_it_at_most_and_nothing_of_the_page(sessio
         session.runner.post(Pause() if paused else Play())
         page.locator(f".vs-status[data-phase={'paused' if paused else 'running'}]").wait_for()
         for _ in range(20):  # another message, on a slow loop, may come and go above it, and move it under the mouse
-            if selected := dragged(page, message, paused=paused):
+            selected = dragged(page, message, paused=paused)
+            if len(selected) == 2 and all(selected):
                 break
             page.mouse.click(640, 250)
         assert len(selected) == 2
