@@ -220,7 +220,7 @@ def test_a_run_that_has_not_gone_on_is_pinned_once() -> None:
     line.pin()
     line.rename(1, "first")
     for _ in range(2):
-        with pytest.raises(ScenarioError, match="pin: this is pinned already, as first; allowed: once"):
+        with pytest.raises(ScenarioError, match="pin: this is pinned already, as first; allowed: when"):
             line.pin()
         line.pin(may_be_pinned=True)
         assert [pinned.number for pinned in line.pinned] == [1]
