@@ -184,6 +184,7 @@ def settle(runner: Runner, page: Page) -> None:
     """Begin anew, and wait until the run shows what it is about."""
     before = runner.snapshot.run
     runner.post(Reset())
+    runner.post(Play())  # a lesson's run has paused at its end
     until = time.monotonic() + 240.0  # its kernels may have to be compiled
     while time.monotonic() < until:
         now = runner.snapshot
@@ -294,7 +295,7 @@ def robustness_map(page: Page, album: Album) -> None:
     page.get_by_role("tab", name="Robustness", exact=True).click()
     page.get_by_role("button", name="Compute the map").click()
     page.get_by_text("81 of 81 runs").wait_for(timeout=240e3)
-    page.locator(".vs-tiles").scroll_into_view_if_needed()
+    page.get_by_role("button", name="Compute the map").wait_for()  # the page has brought the map into view
     shoot(page, album, "robustness-map", "The robustness map: a figure for many settings, a tile opens its run")
     page.get_by_role("tab", name="Task", exact=True).click()
 

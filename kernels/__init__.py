@@ -33,9 +33,13 @@ class Kernel:
     @cached_property
     def dispatcher(self) -> Any:
         """numba's dispatcher of the function."""
+        return self._jit(nopython=True, **ARITHMETIC, **self._options)(self.py_func)
+
+    @property
+    def _jit(self) -> Callable[..., Any]:
         from kernels.symbols import jit
 
-        return jit(nopython=True, **ARITHMETIC, **self._options)(self.py_func)
+        return jit
 
     @property
     def _numba_type_(self) -> Any:  # where numba looks for what another kernel calls
@@ -45,6 +49,16 @@ class Kernel:
 
     def __call__(self, *arguments: Any) -> Any:
         return self.dispatcher(*arguments)
+
+
+class LinkedKernel(Kernel):
+    """A kernel that only kernels call. It has no machine code of its own, and compiles faster because of that."""
+
+    @property
+    def _jit(self) -> Callable[..., Any]:
+        from kernels.linking import jit_to_link
+
+        return jit_to_link
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -64,7 +78,7 @@ def not_kept(function: Callable[..., Any]) -> Any:
 
 def inline(function: Callable[..., Any]) -> Any:
     """Kernel that is called by kernels only, and compiles faster because of that."""
-    return Kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return LinkedKernel(function)
 
 
 def _named(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -16,8 +16,8 @@ import tomli_w
 from msgspec import Struct
 
 from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, WrongKind
-from app.scenario.field_info import field_info, types_of
 from app.scenario.schema import Scenario
+from app.scenario.struct_refusals import struct_refusal
 from parameters import allowed
 
 LARGEST = 100_000  # bytes of a TOML file; the shipped ones have 2000, and readers of TOML are slow
@@ -35,7 +35,7 @@ def from_plain(data: object) -> Scenario:
     try:
         return msgspec.convert(data, Scenario)
     except msgspec.ValidationError as error:
-        raise _kind_of_refusal(str(error))(_sentence(str(error), data)) from error
+        raise _kind_of_refusal(str(error))(_sentence(error, data)) from error
 
 
 def to_plain(scenario: Scenario) -> dict[str, Any]:
@@ -256,96 +256,13 @@ def _kind_of_refusal(message: str) -> type[ScenarioError]:
     return WrongKind if ", got `" in message else ScenarioError
 
 
-def _sentence(message: str, data: object) -> str:
-    """Message of msgspec, "Expected ... - at `$.a.b`", as a sentence "a.b: value; expected ..."."""
-    reason, _, place = message.partition(" - at `")
-    path = _keys_named(place.rstrip("`").removeprefix("$").removeprefix("."), data)
-    if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason, re.DOTALL):
-        where = f"{path}." if path else ""
-        return f"{where}{unknown[1]:.60}: no such field; {allowed(unknown[1], _fields_at(path, data))}"
-    if missing := re.fullmatch("Object missing required field `(.*)`", reason, re.DOTALL):
-        kinds = [str(kind.__struct_config__.tag) for kind in _structs_at(path)] if missing[1] == "kind" else []
-        return f"{path}.{missing[1]}: missing; allowed: {', '.join(kinds) or 'a value'}".removeprefix(".")
-    reason = plain_reason(reason)
-    if not path:
-        return f"scenario: {reason}"
-    value = _at(path, data)
-    shown = "" if isinstance(value, dict) else f"{value!r:.60}; "
-    if reason.startswith("Invalid enum value"):
-        reason = allowed(str(value), field_info(path).choices)
-    if reason.startswith("Invalid value"):  # the tag of a section that has several kinds
-        kinds = _structs_at(path.rpartition(".")[0])
-        reason = allowed(str(value), (str(kind.__struct_config__.tag) for kind in kinds))
-    if re.fullmatch(r"controller\.own\.[^.]+", path):
-        reason = f"allowed: a table, in the form controller.own.<law>.<parameter>, {reason.partition(', ')[2]}"
-    return f"{path}: {shown}{reason[:1].lower()}{reason[1:]}"
-
-
-def plain_reason(reason: str) -> str:
-    """Reason of msgspec in plain words."""
-    reason = re.sub(" matching regex .*", " in one line, without control characters", reason, flags=re.DOTALL)
-    for technical, plain in _PLAIN.items():
-        reason = reason.replace(technical, plain)
-    return reason
-
-
-def _keys_named(path: str, data: object) -> str:
-    """Path of msgspec with each "[...]" replaced by the first wrong key: of a table of tables of numbers."""
-    for fits in (_numbers, _number):
-        place, unnamed, rest = path.partition("[...]")
-        if unnamed:
-            wrong = next((key for key, value in _at(place, data).items() if not fits(value)), "*")
-            path = f"{place}.{wrong:.60}{rest}"
-    return path
-
-
-def _number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _numbers(value: object) -> bool:
-    return isinstance(value, dict) and all(_number(item) for item in value.values())
-
-
-def _at(path: str, data: Any) -> Any:
-    """Value at msgspec's path "a.b[0]"; an empty table where there is none."""
-    try:
-        for part in filter(None, path.replace("[", ".").replace("]", "").split(".")):
-            data = data[int(part)] if isinstance(data, list | tuple) else data[part]
-    except (KeyError, IndexError, TypeError, ValueError):
-        return {}
-    return data
-
-
-def _structs_at(path: str) -> list[type[Struct]]:
-    """Structs that the section at a dotted path may be, one for each of its kinds."""
-    structs: list[type[Struct]] = [Scenario]
-    for section in filter(None, path.split(".")):
-        structs = [kind for struct in structs for kind in types_of(struct, section)]
-    return structs
-
-
-def _fields_at(path: str, data: object) -> list[str]:
-    """Fields that a section may have; for a section of several kinds, those of the given kind."""
-    structs = _structs_at(path)
-    table = _at(path, data)
-    kind = table.get("kind") if isinstance(table, dict) else None
-    chosen = next((struct for struct in structs if struct.__struct_config__.tag == kind), structs[0])
-    return [*(["kind"] if len(structs) > 1 else []), *chosen.__struct_fields__]
-
-
-_PLAIN = {
-    "Expected ": "allowed: ",
-    "`float | array`": "numbers or rows of numbers",
-    "`array | float`": "a number, or a list of numbers or rows",
-    "`array | null`": "a list of numbers, or of rows where it is a matrix",
-    "`object | null`": "a table",
-    "`str | null`": "text",
-    "`float | str | null`": "a number or text",
-    "`float`": "a number",
-    "`int`": "a whole number",
-    "`str`": "text",
-    "`bool`": "true or false",
-    "`array`": "a list",
-    "`object`": "a table",
-}
+def _sentence(error: msgspec.ValidationError, data: object) -> str:
+    """Refusal of data that are no scenario."""
+    told = struct_refusal(error, data, Scenario, "scenario")
+    # the kinds of the laws' parameters are no fields of the schema: their form is said, too
+    return re.sub(
+        r"^(controller\.own\.[^.:]+: (?:.*; )?)allowed: a table,",
+        r"\1allowed: a table, in the form controller.own.<law>.<parameter>,",
+        told,
+        flags=re.DOTALL,
+    )

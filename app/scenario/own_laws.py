@@ -21,7 +21,7 @@ def require_callable(laws: Iterable[ControlLaw]) -> None:
             raise OwnCodeError(f"--use: law {law.kind}: torque {law.torque!r:.60}; allowed: a function")
         if law.states is None:
             continue
-        path = _file_of(law)
+        path = file_of(law)
         if not callable(law.states):
             raise OwnCodeError(
                 f"--use {path}: states {law.states!r:.60}; allowed: a function of the number of coordinates, such as "
@@ -31,7 +31,7 @@ def require_callable(laws: Iterable[ControlLaw]) -> None:
             _require_length(law, n, path)
 
 
-def _file_of(law: ControlLaw) -> Path:
+def file_of(law: ControlLaw) -> Path:
     """File of the law's torque; the law's kind for what has no file, such as a `partial`."""
     try:
         return Path(inspect.getfile(inspect.unwrap(getattr(law.torque, "py_func", law.torque))))

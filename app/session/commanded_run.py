@@ -226,8 +226,7 @@ class CommandedRun:
                 self.playing = False
                 self.step()
             case Reset():
-                line.reset()
-                self.runs += 1
+                self._reset()
                 if self._way_out is not None and self._way_out.fork_at is not None:  # an instant of the run before
                     self._way_out = None
             case Seek(t):
@@ -316,9 +315,13 @@ class CommandedRun:
     def _begin(self, scenario: Scenario) -> None:
         """Begin this scenario at t = 0, also where an edit would let the run go on, and let it run."""
         self._edit(scenario)
+        self._reset()
+        self.playing = True
+
+    def _reset(self) -> None:
+        """Begin the run's scenario at t = 0."""
         self.line.reset()
         self.runs += 1
-        self.playing = True
 
     def known(self, seen: Snapshot) -> Snapshot:
         """The snapshot of the loop with what is known of its run."""

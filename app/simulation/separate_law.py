@@ -3,16 +3,15 @@ state of its own."""
 
 from __future__ import annotations
 
-import inspect
 from collections import namedtuple
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from app.scenario.own_code import OwnCodeError, located
+from app.scenario.own_laws import file_of
 from app.simulation.control_period import Evaluation, Setting, asked
 from controllers.control_law import ControlLaw
 from controllers.controller import Controller
@@ -29,7 +28,7 @@ class SeparateLaw:
         law, n = controller.law, controller.model.n
         self._x, self.x_dot = law.at_rest(n), law.at_rest(n)
         self._state = () if law.states is None else (self._x, self.x_dot)
-        self._file = _file_of(law)
+        self._file = file_of(law)
         self._torque = (_compiled if law.compiled else _interpreted)(law, settings, _parameters(controller))
 
     def act(self, evaluation: Record[Evaluation], x: np.ndarray) -> None:
@@ -70,7 +69,3 @@ def _kernel_of(law: ControlLaw) -> Callable[..., None]:
         ask(setting[0], evaluation[0], parameters[0], *state)
 
     return answer
-
-
-def _file_of(law: ControlLaw) -> Path:
-    return Path(inspect.getfile(getattr(law.torque, "py_func", law.torque)))

@@ -13,14 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba import njit
+from numba import njit, types
 from numba.core.caching import IndexDataCacheFile
 
 from app.scenario.data import load
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.control_period import control_period
 from app.simulation.signals import Row
-from kernels import algebra, symbols
+from kernels import algebra, inline, symbols
+from kernels.linking import LinkedLibrary
 from kernels.records import Record
 
 
@@ -227,6 +228,22 @@ def test_kernels_from_the_cache_of_two_processes(
 
     assert {asked: answers(asked) for asked in alone} == alone
     assert answers(together) == [number for part in together for number in alone[(part,)]]
+
+
+def test_a_kernel_that_only_kernels_call_has_no_code_of_its_own_and_raises_through_its_callers() -> None:
+    @inline
+    def root(x):
+        if x < 0.0:
+            raise ValueError("no real root")
+        return np.sqrt(x)
+
+    of_sum = njit(lambda x, y: root(x + y))
+    assert of_sum(7.0, 2.0) == 3.0
+    with pytest.raises(ValueError, match="no real root"):
+        of_sum(1.0, -2.0)
+    alone = root.dispatcher.overloads[(types.float64,)]
+    assert isinstance(alone.library, LinkedLibrary)
+    assert not alone.library.get_pointer_to_function(alone.fndesc.llvm_func_name)
 
 
 def test_a_cache_that_is_filled_by_many_at_once_loses_and_confuses_nothing(tmp_path: Path) -> None:
