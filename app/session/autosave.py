@@ -102,7 +102,7 @@ class StateFolder:
         It takes seconds. The offer stays until a session is saved that goes on with it. Raises ScenarioError where the
         offer's scenario cannot run now.
         """
-        ClosedLoop(offer.scenario, history=1, memory=kept_memory())
+        ClosedLoop.begin(offer.scenario, history=1, memory=kept_memory())
         runs, problems = [], []
         for saved in offer.runs:
             try:
@@ -284,7 +284,7 @@ def _read(path: Path) -> Index:
 
 def _pinned(saved: SavedRun, path: Path) -> Pinned:
     scenario, recording = read_npz(path)
-    loop = ClosedLoop(scenario, history=1, memory=kept_memory())
+    loop = ClosedLoop.begin(scenario, history=1, memory=kept_memory())
     if recording.n != loop.system.layout.n or not len(recording):
         raise StateError(f"{path} does not fit its own scenario")
     if not recording.epochs:  # files of earlier versions do not hold the changes during the run

@@ -27,7 +27,7 @@ from app.simulation.true_errors import beyond
 from app.simulation.verdict import Standing
 from app.simulation.view import LiveMetrics, View
 from controllers.blend import ModelBlend
-from controllers.premises import Kept, periods_between_looks
+from controllers.premises import Kept
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import Start
 from environments.push import Grip
@@ -49,29 +49,36 @@ def standing_of(system: System, state: State) -> Standing:
 
 
 class ClosedLoop:
-    """One run of a scenario: a system, a state and a recording; no thread, no screen, no file.
-
-    Raises ScenarioError when the scenario cannot be built.
-    """
-
-    system: System
-    state: State
-    recording: Recording
+    """One run of a scenario: a system, a state and a recording, and the objects of `step` that follow from these; no
+    thread, no screen, no file. It works in the memory of the state."""
 
     def __init__(
-        self,
+        self, system: System, state: State, recording: Recording, settings: Record[Setting] | None = None
+    ) -> None:
+        """settings: those of the system, where they are known already."""
+        self.recording = recording
+        self._stage = "the beginning"
+        self._bind(system, state, settings)
+
+    @classmethod
+    def begin(
+        cls,
         scenario: Scenario,
         history: int = HISTORY,
         previous: System | None = None,
         memory: Memory | None = None,
-    ) -> None:
-        self._begin(assemble(scenario, previous, memory), history)
+    ) -> ClosedLoop:
+        """Run of a scenario from its beginning. history: see `Recording`. previous: a system whose parts are used again
+        where they are the same. Raises ScenarioError when the scenario cannot be built."""
+        return cls.of(assemble(scenario, previous, memory), history)
 
     @classmethod
     def of(cls, system: System, history: int = HISTORY) -> ClosedLoop:
-        """Run of a system that is built already, such as one with another plant."""
-        loop = object.__new__(cls)
-        loop._begin(system, history)
+        """Run, from its beginning, of a system that is built already, such as one with another plant."""
+        loop = cls._in_new_epoch(system, State.at_start(system), Recording(system.layout.n, history))
+        loop.recording.epochs.append(loop.state.epoch)
+        if system.plant.kind.rigid:
+            loop._arm.press()
         return loop
 
     @classmethod
@@ -84,7 +91,8 @@ class ClosedLoop:
     ) -> ClosedLoop:
         """Run that continues from a copy of `state` exactly as the run that had this state; `edit` changes it.
 
-        It shares the parts of `previous` that are the same, so the two must not step in different threads.
+        It shares the parts of `previous` that are the same, so the two must not step in different threads. Raises
+        ScenarioError.
         """
         return cls.continuing(assemble(state.scenario, previous, memory).with_shift(state.shift), state, history)
 
@@ -92,34 +100,13 @@ class ClosedLoop:
     def continuing(cls, system: System, state: State, history: int = HISTORY) -> ClosedLoop:
         """Run of a system that is built already from a copy of a state on: `resume`, also for a system that no scenario
         says, such as one whose reference is held."""
-        loop = object.__new__(cls)
-        loop.recording = Recording(system.layout.n, history)
-        loop._bind(system, state.copy())
+        loop = cls(system, state.copy(), Recording(system.layout.n, history))
         loop.recording.epochs.append(state.epoch)
         return loop
 
-    def _begin(self, system: System, history: int) -> None:
-        self.recording = Recording(system.layout.n, history)
-        self._take_up(system, State.at_start(system))
-        self.recording.epochs.append(self.state.epoch)
-        if system.plant.kind.rigid:
-            self._arm.press()
-
-    def _bind(self, system: System, state: State, settings: Record[Setting] | None = None) -> None:
-        """Make this system and this state the run's, with all objects of `step` that follow from them. settings: where
-        they are known already."""
-        state.scenario, state.shift = system.scenario, system.plan.shift
-        self.system, self.state = system, state
-        self._arm = ControlledArm(system, state, settings)
-        self._watch = PremiseWatch(system, state, self._arm)
-        self._h = system.scenario.controller.period
-        self._look_every = periods_between_looks.py_func(self._h)
-        self._stage, self._share = "the beginning", 0.0
-        if system.blend is not None and self.blending:
-            self._follow(system.blend)
-
-    def _take_up(self, system: System, state: State) -> None:
-        """Continue with this system from this state, in a new epoch; s jumps where gains or references do."""
+    @classmethod
+    def _in_new_epoch(cls, system: System, state: State, recording: Recording) -> ClosedLoop:
+        """Run of this system from this state on, in a new epoch; s jumps where gains or references do."""
         controller, arm, evaluation = system.scenario.controller, state.arm, state.evaluation
         begins = Start(round(state.t / controller.period), arm.views.q.copy())
         state.along = begins if controller.estimates == "along-reference" else None
@@ -132,11 +119,20 @@ class ClosedLoop:
         if controller.on_change == "remove":
             _, _, e_r, e_r_dot = observed(system, state.t, arm)
             evaluation.views.z[:] = system.controller.compensator.without_reaching(e_r, e_r_dot)
-        self._bind(system, state)
-        before = self._watch.fed_back
-        self._watch.begin()
-        self._watch.require_bounded_gain(before)
-        self._watch.require_bounded_blend(system.blend)
+        loop = cls(system, state, recording)
+        before = loop._watch.fed_back
+        loop._watch.begin()
+        loop._watch.require_bounded_gain(before)
+        loop._watch.require_bounded_blend(system.blend)
+        return loop
+
+    def _bind(self, system: System, state: State, settings: Record[Setting] | None = None) -> None:
+        state.scenario, state.shift = system.scenario, system.plan.shift
+        self.system, self.state = system, state
+        self._arm = ControlledArm(system, state, settings)
+        self._watch = PremiseWatch(system, state, self._arm)
+        if system.blend is not None and self.blending:
+            self._follow(system.blend)
 
     def edit(self, scenario: Scenario) -> None:
         """Continue with a changed scenario, or begin anew where the change does not allow it.
@@ -146,7 +142,7 @@ class ClosedLoop:
         """
         old, new = self.system.scenario, assemble(scenario, self.system)
         replanned = scenario.blend.planned and scenario.blend != old.blend
-        late = replanned and scenario.blend.at < self.t - 0.5 * self._h
+        late = replanned and scenario.blend.at < self.t - 0.5 * self.period
         if begins_anew(old, scenario) or late or self.stopped:
             self._become(ClosedLoop.of(new, self.recording.history))
             return
@@ -169,11 +165,10 @@ class ClosedLoop:
 
         previous: a system whose parts are used again where they are the same.
         """
-        twin = object.__new__(ClosedLoop)
         system = with_truth(self.system, truth, previous)
-        twin.recording = Recording(system.layout.n, history)
+        recording, settings = Recording(system.layout.n, history), self._arm.settings_with(system)
+        twin = ClosedLoop(system, self.state.copy(), recording, settings)
         twin.recording.epochs.append(self.state.epoch)
-        twin._bind(system, self.state.copy(), self._arm.settings_with(system))
         twin.state.evaluation.data["held"]["known"] = False  # the period before was computed for another arm
         if system.scenario.simulation.bound_violation == "stop":  # so the promise for this arm counts
             twin._watch.begin()
@@ -184,21 +179,18 @@ class ClosedLoop:
         old, new, state = self.system.scenario, system.scenario, self.state.copy()
         if old.sensor != new.sensor:
             state.reader = ForceReader(system.sensor, new.simulation.seed)
-        changed = object.__new__(ClosedLoop)
-        changed.recording = self.recording
-        changed._take_up(system, state)
+        changed = ClosedLoop._in_new_epoch(system, state, self.recording)
         if meets_another_load(old, new):
             system.plant.find_load(state.arm, state.t)
         return changed
 
     def _become(self, other: ClosedLoop) -> None:
-        self.recording, self.system, self.state = other.recording, other.system, other.state
-        self._arm, self._watch, self._share = other._arm, other._watch, other._share
-        self._h, self._look_every = other._h, other._look_every
+        self.system, self.state, self.recording = other.system, other.state, other.recording
+        self._arm, self._watch = other._arm, other._watch
 
     def reset(self) -> None:
         """Begin the same scenario anew."""
-        self._begin(self.system.anew(), self.recording.history)
+        self._become(ClosedLoop.of(self.system.anew(), self.recording.history))
 
     @property
     def t(self) -> float:
@@ -208,7 +200,7 @@ class ClosedLoop:
     @property
     def period(self) -> float:
         """The control period, s."""
-        return self._h
+        return self.system.scenario.controller.period
 
     @property
     def stopped(self) -> str | None:
@@ -266,7 +258,7 @@ class ClosedLoop:
     @property
     def blending(self) -> bool:
         """Whether a blend of the target model is going on."""
-        return blending(self.system.blend, self.t, self._h)
+        return blending(self.system.blend, self.t, self.period)
 
     def step(self) -> None:
         """Compute one control period. To be called only while `stopped` is None."""
@@ -280,7 +272,7 @@ class ClosedLoop:
         self._stage = "the control law"
         if not arm.control(F, row):
             self.leave_unsolved()
-        if state.steps % self._look_every == 0:
+        if state.steps % self._watch.every == 0:
             self._watch.look()
         self._stage = "the plant"
         arm.move()
@@ -320,7 +312,7 @@ class ClosedLoop:
         blend = self.system.blend
         if blend is None:
             return most
-        steps, most = self.state.steps, min(most, self._look_every)
+        steps, most = self.state.steps, min(most, self._watch.every)
         return next((k for k in range(1, most) if self._blend_acts(blend, self._time(steps + k))), most)
 
     @property
@@ -355,7 +347,7 @@ class ClosedLoop:
         self.state.t = self._time(self.state.steps)
 
     def _time(self, steps: int) -> float:
-        return self.state.epoch.t + steps * self._h
+        return self.state.epoch.t + steps * self.period
 
     def advance(self) -> None:
         """Compute one control period, if the run has not stopped; any exception in it stops the run, and the recording
@@ -385,7 +377,7 @@ class ClosedLoop:
         Nothing else changes, above all not z: s does not depend on the model (see `controllers.blend`). An epoch begins
         with a blend, and another one with its end. A blend is the same to the last bit whenever it was planned.
         """
-        half = 0.5 * self._h
+        half = 0.5 * self.period
         if self.t > blend.begins + blend.over - half:
             system = self.system
             controller = system.controller.following(blend.end)
@@ -395,27 +387,25 @@ class ClosedLoop:
         elif self.t > blend.begins - half:
             if self.state.epoch.t < blend.begins - half:
                 self._new_epoch()
-            if blend.share(self.t) != self._share:
+            if blend.share(self.t) != self._watch.share:
                 self._follow(blend)
 
     def _blend_acts(self, blend: ModelBlend, t: float) -> bool:
         """Whether `_blend` does something at t (s), after it has been called in the present period."""
-        half = 0.5 * self._h
+        half = 0.5 * self.period
         if t <= blend.begins - half:
             return False
         ends, begins = t > blend.begins + blend.over - half, self.state.epoch.t < blend.begins - half
-        return ends or begins or blend.share(t) != self._share
+        return ends or begins or blend.share(t) != self._watch.share
 
     def _new_epoch(self) -> None:
         self._watch.begin()
         self.recording.epochs.append(self.state.epoch)
-        self._share = 0.0
 
     def _follow(self, blend: ModelBlend) -> None:
         """Let the law follow the target model of the present instant."""
-        self._share = blend.share(self.t)
         self.system = self.system.with_controller(self.system.controller.following(blend.at(self.t)))
-        self._watch.follow(self.system, self._share)
+        self._watch.follow(self.system, blend.share(self.t))
         self._arm.follow(self.system.controller.gains)
 
     def _evaluated(self) -> Record[Evaluation]:

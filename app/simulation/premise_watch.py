@@ -19,7 +19,7 @@ from app.simulation.stations import APART
 from app.simulation.system import System
 from app.simulation.verdict import sentence
 from controllers.blend import ModelBlend, blended
-from controllers.premises import Kept, Premise, judge
+from controllers.premises import Kept, Premise, judge, periods_between_looks
 from controllers.switching import Switching
 from environments.contact import Holding
 
@@ -32,26 +32,28 @@ class PremiseWatch:
     """Watch of the promise of a run, in the memory of its state's evaluation; it writes into the state's `flagged` and
     `stopped` which premise the run has left, and when.
 
-    system: follows the target model in force during a blend.
+    system: follows the target model in force during a blend; share: of that blend, 0 without one.
+    every: control periods from one look at the posture to the next.
     """
 
     def __init__(self, system: System, state: State, arm: ControlledArm) -> None:
         self.system = system
         self._state, self._arm, self._h = state, arm, system.scenario.controller.period
+        self.every = periods_between_looks.py_func(self._h)
         self._stations, self._centres = system.stations, system.constants.centres
         self._table = state.evaluation.views.table
         self._sampled: SampledLoop | None = None
         self._loops = SampledLoops(system)
-        self._share = 0.0
+        self.share = 0.0
 
     def follow(self, system: System, share: float) -> None:
         """Follow a blend of the target model: the system with the model in force, and the share of the blend."""
-        self.system, self._share = system, share
+        self.system, self.share = system, share
 
     @property
     def model_has_moved(self) -> bool:
         """Whether the target model has moved on in a blend since the sampled loops were judged."""
-        return abs(self._share - self._state.judged.share) >= SHARE
+        return abs(self.share - self._state.judged.share) >= SHARE
 
     def begin(self) -> None:
         """Begin an epoch: the theorem promises anew, from the present s."""
@@ -97,7 +99,7 @@ class PremiseWatch:
         may_leave = any(each.unilateral for each in system.plant.contacts[: len(system.surfaces)])
         if (system.plant.kind.rigid and (may_leave or absent > 0.0)) or limits.meets.any():
             self._state_premise(Premise.CONTACT, absent, 0.0)
-        state.judged = Judged(None, np.full(system.robot.n, np.nan), state.t, self._share)
+        state.judged = Judged(None, np.full(system.robot.n, np.nan), state.t, self.share)
         self.heed_posture(nearest)
 
     def _state_premise(self, premise: Premise, value: float, limit: float) -> None:
@@ -121,12 +123,12 @@ class PremiseWatch:
         if distance > APART:
             if not self.model_has_moved and judged.station is None and np.abs(q - judged.q).max() <= APART:
                 return
-            state.judged = Judged(None, q.copy(), state.t, self._share)
+            state.judged = Judged(None, q.copy(), state.t, self.share)
         elif station == judged.station and not self.model_has_moved:
             return
         else:
             at = self._stations.q[station], float(self._stations.t[station])
-            state.judged = Judged(station, *at, self._share)
+            state.judged = Judged(station, *at, self.share)
         self._sampled = None
         for premise, value in self._judged_loop.premises.items():
             self._state_premise(premise, value, 1.0)

@@ -14,7 +14,7 @@ SILENT = ControlLaw("silent", "silent", "It asks for no torque.", torque=lambda 
 
 def warm_up(scenario: Scenario) -> ClosedLoop:
     """Run of the scenario after one period, as the page would show it."""
-    loop = ClosedLoop(scenario, history=1)
+    loop = ClosedLoop.begin(scenario, history=1)
     loop.step()
     loop.view()
     return loop

@@ -14,7 +14,7 @@ from app.storage.constants_store import kept_memory
 
 @pytest.mark.parametrize("name", ["planar3r-hybrid", "ur5-motion"])
 def test_the_end_of_a_run_and_the_same_stretch_have_the_same_figures(name: str) -> None:
-    loop = ClosedLoop(shipped()[name], memory=kept_memory())
+    loop = ClosedLoop.begin(shipped()[name], memory=kept_memory())
     while loop.t < 0.5 - 0.5 * loop.period:
         loop.advance()
     whole, t = metrics_of(loop), loop.recording.stretch()["t"]

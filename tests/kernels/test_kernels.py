@@ -129,7 +129,7 @@ def test_record_is_one_memory_seen_by_name() -> None:
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-impedance", "planar2r-semicircle"])
 def test_nothing_of_the_last_period_leaks_into_this_one(name: str) -> None:
     """Whatever the memory between input and output holds, the row is the same."""
-    loop = ClosedLoop(load(name))
+    loop = ClosedLoop.begin(load(name))
     for _ in range(20):
         loop.step()
     rows = []

@@ -26,7 +26,7 @@ COUNT, HORIZON = 3, 0.2
 
 
 def running(scenario: Scenario) -> ClosedLoop:
-    loop = ClosedLoop(scenario)
+    loop = ClosedLoop.begin(scenario)
     CompiledRun(loop).advance(300)
     return loop
 

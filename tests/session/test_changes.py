@@ -185,7 +185,7 @@ def test_a_bound_that_the_mode_refuses_is_no_way_out() -> None:
 @pytest.mark.parametrize("name", ["ur5-hybrid", "planar3r-hybrid"])
 def test_a_push_by_the_button_is_felt_by_every_arm(name: str) -> None:
     runner = Runner(shipped()[name])
-    alone = ClosedLoop(shipped()[name])
+    alone = ClosedLoop.begin(shipped()[name])
     runner._obey([PushNow()])
     for _ in range(100):
         runner._commanded.step()

@@ -44,7 +44,7 @@ EDITS: dict[str, object] = {
 
 
 def running(scenario: Scenario, periods: int = 400) -> ClosedLoop:
-    loop = ClosedLoop(scenario)
+    loop = ClosedLoop.begin(scenario)
     for _ in range(periods):
         loop.step()
     return loop
@@ -245,7 +245,7 @@ def preview_metrics(question: Question) -> PreviewMetrics:
 def test_an_arm_on_a_moving_surface_is_not_pushed(name: str, moving: str) -> None:
     still = edited(edited(shipped()[name], "motion", "hold"), "rotation", "hold")
     for scenario, pushed in ((still, 20.0), (edited(still, moving, 0.01), 0.0)):
-        loop = ClosedLoop(scenario)
+        loop = ClosedLoop.begin(scenario)
         assert Foresight(Question(1, loop.state.copy(), scenario, 1.0, push=20.0))._push == pushed
 
 
@@ -432,7 +432,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.session.preview_client import Previewer
 from app.scenario.data import shipped
 previewer = Previewer()
-state = ClosedLoop(shipped()["ur5-hybrid"]).state.copy()
+state = ClosedLoop.begin(shipped()["ur5-hybrid"]).state.copy()
 previewer.ask(state, state.scenario, 20.0)
 while previewer.newest is None:
     time.sleep(0.01)

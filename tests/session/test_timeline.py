@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow  # long or many simulations
 
 
 def line_of(scenario: Scenario) -> Timeline:
-    return Timeline(ClosedLoop(scenario))
+    return Timeline(ClosedLoop.begin(scenario))
 
 
 def run(line: Timeline, steps: int) -> Timeline:

@@ -84,7 +84,7 @@ def scenarios() -> dict[str, Scenario]:
 
 def loops(scenario: Scenario, periods: tuple[int, int, int]) -> tuple[ClosedLoop, ClosedLoop]:
     """The run by steps, and the other, by turns compiled and by steps; no two of them share memory."""
-    stepped, compiled = ClosedLoop(scenario), ClosedLoop(scenario)
+    stepped, compiled = ClosedLoop.begin(scenario), ClosedLoop.begin(scenario)
     for _ in range(sum(periods)):
         stepped.advance()
     run = CompiledRun(compiled)
@@ -112,7 +112,10 @@ def test_shipped_scenarios_have_the_rows_of_the_steps_for_eight_seconds(name: st
 
 
 def test_a_discontinuous_law_chatters_as_much_in_both() -> None:
-    stepped, compiled = ClosedLoop(load("ur5-motion-discontinuous")), ClosedLoop(load("ur5-motion-discontinuous"))
+    stepped, compiled = (
+        ClosedLoop.begin(load("ur5-motion-discontinuous")),
+        ClosedLoop.begin(load("ur5-motion-discontinuous")),
+    )
     CompiledRun(compiled).advance(2000)
     for _ in range(2000):
         stepped.advance()
@@ -122,7 +125,7 @@ def test_a_discontinuous_law_chatters_as_much_in_both() -> None:
 
 
 def test_reader_continues_with_the_same_noise_after_any_number_of_readings() -> None:
-    loop, other = (ClosedLoop(changed("ur5-impedance-6d: twisted, noisy, late")) for _ in range(2))
+    loop, other = (ClosedLoop.begin(changed("ur5-impedance-6d: twisted, noisy, late")) for _ in range(2))
     CompiledRun(loop).advance(7)
     for _ in range(7):
         other.advance()
@@ -133,12 +136,12 @@ def test_reader_continues_with_the_same_noise_after_any_number_of_readings() -> 
 
 def test_obstacle_names_why_a_run_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     base = load("ur5-hybrid")
-    held = ClosedLoop(base)
+    held = ClosedLoop.begin(base)
     assert obstacle(held) is None
     held.hold(Grip((0.0, 0.0, 0.0)))
     assert obstacle(held) == "a hand holds the tool"
 
-    system = ClosedLoop(base).system
+    system = ClosedLoop.begin(base).system
     own = replace(system, controller=replace(system.controller, law=SILENT, parameters={}))
     with pytest.raises(ValueError, match=r"controller\.law: 'silent' is a law of your own"):
         CompiledRun(ClosedLoop.of(own))
@@ -147,5 +150,5 @@ def test_obstacle_names_why_a_run_is_not_taken(monkeypatch: pytest.MonkeyPatch) 
         """A stage that the compiled run does not know."""
 
     monkeypatch.setattr(sensors, "STAGES", (Clip,))
-    clipped = ClosedLoop(edited(base, "sensor.bias", [1.0, 0.0, 0.0]))
+    clipped = ClosedLoop.begin(edited(base, "sensor.bias", [1.0, 0.0, 0.0]))
     assert obstacle(clipped) == "the force sensor has a stage that is known to the interpreter only"

@@ -114,7 +114,7 @@ def test_normal_errors_obey_35_with_full_matrices_and_settle_at_37(between: floa
     for period in (1e-3, 5e-4):
         given = {"target_model": COUPLED, "second.surface": OBLIQUE, "controller.period": period, "coupling": coupling}
         believed = {"controller.K_e_hat": 8000.0, "second.K_e_hat": 7000.0, "second.contact.K_e": 5000.0}
-        loop = ClosedLoop(bilateral(**given, **believed))
+        loop = ClosedLoop.begin(bilateral(**given, **believed))
         system, model = loop.system, loop.system.controller.model
         K_e, K_e_hat = (
             np.array([[first, beside], [beside, second]])
@@ -214,7 +214,7 @@ def sampled(M_m1: float) -> ClosedLoop:
     """A rigid corner with this inertia of the model across both surfaces, nudged."""
     constant = {"controller.law": "computed-torque", "target_model": {"M_m": [M_m1, M_m1, 10.0, 10.0, 10.0, 10.0]}}
     nudge = {"truth.push": [0.0, 3.0, -3.0], "truth.push_start": 0.0, "truth.push_duration": 0.01}
-    return ClosedLoop(bilateral("ur5-corner-rigid", **constant, **nudge, **{"sensor.ideal": False}))
+    return ClosedLoop.begin(bilateral("ur5-corner-rigid", **constant, **nudge, **{"sensor.ideal": False}))
 
 
 def test_the_force_loop_of_a_corner_swings_up_where_its_factor_says() -> None:

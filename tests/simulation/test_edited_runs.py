@@ -28,7 +28,7 @@ def finding(loop: ClosedLoop, premise: str) -> float | None:
 )
 def test_another_second_surface_begins_the_run_anew(path: str, value: object) -> None:
     """A rigid surface that moved in a running loop took the tool with it, and the promise was called broken."""
-    loop = ClosedLoop(shipped()["ur5-corner-rigid"])
+    loop = ClosedLoop.begin(shipped()["ur5-corner-rigid"])
     CompiledRun(loop).advance(300)
     x, y, z = loop.system.scenario.second.surface.origin
     loop.edit(edited(loop.system.scenario, path, (x, y + 0.01, z) if value is None else value))
@@ -45,7 +45,7 @@ def test_a_bilateral_surface_that_is_not_touched_promises_nothing() -> None:
         "simulation.leaving_domain": "flag", "truth.push": (0.0, 0.0, 60.0), "truth.push_start": 0.1,
         "truth.push_duration": 0.05,
     }  # fmt: skip
-    loop = ClosedLoop(with_values(shipped()["ur5-constrained"], fields))
+    loop = ClosedLoop.begin(with_values(shipped()["ur5-constrained"], fields))
     CompiledRun(loop).advance(140)
     assert loop.state.arm.views.holding.held[0] == 0
     loop.edit(edited(loop.system.scenario, "contact.unilateral", False))
@@ -70,7 +70,7 @@ def test_meeting_a_mass_ends_the_promise(M_e: float) -> None:
             "controller.K_e_hat": 2000.0,
         },
     )  # fmt: skip
-    loop = ClosedLoop(scenario)
+    loop = ClosedLoop.begin(scenario)
     CompiledRun(loop).advance(2000)
     pressed = loop.recording.signals(("multiplier",))["multiplier"] > 0.0
     met = loop.recording.signals(("t",))["t"][np.flatnonzero(np.diff(pressed.astype(int)) == 1) + 1]
@@ -83,8 +83,8 @@ def test_meeting_a_mass_ends_the_promise(M_e: float) -> None:
 def test_a_blend_to_a_model_with_which_the_gain_runs_away_is_refused() -> None:
     blend = {"blend.to.B_m": (20000.0,) * 6, "blend.at": 0.3, "blend.over": 0.5, "simulation.duration": 3.0}
     with pytest.raises(ScenarioError, match=r"blend\.to: on the way to this target model.*runs away"):
-        ClosedLoop(with_values(shipped()["ur5-motion"], blend))
-    loop = ClosedLoop(shipped()["ur5-motion"])
+        ClosedLoop.begin(with_values(shipped()["ur5-motion"], blend))
+    loop = ClosedLoop.begin(shipped()["ur5-motion"])
     CompiledRun(loop).advance(100)
     with pytest.raises(ScenarioError, match=r"blend\.to: .*runs away"):
         loop.edit(with_values(loop.system.scenario, blend))
@@ -99,13 +99,13 @@ def test_a_blend_that_makes_force_and_gain_raise_each_other_is_refused() -> None
     M_m[0, 1] = M_m[1, 0] = 11.0
     coupled = tuple(map(tuple, M_m.tolist()))
     with pytest.raises(ScenarioError, match=r"controller\.bounds: .*raise each other"):
-        ClosedLoop(with_values(scenario, {"target_model.M_m": coupled}))
+        ClosedLoop.begin(with_values(scenario, {"target_model.M_m": coupled}))
     with pytest.raises(ScenarioError, match=r"blend\.to: on the way to this target model.*raise each other"):
-        ClosedLoop(with_values(scenario, {"blend.to.M_m": coupled, "blend.at": 0.3, "blend.over": 0.5}))
+        ClosedLoop.begin(with_values(scenario, {"blend.to.M_m": coupled, "blend.at": 0.3, "blend.over": 0.5}))
 
 
 def test_an_edit_is_not_to_blame_for_what_it_does_not_raise() -> None:
-    loop = ClosedLoop(shipped()["ur5-motion"])
+    loop = ClosedLoop.begin(shipped()["ur5-motion"])
     watch, value = loop._watch, loop.state.evaluation.views.table.value
     value[Premise.GAIN_BY_CHATTER] = 1.5
     watch.require_bounded_gain((1.5, np.nan))

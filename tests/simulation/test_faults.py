@@ -133,7 +133,7 @@ def test_a_command_that_fails_unexpectedly_is_refused_and_the_run_goes_on(runner
 
 
 def test_an_edit_that_fails_half_way_leaves_the_loop_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    loop, twin = ClosedLoop(load("ur5-hybrid"), 1000), ClosedLoop(load("ur5-hybrid"), 1000)
+    loop, twin = ClosedLoop.begin(load("ur5-hybrid"), 1000), ClosedLoop.begin(load("ur5-hybrid"), 1000)
     for _ in range(5):
         loop.step()
         twin.step()

@@ -36,7 +36,7 @@ def pulled(name: str, push: list[float], leaving: str = "flag", **fields: object
 
 def run(scenario: Scenario, seconds: float) -> ClosedLoop:
     """A run of so many seconds, or until it stops."""
-    loop = ClosedLoop(scenario)
+    loop = ClosedLoop.begin(scenario)
     while loop.t < seconds - 0.5 * H and loop.stopped is None:
         loop.advance()
     return loop

@@ -88,7 +88,7 @@ def test_shipped_runs_hold_with_all_premises(name: str) -> None:
 
 def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:
     """A drive that is too weak for a moment; then V_0 is that of the instant when it is strong enough again."""
-    loop = ClosedLoop(changed("ur5-hybrid"))
+    loop = ClosedLoop.begin(changed("ur5-hybrid"))
     weak = edited(loop.system.scenario, "truth.link_scaling", 1.3)
     for _ in range(50):
         loop.step()
@@ -129,7 +129,7 @@ def test_chattering_raises_d_but_not_the_band() -> None:
 
 def test_a_promise_from_far_begins_where_s_is() -> None:
     """s is away from zero, under a premise that fails at first: what is promised later begins from the s of then."""
-    loop = ClosedLoop(changed("ur5-hybrid-reaching", truth__link_scaling=1.3))
+    loop = ClosedLoop.begin(changed("ur5-hybrid-reaching", truth__link_scaling=1.3))
     for _ in range(20):
         loop.step()
     assert math.isnan(loop.kept.bound)
@@ -148,7 +148,7 @@ def test_a_run_that_diverges_promises_nothing() -> None:
     with pytest.raises(
         ScenarioError, match=r"controller\.bounds: with 'paper' .* runs away .* controller\.period <= 0\.0"
     ):
-        ClosedLoop(changed("ur5-motion", controller__bounds="paper", **fields))
+        ClosedLoop.begin(changed("ur5-motion", controller__bounds="paper", **fields))
     thin = {"controller__gain": "constant", "controller__d": 2000.0}
     loop, metrics = simulate(changed("ur5-motion", **thin, **fields))
     assert metrics.promise.verdict == "nothing promised"
@@ -158,11 +158,11 @@ def test_a_run_that_diverges_promises_nothing() -> None:
 @pytest.mark.parametrize("name", ["ur5-constrained", "ur5-wave-constrained"])
 def test_the_gain_of_7_on_a_rigid_surface_is_refused_for_its_cause(name: str) -> None:
     with pytest.raises(ScenarioError, match="raise each other"):
-        ClosedLoop(changed(name, controller__bounds="paper"))
+        ClosedLoop.begin(changed(name, controller__bounds="paper"))
 
 
 def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
-    loop = ClosedLoop(changed("ur5-constrained"))
+    loop = ClosedLoop.begin(changed("ur5-constrained"))
     for _ in range(20):
         loop.step()
     before = loop.state.copy()
@@ -177,7 +177,7 @@ def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
 
 def test_a_caption_says_what_was_promised() -> None:
     names = ("s_norm", "s_bound", "s_band")
-    loop = ClosedLoop(changed("ur5-hybrid"))
+    loop = ClosedLoop.begin(changed("ur5-hybrid"))
     for _ in range(50):
         loop.step()
     assert promised(loop.recording.signals(names)).endswith("holds throughout.")
@@ -235,7 +235,7 @@ def judged_value(loop: ClosedLoop) -> float:
 
 def test_the_sampled_loops_are_judged_along_the_way() -> None:
     """At stations along the reference, once each however often they are passed, and where the arm is off it."""
-    loop = ClosedLoop(edited(changed("ur5-motion"), "simulation.duration", 3.0))
+    loop = ClosedLoop.begin(edited(changed("ur5-motion"), "simulation.duration", 3.0))
     seen: dict[int, float] = {}
     for _ in range(3000):
         loop.step()
@@ -262,7 +262,7 @@ def test_the_sampled_loops_are_judged_along_the_way() -> None:
 
 def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
     still = edited(changed("ur5-impedance"), "motion", {"kind": "hold"})
-    loop = ClosedLoop(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
+    loop = ClosedLoop.begin(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
     before = judged_value(loop)
     while loop.t < 0.3:
         loop.step()
@@ -276,7 +276,7 @@ def test_during_a_blend_the_sampled_loops_are_those_of_the_model_in_force(*, com
     """The force loop of the model at the end diverges, and that is said as soon as the one in force does."""
     still = edited(changed("ur5-constrained"), "motion", {"kind": "hold"})
     blend = {"to": {"M_m": [2.0, *5 * [10.0]]}, "at": 0.0, "over": 4.0}
-    loop, begun, factors = ClosedLoop(edited(still, "blend", blend)), 0.0, list[float]()
+    loop, begun, factors = ClosedLoop.begin(edited(still, "blend", blend)), 0.0, list[float]()
     while loop.t < 3.9 and loop.stopped is None:
         if compiled:
             CompiledRun(loop).advance(20)
@@ -300,7 +300,7 @@ def test_during_a_blend_the_sampled_loops_are_those_of_the_model_in_force(*, com
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-corner", "ur5-constrained", "ur5-corner-rigid"])
 def test_sampled_loops_are_judged_anew_but_for_another_force(name: str) -> None:
     """What is asked of the force changes no sampled loop, so that a slider that moves it need not wait for them."""
-    system = ClosedLoop(changed(name)).system
+    system = ClosedLoop.begin(changed(name)).system
     pressed = assemble(edited(edited(system.scenario, "force.value", 17.0), "second.force.value", 9.0), system)
     assert pressed.sampled_loops is system.sampled_loops
     known = system.sampled_loops[0]
@@ -360,7 +360,7 @@ def test_the_controller_stays_where_it_is_told_of_no_change() -> None:
 def test_a_run_taken_up_before_a_blend_knows_nothing_of_the_model_within_it() -> None:
     """As a timeline takes it up, with the system of the instant that is left."""
     still = edited(changed("ur5-impedance"), "motion", {"kind": "hold"})
-    loop = ClosedLoop(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
+    loop = ClosedLoop.begin(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
     begun, station = loop.state.copy(), loop.state.judged.station
     while loop.t < 0.1:
         loop.step()
@@ -374,7 +374,7 @@ def test_a_run_taken_up_before_a_blend_knows_nothing_of_the_model_within_it() ->
 
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained"])
 def test_another_true_arm_has_the_settings_of_a_system_built_with_it(name: str) -> None:
-    loop = ClosedLoop(edited(changed(name), "declared.delta_G", 30.0))
+    loop = ClosedLoop.begin(edited(changed(name), "declared.delta_G", 30.0))
     truth = msgspec.structs.replace(loop.system.scenario.truth, payload_mass=0.4, viscous=2.0, torque_limit=80.0)
     twin = loop.with_truth(truth, 10, None)
     built = ControlledArm(twin.system, twin.state).settings
@@ -383,7 +383,7 @@ def test_another_true_arm_has_the_settings_of_a_system_built_with_it(name: str) 
 
 def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one() -> None:
     """The same arm at the same place, with the rates that make s zero, asks for nearly twice the gain of now."""
-    loop = ClosedLoop(changed("ur5-hybrid-reaching", controller__switching="discontinuous"))
+    loop = ClosedLoop.begin(changed("ur5-hybrid-reaching", controller__switching="discontinuous"))
     now = loop._arm.evaluated()
     loop.state.arm.views.q_dot[:] -= now.part("seen").task.J_q_inv @ now.part("output").s
     on_surface = loop._arm.evaluated().part("output")
@@ -405,7 +405,7 @@ def test_a_period_counts_once_however_often_the_loop_through_the_multiplier_asks
 
 
 def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_period() -> None:
-    loop = ClosedLoop(edited(changed("ur5-motion"), "controller.law", "computed-torque"))
+    loop = ClosedLoop.begin(edited(changed("ur5-motion"), "controller.law", "computed-torque"))
     for _ in range(5):
         loop.step()
     assert "law" in loop.standing.now.because
@@ -419,18 +419,18 @@ def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_peri
 
 def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> None:
     """Omega surrounds the path of the run's duration, as of a run of a map that the page opens."""
-    loop = ClosedLoop(edited(shipped()["ur5-hybrid"], "simulation.duration", 1.0))
+    loop = ClosedLoop.begin(edited(shipped()["ur5-hybrid"], "simulation.duration", 1.0))
     CompiledRun(loop).advance(1000)
     assert loop.warning is None
     CompiledRun(loop).advance(2000)
     assert "for the first 1 s of the path (simulation.duration); allowed: a longer one" in str(loop.warning)
-    whole = ClosedLoop(shipped()["ur5-hybrid"])
+    whole = ClosedLoop.begin(shipped()["ur5-hybrid"])
     CompiledRun(whole).advance(3000)
     assert whole.warning is None
 
 
 def test_before_the_first_period_nothing_is_promised() -> None:
-    sound = ClosedLoop(changed("ur5-hybrid")).standing
+    sound = ClosedLoop.begin(changed("ur5-hybrid")).standing
     assert (sound.now.verdict, sound.now.because) == ("nothing promised", "the next control period judges")
     assert (sound.run.verdict, sound.run.because) == ("nothing promised", "no control period has been computed")
     assert all(finding.holds for finding in sound.findings)
@@ -438,13 +438,13 @@ def test_before_the_first_period_nothing_is_promised() -> None:
         ({"controller__law": "computed-torque"}, "the law is not the robust one"),
         ({"truth__link_scaling": 1.3}, "the true arm is outside the declared set"),
     ):
-        standing = ClosedLoop(changed("ur5-hybrid", **fields)).standing
+        standing = ClosedLoop.begin(changed("ur5-hybrid", **fields)).standing
         assert said in standing.now.because
         assert [finding.holds for finding in standing.findings].count(False) == 1
 
 
 def test_a_layer_that_is_too_thin_leaves_no_promised_instant_and_one_that_is_mended_has_one() -> None:
-    loop = ClosedLoop(changed("ur5-motion", controller__layer=0.001))
+    loop = ClosedLoop.begin(changed("ur5-motion", controller__layer=0.001))
     assert loop.state.epoch.banded_by is None
     loop.advance()
     loop.edit(edited(loop.system.scenario, "controller.layer", 0.01))
@@ -457,10 +457,10 @@ def test_without_a_layer_the_robust_terms_have_a_limit_too() -> None:
     """From (λ_max(K_s) + ¼ λ_min(K_s)) T = 2 λ_min(H) on, s may grow each period, and (c) of docs/theory.md has no
     value."""
     given = {"controller__switching": "discontinuous", "controller__gain": "constant", "controller__d": 50.0}
-    watched = ClosedLoop(changed("ur5-motion", **given)).state.evaluation.part("watched")
+    watched = ClosedLoop.begin(changed("ur5-motion", **given)).state.evaluation.part("watched")
     limit = 2.0 * watched.low / 1.25e-3
     for share, holds in ((0.98, True), (1.02, False)):
-        loop = ClosedLoop(changed("ur5-motion", **given, controller__K_s=[share * limit] * 6))
+        loop = ClosedLoop.begin(changed("ur5-motion", **given, controller__K_s=[share * limit] * 6))
         table, watched = loop.state.evaluation.part("table"), loop.state.evaluation.part("watched")
         assert bool(table.now[Premise.LAYER]) is not holds
         assert np.isfinite(watched.radius) == holds
@@ -469,9 +469,9 @@ def test_without_a_layer_the_robust_terms_have_a_limit_too() -> None:
 def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> None:
     """M_hat - E is positive definite at some postures of Omega only."""
     given = {"declared__link_centre": 0.06, "controller__gain": "constant", "controller__d": 5.0}
-    system = ClosedLoop(changed("planar3r-hybrid", **given)).system
+    system = ClosedLoop.begin(changed("planar3r-hybrid", **given)).system
     random, found = np.random.default_rng(0), set[bool]()
-    loop = ClosedLoop(system.scenario)
+    loop = ClosedLoop.begin(system.scenario)
     for _ in range(40):
         loop.state.arm.views.q[:] = system.q_0 + random.uniform(-0.1, 0.1, 3)
         evaluated = loop._arm.evaluated()
@@ -484,7 +484,7 @@ def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> Non
         assert (evaluated.part("watched").low > 0.0) == definite
         assert (evaluated.part("table").value[Premise.LAYER] < np.inf) == definite
     assert found == {False, True}
-    doubted = ClosedLoop(changed("ur5-hybrid"))
+    doubted = ClosedLoop.begin(changed("ur5-hybrid"))
     doubted.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER] = np.inf
     with pytest.raises(
         UnboundedGain, match=r"declared\.link_scaling: .* no inertia is left .*; allowed: a smaller one"
@@ -494,7 +494,7 @@ def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> Non
 
 def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:
     """The formula is tried up to simulation.duration; later it is the root of a negative number."""
-    loop = ClosedLoop(changed("ur5-motion", declared__delta_f="1 + sqrt(0.31 - t)", truth__disturbance=0.5))
+    loop = ClosedLoop.begin(changed("ur5-motion", declared__delta_f="1 + sqrt(0.31 - t)", truth__disturbance=0.5))
     CompiledRun(loop).advance(300)
     assert loop.standing.run.verdict == "holds"
     CompiledRun(loop).advance(100)

@@ -54,7 +54,7 @@ def test_the_foretold_force_is_that_of_a_law_without_a_sensor_too(law: str) -> N
             "target_model.K_f": ((3.0,) + (0.0,) * 5,) + ((0.0,) * 6,) * 5,
         },
     )  # fmt: skip
-    loop = ClosedLoop(scenario)
+    loop = ClosedLoop.begin(scenario)
     CompiledRun(loop).advance(3000)
     last = loop.recording.at(loop.t)
     error = last["multiplier"][0] - last["F_cd"][0]
@@ -239,7 +239,7 @@ def test_lost_contact_with_an_elastic_surface_is_said_with_its_instant() -> None
     pulled = changed(
         shipped()["ur5-hybrid"], truth={"push": [0.0, 0.0, 200.0], "push_start": 0.5, "push_duration": 0.2}
     )
-    loop = ClosedLoop(pulled)
+    loop = ClosedLoop.begin(pulled)
     while loop.t < 0.5:
         loop.step()
     assert loop.warning is None
