@@ -62,7 +62,7 @@ class LinkingCompiler(CompilerBase):
     def define_pipelines(self) -> list[PassManager]:
         """The passes, in one pipeline."""
         known = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        linked = PassManager("nopython, linked")
+        linked = PassManager("nopython")  # named as numba's own, which its errors name
         for each, title in known.passes:
             linked.add_pass(LinkedLowering if each is NativeLowering else each, title)
         linked.finalize()

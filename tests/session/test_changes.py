@@ -39,7 +39,7 @@ CHANGES: dict[str, tuple[Callable[[Scenario, str], Scenario], list[str]]] = {
 def test_every_shipped_scenario_goes_into_every_mode_onto_every_arm_and_surface(name: str, change: str) -> None:
     changed, values = CHANGES[change]
     for value in values:
-        loop = possible(changed(shipped()[name], value), ClosedLoop)
+        loop = possible(changed(shipped()[name], value), ClosedLoop.begin)
         for _ in range(20):
             loop.step()
         assert loop.stopped is None, value
@@ -59,7 +59,7 @@ def test_two_changes_one_after_the_other_are_possible(
 ) -> None:
     scenario = shipped()[name]
     for change, value in (first, second):
-        loop = possible(CHANGES[change][0](scenario, value), ClosedLoop)
+        loop = possible(CHANGES[change][0](scenario, value), ClosedLoop.begin)
         scenario = loop.system.scenario
         loop.step()
         assert loop.stopped is None
@@ -95,9 +95,9 @@ def test_of_a_path_in_space_a_planar_arm_keeps_what_lies_in_its_plane() -> None:
 def test_joints_as_coordinates_keep_the_promise_with_gains_converted_by_the_characteristic_length(arm: str) -> None:
     scenario = shipped()["ur5-motion"]
     if arm != "ur5":
-        scenario = possible(on_robot(scenario, arm), ClosedLoop).system.scenario
+        scenario = possible(on_robot(scenario, arm), ClosedLoop.begin).system.scenario
     asked = edited(scenario, "task_space.kind", "joint")
-    loop = possible(in_coordinates(scenario, "kind", "joint"), ClosedLoop)
+    loop = possible(in_coordinates(scenario, "kind", "joint"), ClosedLoop.begin)
     done, l = loop.system.scenario, scenario.task_space.characteristic_length
     assert done.controller.layer == pytest.approx(scenario.controller.layer / l, rel=2e-3)
     assert done.controller.K_s == pytest.approx(scenario.controller.K_s * l**2, rel=2e-3)
@@ -121,7 +121,7 @@ def test_a_path_that_is_too_long_for_an_arm_is_halved_until_it_can_be_followed()
 
 def test_a_gain_that_would_grow_without_bound_is_constant_and_that_is_said() -> None:
     scenario = on_robot(shipped()["planar2r-semicircle"], "z1")
-    done = possible(scenario, ClosedLoop).system.scenario
+    done = possible(scenario, ClosedLoop.begin).system.scenario
     assert done.controller.gain == "constant" != scenario.controller.gain
     assert "gain d constant" in adaptation_sentence(scenario, done)
 

@@ -310,7 +310,7 @@ def test_a_further_surface_can_be_added_to_any_scenario_in_contact_and_taken_awa
     if before.second.present:
         before = edited(before, "second.contact.kind", "free")
     asked = with_further(before, "second", "elastic")
-    loop = possible(asked, ClosedLoop)
+    loop = possible(asked, ClosedLoop.begin)
     assert len(loop.system.surfaces) == (1 if before.contact.nature.rigid and loop.system.layout.n == 2 else 2)
     for _ in range(150):
         loop.advance()
@@ -340,5 +340,5 @@ def test_three_surfaces_hold_the_tool_in_a_point_and_each_gets_its_force() -> No
     forces = [last[name][0] for name in ("multiplier", "multiplier_2", "multiplier_3")]
     assert forces == pytest.approx([20.0, 10.0, 15.0], abs=0.1)
     assert metrics_of(loop).promise.verdict == "holds"
-    in_rigid = possible(in_mode(loop.system.scenario, "constrained"), ClosedLoop)
+    in_rigid = possible(in_mode(loop.system.scenario, "constrained"), ClosedLoop.begin)
     assert in_rigid.system.m == 3
