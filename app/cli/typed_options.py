@@ -4,7 +4,7 @@ whose own messages name types of Python."""
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -15,6 +15,7 @@ from app.scenario.errors import ScenarioError
 from parameters import allowed
 
 NOUNS: dict[type, str] = {float: "a number", int: "a whole number", Path: "the name of a file or a folder"}
+FOLDERS = ("out", "figures")  # options with the name of a folder
 Command = Callable[..., int]
 
 
@@ -38,9 +39,7 @@ class _Option:
             raise ScenarioError(f"{flag}: {', '.join(values) or 'no value'}; allowed: {wanted}")
         for value in values[: self.count]:
             if not value:
-                of_files = self.kind is Path and flag in ("--out", "--figures")
-                noun = "the name of a folder" if of_files else self.noun
-                raise ScenarioError(f"{flag}: an empty text; allowed: {noun}")
+                raise ScenarioError(f"{flag}: an empty text; allowed: {self.noun}")
             if self.kind in (int, float):
                 try:
                     self.kind(value)
@@ -50,10 +49,12 @@ class _Option:
 
 def require_options(name: str, command: Command, typed: list[str], others: Mapping[str, Command]) -> None:
     """Raise ScenarioError where an option that was typed behind a command is none of its own, or has no value or one of
-    another kind, and for an empty text. others: commands that are named where they have the option."""
+    another kind, for an empty text, and where a name or an option that it needs is missing. others: commands that are
+    named where they have the option."""
     if {"--", "-h", "--help"} & set(typed):
         return
     options, waiting, most, names = _options(command), list(typed), _most_names(command), 0
+    given: set[str] = set()
     while waiting:
         token = waiting.pop(0)
         if not _flag(token):
@@ -72,9 +73,27 @@ def require_options(name: str, command: Command, typed: list[str], others: Mappi
             raise ScenarioError(f"{name}: {flag:.60}: no such option; {_instead(flag, options, others)}")
         values = [value] if equals else list(takewhile(lambda each: not _flag(each), waiting))
         option.require(flag, values)
+        given.add(flag)
         if not equals:
             taken = 0 if option.kind is bool else len(values) if option.count is None else option.count
             del waiting[:taken]
+    _require_needed(name, command, options, names, given)
+
+
+def _require_needed(
+    name: str, command: Command, options: Mapping[str, _Option], names: int, given: Collection[str]
+) -> None:
+    """Raise ScenarioError where a name or an option that a command needs is missing. names: number of the names that
+    were typed; given: flags of the options."""
+    hints = get_type_hints(command)
+    for place, parameter in enumerate(inspect.signature(command).parameters.values()):
+        flag, several = f"--{parameter.name.replace('_', '-')}", _kind(hints[parameter.name])[1] is None
+        if parameter.default is not inspect.Parameter.empty or several:
+            continue
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY and flag not in given:
+            raise ScenarioError(f"{name}: no {flag}; allowed: {flag} with {options[flag].noun}")
+        if parameter.kind is not inspect.Parameter.KEYWORD_ONLY and place >= names:
+            raise ScenarioError(f"{name}: no {parameter.name}; allowed: one, see `vsmrc {name} --help`")
 
 
 def _flag(token: str) -> bool:
@@ -110,6 +129,7 @@ def _options(command: Command) -> dict[str, _Option]:
         metavar = next((each.metavar for each in arguments if each.metavar), None)
         kind, count = _kind(hint)
         noun = metavar.strip("{}").replace(",", ", ") if metavar else NOUNS.get(kind, "a text")
+        noun = "the name of a folder" if name in FOLDERS else noun
         found[f"--{name}"] = _Option(kind, count, noun)
         if kind is bool:
             found[f"--no-{name}"] = found[f"--{name}"]

@@ -208,6 +208,8 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
             ("sweep", "plot", "map", "--vary", "x=1,2"),
             "sweep plot: --vary: no such option; allowed: with `vsmrc sweep`",
         ),
+        (("export",), "vsmrc: export: no run; allowed: one, see `vsmrc export --help`\n"),
+        (("tune", "--budget", "3"), "vsmrc: tune: no scenario; allowed: one, see `vsmrc tune --help`\n"),
         (("export", "ur5-hybrid", "--to"), "--to: no value; allowed: svg, pdf, png, csv, npz, html, toml; one or more"),
         (("export", "ur5-hybrid", "--plots"), "--plots: no value; allowed: a text; one or more"),
         (("sweep", "plot", "map", "--over"), "--over: no value; allowed: a text; one or more"),
@@ -266,6 +268,7 @@ def test_wrong_input_is_refused_in_one_sentence(
     ("arguments", "said"),
     [
         (("",), "vsmrc: an empty text: no such command; allowed: serve, run"),
+        (("run", "ur5-hybrid"), "vsmrc: run: no --out; allowed: --out with the name of a folder\n"),
         (("serve", "--host", ""), "--host: an empty text; allowed: ADDRESS"),
         (("serve", "--host", " "), "--host ' ': no address; allowed: an address, 0.0.0.0 for all of this machine"),
         (("serve", "--no-copies"), "--no-copies: this server has one session; allowed: with --shared"),
