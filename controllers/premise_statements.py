@@ -14,13 +14,15 @@ class Statement:
     sign: how value and limit must compare.
     unit: "N" stands for the unit of a task force.
     failed: sentence for a failure, with {value} and {limit}.
-    why: reason for the premise."""
+    why: reason for the premise.
+    unknown: sentence where the value is infinite because it cannot be computed, "" for `failed`."""
 
     title: str
     sign: str
     unit: str
     failed: str
     why: str
+    unknown: str = ""
 
 
 STATEMENTS: dict[Premise, Statement] = {
@@ -99,7 +101,10 @@ STATEMENTS: dict[Premise, Statement] = {
         "",
         "the sampled loop swings up: a deviation grows {value} times each control period, allowed below 1",
         "largest growth of a small deviation over one control period with the torque held, for the model in force and "
-        "the posture of now",
+        "the posture of now; under the discontinuous law, on the sliding surface s = 0 and where it reads a contact's "
+        "force; infinite, for not known, where such a reading is late by more than 100 periods",
+        unknown="whether the sampled loop swings up is not known: the force sensor is late by more than 100 control "
+        "periods (sensor.delay)",
     ),
     Premise.CONTACT: Statement(
         "contact kept, no impact",

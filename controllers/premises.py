@@ -169,17 +169,22 @@ class Held(NamedTuple):
     model: (n,) N m, the terms of (25) without the robust ones.
     z_dot: (n,) m/s^2.
     push: (6,), a wrench.
+    r_d, r_d_dot, r_d_ddot: (n,), of the reference, m, m/s, m/s^2.
     known: whether there is a period before under the same law."""
 
     model: np.ndarray
     z_dot: np.ndarray
     push: np.ndarray
+    r_d: np.ndarray
+    r_d_dot: np.ndarray
+    r_d_ddot: np.ndarray
     known: bool
 
     @classmethod
     def zeros(cls, n: int) -> Held:
         """Quantities for n coordinates, before the first period."""
-        return cls(np.zeros(n), np.zeros(n), np.zeros(6), False)
+        v = np.zeros(n)
+        return cls(v, v, np.zeros(6), v, v, v, False)
 
 
 @inline
@@ -330,6 +335,28 @@ def held_error(gains, feedforward, task, estimate, F_true, output, held, scratch
 
 
 @inline
+def reference_jump(gains, reference, held, period):
+    """Change of s (m/s) in the period before by which the reference was not differentiable: a step of r_d or r_d_dot
+    between two samples, of which the law knows nothing on the way."""
+    square, half = 0.0, 0.5 * period
+    for i in range(held.r_d.shape[0]):
+        moved = reference.r_d[i] - held.r_d[i] - half * (reference.r_d_dot[i] + held.r_d_dot[i])
+        turned = reference.r_d_dot[i] - held.r_d_dot[i] - half * (reference.r_d_ddot[i] + held.r_d_ddot[i])
+        square += (turned + gains.F_1[i] * moved) ** 2
+    return np.sqrt(square)
+
+
+@inline
+def push_jumped(push, held, watched):
+    """Whether the push on the tool differs from that of the period before by more than a period may change: the gain
+    follows at once, and the band has to."""
+    square = 0.0
+    for a in range(push.shape[0]):
+        square += (push[a] - held.push[a]) ** 2
+    return square > watched.allowed**2
+
+
+@inline
 def judge(table, t):
     """Compare each value with its limit; returns whether all premises hold."""
     all_hold = True
@@ -360,6 +387,8 @@ def keep_promise(all_hold, s_norm, watched, t, kept):
     standing = all_hold and kept.before
     kept.periods += 1
     kept.before = all_hold
+    if np.isnan(kept.entered) and s_norm <= watched.width:  # measured, whatever is promised
+        kept.entered = t
     if not standing:
         kept.promised, kept.bound, kept.band = False, NEVER, NEVER
         kept.lost += 1
@@ -370,8 +399,6 @@ def keep_promise(all_hold, s_norm, watched, t, kept):
             kept.reaching.V_0 = 0.5 * watched.high * s_norm**2
     kept.bound = envelope(kept.reaching, t - kept.since)
     kept.band = np.sqrt(2.0 * watched.V_band / watched.low)
-    if np.isnan(kept.entered) and s_norm <= watched.width:
-        kept.entered = t
     if np.isnan(kept.reached) and s_norm <= kept.band:
         kept.reached = t
     over = s_norm > kept.bound + kept.band

@@ -272,7 +272,7 @@ class ClosedLoop:
         self._stage = "the control law"
         if not arm.control(F, row):
             self.leave_unsolved()
-        if state.steps % self._watch.every == 0:
+        if state.steps % self._watch.every == 0 or arm.push_jumped:
             self._watch.look()
         self._stage = "the plant"
         arm.move()

@@ -302,7 +302,7 @@ def run_periods(
             else:
                 _evaluate(data, setting, evaluation, arm, t[k], row)
             data.moving = True
-            if (data.steps + k) % periods_between_looks(data.period) == 0:
+            if (data.steps + k) % periods_between_looks(data.period) == 0 or evaluation[0].jumped:
                 nearest = ask_integer(data.period_kernels.watch, (setting, evaluation, centres))
                 if evaluation[0].table.value[DOMAIN] > data.close or stations[nearest] != data.station:
                     data.nearest = nearest

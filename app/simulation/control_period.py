@@ -32,6 +32,8 @@ from controllers.premises import (
     held_error,
     judge,
     keep_promise,
+    push_jumped,
+    reference_jump,
     watch,
 )
 from controllers.reference_estimates import FeedforwardModel, take_estimates
@@ -71,6 +73,7 @@ class Evaluation(NamedTuple):
     saturated: whether a drive's limit cut the torque in the period before.
     touching: whether in the period before there was a force on every surface that the tool should press, and no rigid
     one was left.
+    jumped: whether the push on the tool is another one than in the period before: the band has to be computed anew.
     news: `Alarm` flags of the promise.
     errors: of the controller's model at this state, as far as bounds are stated for them.
     table, watched, held, kept: premises and quantities that the theorem's promise depends on, and how it was kept."""
@@ -86,6 +89,7 @@ class Evaluation(NamedTuple):
     residual: np.ndarray
     saturated: bool
     touching: bool
+    jumped: bool
     news: int
     errors: TrueErrors
     table: PremiseTable
@@ -101,7 +105,7 @@ class Evaluation(NamedTuple):
         feedforward = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(6)
         watched = Watched(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, 0, UNKNOWN)
+        law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, False, 0, UNKNOWN)
         return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), PremiseScratch.zeros(n))
 
 
@@ -211,12 +215,18 @@ def _judge_premises(setting, evaluation, arm, t):
         F = scratch.F
         for a in range(6):
             F[a] = arm.load.wrench[a] - held.push[a]
+        jump = reference_jump(gains, evaluation.reference, held, setting.period)
         table.value[HELD] = held_error(gains, feedforward, task, estimate, F, output, held, scratch)
+        table.value[HELD] += watched.high * jump / setting.period
+    evaluation.jumped = held.known and push_jumped(evaluation.push, held, watched)
     terms = output.terms
     for i in range(held.model.shape[0]):
         held.model[i] = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
     copy(output.z_dot, held.z_dot)
     copy(evaluation.push, held.push)
+    copy(evaluation.reference.r_d, held.r_d)
+    copy(evaluation.reference.r_d_dot, held.r_d_dot)
+    copy(evaluation.reference.r_d_ddot, held.r_d_ddot)
     held.known = True
 
     entered, reached = np.isnan(evaluation.kept.entered), np.isnan(evaluation.kept.reached)

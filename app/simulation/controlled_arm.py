@@ -61,6 +61,7 @@ class ControlledArm:
         self.ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
         self.scripted = system.push if system.push.acts else None
         self._applied, self.push = evaluation.views.applied, evaluation.views.push
+        self._jumped = evaluation.data["jumped"]
         self.push_torque, self._pushed = np.zeros(system.robot.n), True
         if settings is None:
             settings = Record(_setting_of(system, online=self.along is None))
@@ -122,6 +123,11 @@ class ControlledArm:
             self.push[:] = self.push_torque[:] = 0.0
         self._pushed = pushed
         return pushed
+
+    @property
+    def push_jumped(self) -> bool:
+        """Whether the push of the present period is another one than that of the period before."""
+        return bool(self._jumped[0])
 
     def resume(self) -> None:
         """Continue after periods that have been computed in the same memory without this object."""

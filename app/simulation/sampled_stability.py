@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -47,6 +47,7 @@ def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.n
 
 
 NO_POLES = np.zeros(0, dtype=complex)
+HALVED = 0.5  # of s is taken away in a period, in the direction of least inertia, where the law is kept on its surface
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,7 @@ class SampledLoops:
     def __init__(self, system: System) -> None:
         self.system = system
         self._maps: dict[tuple[bool, bool], PeriodMap] = {}  # by whether the arm touches, and whether moments are read
+        self._sliding: PeriodMap | None = None
 
     def at(self, q: np.ndarray, t: float) -> SampledLoop:
         """The sampled loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,)
@@ -126,7 +128,11 @@ class SampledLoops:
             given_back, added = zip(*(gain_by_force(system, at, load) for load in loads), strict=True)
             force_loop, value = _worst_force_loop(system, at, loads, added)
             growth, A, C = math.nan, None, None
-            if _judged(system):
+            if _chatters(system):
+                growth = self._growth_while_sliding(at)
+            elif system.sensor.late > LONGEST_LINE:
+                growth = math.inf if _reads_contact(system) else math.nan
+            else:
                 A, C = self._map(at, touching=True).linearised()
                 growth = _growth(A)
                 if not system.mode.on_surface and system.plant.kind.touches:  # where the arm may leave the surface
@@ -156,6 +162,20 @@ class SampledLoops:
         if _reads_contact(system):
             force_loop = ForceLoop(system.scenario.controller.period, loop.A, around_rest.by_reading(), loop.C)
         return RespondingLoop(**vars(loop), model=model, sampled=sampled, response=response, force_loop=force_loop)
+
+    def _growth_while_sliding(self, at: Posture) -> float:
+        """Growth per control period of a deviation under the discontinuous law, on the sliding surface; nan where no
+        reading of the contact's force is fed back."""
+        system = self.system
+        if not _reads_contact(system):
+            return math.nan
+        if system.sensor.late > LONGEST_LINE:
+            return math.inf
+        if self._sliding is None:
+            self._sliding = PeriodMap(_kept_on_surface(system, at), at)
+        else:
+            self._sliding.rest_at(at)
+        return _growth(self._sliding.jacobian())
 
     def _map(self, at: Posture, *, touching: bool, moments: bool = False) -> PeriodMap:
         known = self._maps.get((touching, moments))
@@ -190,12 +210,19 @@ def _poles(system: System, at: Posture, A: np.ndarray) -> tuple[np.ndarray, np.n
     return model[rows], poles[columns]
 
 
-def _judged(system: System) -> bool:
-    """Whether the poles are judged: not under the discontinuous law, which chatters in any case and has no linear part,
-    nor with a very long delay of the sensor."""
+def _chatters(system: System) -> bool:
+    """Whether the law is the discontinuous one: it has no linear part, but the motion on its sliding surface has."""
     controller = system.controller
-    chatters = controller.law.robust and controller.switching is Switching.DISCONTINUOUS
-    return not chatters and system.sensor.late <= LONGEST_LINE
+    return controller.law.robust and controller.switching is Switching.DISCONTINUOUS
+
+
+def _kept_on_surface(system: System, at: Posture) -> System:
+    """The system with a linear law that takes s away within some periods, in place of one that chatters about s = 0."""
+    controller = system.controller
+    K_s = HALVED * np.linalg.eigvalsh(at.H_hat)[0] / system.scenario.controller.period * np.eye(system.layout.n)
+    return system.with_controller(
+        replace(controller, K_s=K_s, d=np.finfo(float).tiny, switching=Switching.SATURATION, layer=1.0)
+    )
 
 
 def _reads_contact(system: System) -> bool:

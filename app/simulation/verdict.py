@@ -152,7 +152,8 @@ def unit_of(premise: Premise, units: Units) -> str:
 
 def sentence(premise: Premise, value: float, limit: float, units: Units) -> str:
     """Sentence on a premise that fails."""
-    words = STATEMENTS[premise].failed
+    statement = STATEMENTS[premise]
+    words = statement.unknown if math.isinf(value) and statement.unknown else statement.failed
     return words.format(value=f"{value:.4g}", limit=f"{limit:.4g}", unit=unit_of(premise, units))
 
 

@@ -232,7 +232,10 @@ def test_a_followed_face_is_met_and_left_without_a_force_error() -> None:
     settled = seen["t"] > 1.0
     assert np.abs(seen["multiplier"][settled] - 12.0).max() < 0.1
     assert len(set((seen["multiplier_2"][settled] > 0.0).tolist())) == 2
-    assert metrics_of(loop).promise.verdict == "holds"
+    # where the face is met and left, r_d_dot jumps: nothing is promised of these two periods
+    assert metrics_of(loop).promise.share > 0.998
+    held = loop.recording.signals(("t", "held_error"))
+    assert len(held["t"][held["held_error"] > 10.0]) == 2
     for depth in (0.004, -0.004):
         wrong = {"coupling.K_e_hat": [-500.0, 0.0, 0.0], "target_model.K_m": [900.0, 4000.0] + 4 * [4000.0]}
         resting = following(2, 1, **wrong, **{"motion.displacement": [0.0], "shift.by": [depth], "shift.duration": 0.5})

@@ -461,8 +461,22 @@ def test_shipped_loops_contract_in_free_motion_as_in_contact(name: str) -> None:
     assert radius(assemble(shipped()[name])) < 1.0
 
 
-def test_the_discontinuous_law_has_no_linear_loop() -> None:
-    assert math.isnan(radius(assemble(shipped()["planar2r-semicircle-discontinuous"])))
+@pytest.mark.parametrize("switching", ["discontinuous", "saturation"])
+def test_the_motion_on_the_sliding_surface_is_judged_where_it_reads_a_contact(switching: str) -> None:
+    """With 0.1 s of delay the force swings between 0 and 46 N, under a law that chatters, too; of a delay that is too
+    long to be judged nothing is promised."""
+    base = edited(shipped()["ur5-hybrid"], "controller.switching", switching)
+    late = {delay: edited(base, "sensor.delay", delay) for delay in (0.02, 0.1, 0.101)}
+    assert radius(assemble(late[0.02])) < 1.0 < radius(assemble(late[0.1])) < 1.01
+    for delay in (0.1, 0.101):
+        loop = run(edited(late[delay], "declared.force_error", 60.0), 3.0)
+        force = loop.recording.signals(("multiplier",), t_from=2.0)["multiplier"]
+        assert force.min() == 0.0
+        assert force.max() > 40.0
+        assert loop.standing.run.verdict == "nothing promised"
+    assert radius(assemble(late[0.101])) == math.inf
+    assert "is not known: the force sensor is late" in loop.warning
+    assert math.isnan(radius(assemble(shipped()["ur5-motion-discontinuous"])))
 
 
 @pytest.mark.parametrize(("name", "arms"), [("ur5-motion", "ur10"), ("ur5-motion", "ur5")])
