@@ -15,12 +15,15 @@ from app.simulation.engines import Engine
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
 from app.simulation.verdict import Finding, PromiseVerdict
+from environments.surfaces.plane import Plane
+from environments.surfaces.table import Surface
 
 # signals of each surface
 MULTIPLIERS, PHI = ("multiplier", "multiplier_2", "multiplier_3"), ("phi", "phi_2", "phi_3")
 TAIL = 0.2  # share of the run, at its end, over which metrics with "tail" in their names are taken
-PATH_POINTS = 300
+NORMALS = 300  # rows, about, in which the normals of a curved surface are computed; between them they vary smoothly
 BAND = 0.02  # of the largest deviation, within which a signal counts as settled
+DEPENDENT = 1e-6  # what is left of a unit normal that lies in the others' plane
 FORCE_RESOLUTION, MOTION_RESOLUTION = 0.1, 5e-5  # N, m: the ripple of a settled loop is no transient
 
 
@@ -102,9 +105,8 @@ def _settling(system: System, record: Mapping[str, np.ndarray]) -> float | None:
     if system.m:
         found = settling_time(record["t"], force_error(system, record), FORCE_RESOLUTION)
     else:
-        few = slice(None, None, max(1, len(record["t"]) // PATH_POINTS))
-        path = path_error(system, {name: record[name][few] for name in ("t", "e_r", "tool")})
-        found = math.inf if path is None else settling_time(record["t"][few], path, MOTION_RESOLUTION)
+        path = path_error(system, record)
+        found = math.inf if path is None else settling_time(record["t"], path, MOTION_RESOLUTION)
     return found if math.isfinite(found) else None
 
 
@@ -142,18 +144,36 @@ def moment_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
 
 
 def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Position errors (N, k) m that a motion target governs: along the surface where there is one."""
+    """Position errors (N, k) m that a motion target governs: along the surfaces that are touched."""
     if system.layout.joint:
         return record["e_r"]
     error = record["e_r"][:, system.m : system.layout.end_of_places]
     if system.m or not system.plant.kind.touches or system.mode.feedback == "none":
         return error  # also against a surface that the mode does not know of
-    # Cartesian coordinates against surfaces: the part along the normals is the force's business
-    axes = system.charted.frame[: system.layout.positions]
-    places = list(zip(record["tool"], record["t"], strict=True))
-    normals = np.stack([[axes @ each.chart(p, t).G[0] for p, t in places] for each in system.surfaces], axis=2)
-    directions = np.linalg.qr(normals)[0]
-    return error - np.einsum("nik,nk->ni", directions, np.einsum("nik,ni->nk", directions, error))
+    # Cartesian coordinates against surfaces: the part along the normals is the force's business, where there is a force
+    axes, directions = system.charted.frame[: system.layout.positions], list[np.ndarray]()
+    for surface, name in zip(system.surfaces, MULTIPLIERS, strict=False):
+        touched = np.flatnonzero(record[name])
+        normals = np.zeros_like(error)
+        normals[touched] = _normals(surface, record["tool"][touched], record["t"][touched]) @ axes.T
+        for direction in directions:  # normals of several surfaces need not be orthogonal
+            normals -= direction * (direction * normals).sum(axis=1, keepdims=True)
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        direction = np.divide(normals, length, out=np.zeros_like(normals), where=length > DEPENDENT)
+        error = error - direction * (direction * error).sum(axis=1, keepdims=True)
+        directions.append(direction)
+    return error
+
+
+def _normals(surface: Surface, places: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Unit normals (N, 3) of a surface at places (N, 3) m and times t (N,) s that follow each other: of many, those
+    between computed ones are interpolated."""
+    if len(t) == 0 or (isinstance(surface.form, Plane) and not surface.form.changing):
+        return np.broadcast_to(surface.frame[0], (len(t), 3))
+    rows = np.unique(np.linspace(0, len(t) - 1, min(len(t), NORMALS)).round().astype(int))
+    known = np.array([surface.chart(places[row], float(t[row])).G[0] for row in rows])
+    found = np.stack([np.interp(np.arange(len(t)), rows, column) for column in known.T], axis=1)
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
 def path_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray | None:
@@ -261,9 +281,7 @@ def account(system: System, recording: Recording, t_from: float, t_to: float) ->
     t = record["t"]
     if len(t) < 2:
         return None
-    # the path is smooth, and finding the normals of a curved surface takes its time
-    few = slice(None, None, max(1, len(t) // PATH_POINTS))
-    path = path_error(system, {name: record[name][few] for name in ("t", "e_r", "tool")})
+    path = path_error(system, record)
     angles, force = angle_error(system, record), force_error(system, record) if system.m else None
     return Account(
         path_rms=None if path is None else _rms(path),

@@ -108,7 +108,8 @@ class PerturbationAnalysis:
 
     def _yielding_force(self, row: Signals, epoch: Epoch) -> float:
         """Normal force (N) of an impedance (27) against a surface K_e, see `Instant`: with r_d at depth phi_d, along
-        the normal n there, phi = phi_d - n^T K_m^-1 (K_f n K_e phi + M_m A s), (14)."""
+        the normal n there, phi = phi_d - n^T K_m^-1 (K_f n K_e phi + M_m A s), (14); see `settled` for a law that reads
+        no force."""
         system, K_e = self.system, epoch.scenario.contact.K_e
         alone = len(system.surfaces) == 1
         if system.m or system.layout.joint or not system.plant.kind.springs or not alone:
@@ -120,9 +121,9 @@ class PerturbationAnalysis:
         normal = np.zeros(system.layout.n)
         normal[:positions] = (system.charted.frame @ chart.G[0])[:positions]
         try:
-            model = epoch.model_at(t)
+            model, A = epoch.model_at(t), compensation(epoch.scenario, system.layout.n)
+            model, rest = settled(law_of(epoch.scenario), model, A, row["s"])
             yielding = float(normal @ np.linalg.solve(model.K_m, model.K_f @ normal))
-            rest = model.left_by_layer(compensation(epoch.scenario, model.n), row["s"])
             deeper = float(normal @ np.linalg.solve(model.K_m, rest))
         except np.linalg.LinAlgError:
             return np.nan

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from app.scenario.declared_bounds import entries
-from app.scenario.schema import Declared, TruthSection
+from app.scenario.schema import STATED_IN, Declared, TruthSection
 
 Random = np.random.Generator
 NEARLY_ALL = 0.95  # of an inertia may be missing; a link without inertia is no body
@@ -56,7 +56,8 @@ class Departure(NamedTuple):
         return cls(links, rotors, shifts, shapes, 1.0, 1.0, towards, 1.0, 1.0, 1.0, frequency)
 
     def truth(self, declared: Declared, scale: float = 1.0, of: TruthSection | None = None) -> TruthSection:
-        """True arm of this departure, or one `scale` times as far away. of: gives the fields that are not drawn."""
+        """True arm of this departure, or one `scale` times as far away; of bounds that are stated in place of others it
+        knows nothing, see `undrawn`. of: gives the fields that are not drawn."""
         d = declared
         return msgspec.structs.replace(
             of or TruthSection(),
@@ -77,6 +78,17 @@ DRAWN = (
     "link_scaling", "rotor_scaling", "link_centre", "link_shape", "payload_mass", "payload_offset", "coulomb",
     "viscous", "disturbance", "disturbance_frequency",
 )  # fmt: skip
+# bounds of which each alone makes the arms that are drawn differ
+MOVING = (
+    "link_scaling", "rotor_scaling", "link_centre", "link_shape", "payload_mass", "coulomb", "viscous", "disturbance",
+)  # fmt: skip
+
+
+def undrawn(declared: Declared) -> str:
+    """Reason for which no true arms can be drawn from the declared set, in words; "" where they can."""
+    if stated := next((name for name in STATED_IN if getattr(declared, name) is not None), None):
+        return f"declared.{stated} is stated, and which arms are within it is not known before their runs"
+    return "" if any(getattr(declared, name) for name in MOVING) else "nothing is declared to be uncertain"
 
 
 def _shapes(eigenvalues: np.ndarray, random: Random) -> np.ndarray:

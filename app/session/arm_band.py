@@ -7,14 +7,12 @@ from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from app.analysis.metrics import MULTIPLIERS
 from app.process.cores import usable_cores
 from app.process.priority import step_back
 from app.scenario.departures import Departure
-from app.scenario.schema import Declared
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, UnjudgedRun
 from app.simulation.search_memory import Memory
@@ -70,11 +68,6 @@ class BandStretch:
         more = round(LATER / begins.scenario.controller.period)
         later = np.linspace(rows, rows + more - 1, 20).astype(int)
         return cls(since, begins, rows + more, rows, np.append(points, later))
-
-
-def uncertain(declared: Declared) -> bool:
-    """Whether true arms may differ from the believed one."""
-    return msgspec.structs.replace(declared, force_error=0.0) != Declared()
 
 
 class _Arm:

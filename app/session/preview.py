@@ -21,8 +21,9 @@ from app.analysis.metrics import (
     tail_of,
 )
 from app.analysis.steady_force import steady_force_error
+from app.scenario.departures import undrawn
 from app.scenario.schema import Scenario, TruthSection
-from app.session.arm_band import Band, BandStretch, uncertain
+from app.session.arm_band import Band, BandStretch
 from app.session.changes import sideways
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
@@ -68,7 +69,8 @@ class PreviewMetrics(Struct, frozen=True):
     force_error: mean of f_n - f_nd over the tail, N.
     force_error_predicted: that error by (37), for a constant desired force, N.
     force_settling: s, see `metrics.settling_time`.
-    force_overshoot: how far the force goes beyond its final value, seen from its beginning, N.
+    force_overshoot: how far the force goes beyond its final value, seen from its beginning, N; to either side where it
+        begins at that value.
     contact_largest: largest force on the surfaces, N.
     contact_final: mean of that force over the tail where it is not controlled, N.
     motion_largest: largest position error, m; None where no position is free.
@@ -185,7 +187,7 @@ class Foresight:
         """Why no band of true arms can be computed for this question, "" where one can."""
         if self._obstacle is not None:
             return self._obstacle
-        return "" if uncertain(self._loop.system.scenario.declared) else "nothing is declared to be uncertain"
+        return undrawn(self._loop.system.scenario.declared)
 
     @property
     def unchanged(self) -> Question:
@@ -317,8 +319,13 @@ def _grows(path: np.ndarray, tail: np.ndarray) -> bool:
 
 
 def _beyond(signal: np.ndarray, final: float) -> float:
-    """Overshoot of a signal (N,): largest way beyond its final value, seen from its beginning."""
-    return max(float((np.sign(final - signal[0]) * (signal - final)).max()), 0.0)
+    """Overshoot of a force (N,) N: largest way beyond its final value, seen from its beginning; to either side where it
+    begins at that value."""
+    over, under = float((signal - final).max()), float((final - signal).max())
+    way = final - float(signal[0])
+    if abs(way) < FORCE_RESOLUTION:  # the sign of a residue says nothing
+        return max(over, under)
+    return max(over if way > 0.0 else under, 0.0)
 
 
 def _other_side(errors: np.ndarray) -> float:

@@ -22,12 +22,12 @@ from app.scenario.schema import Declared
 from app.session.headless_run import play
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.controller_builder import law_of, mode_of
 from app.simulation.engines import Engine
 from app.simulation.push_response import FORCE, RIGID, PushAxis, PushResponse
 from app.simulation.search_memory import Memory
 from app.simulation.state import State, blending
 from app.simulation.system import System
-from controllers.laws.table import LAWS
 from environments.push import TimedPush
 
 SETTLES = 0.5  # s, before the push begins
@@ -197,12 +197,16 @@ def not_linear(state: State) -> tuple[str, ...]:
     scenario = state.scenario
     load, pressed = state.arm.views.load, max(sum(each.pressed for each in scenario.surfaces), 1)
     apart = state.t > 0.0 or np.abs(load.phi[:pressed]).max() > NEAR  # at the start a surface may be met, yet unpressed
-    away = apart and not state.evaluation.views.touching
+    away, presses = apart and not state.evaluation.views.touching, mode_of(scenario).pressed > 0
+    # a mode that presses nothing may be where nothing is met, and the prediction has every contact there is
+    within_reach = any(each.contact.kind != "free" and each.contact.unilateral for each in scenario.surfaces)
+    clear = apart and within_reach and not load.multiplier.any()
     rough = any(each.contact.kind != "free" and each.contact.friction_coulomb > 0.0 for each in scenario.surfaces)
     controller, errors = scenario.controller, scenario.declared
-    grows = LAWS[controller.law].robust and controller.gain == "theorem" and errors != Declared()
+    grows = law_of(scenario).robust and controller.gain == "theorem" and errors != Declared()
     known = {
-        "the tool does not touch every surface that it should press": away,
+        "the tool does not touch every surface that it should press": presses and away,
+        "that the tool touches nothing there (the lines are those of the contact)": not presses and clear,
         "dry friction on a surface": rough,
         "a surface that changes its shape or turns": any(each.form.changing for each in scenario.surfaces),
         "dry friction in the joints": scenario.truth.coulomb > 0.0,

@@ -17,9 +17,9 @@ from msgspec import Meta, Struct
 
 from app.scenario.data import differences as fields_that_differ
 from app.scenario.data import field_of, text_of, to_plain, with_value, with_values
-from app.scenario.departures import DRAWN, Departure
+from app.scenario.departures import DRAWN, MOVING, Departure
 from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, WrongKind
-from app.scenario.schema import RobotSection, Scenario
+from app.scenario.schema import STATED_IN, RobotSection, Scenario
 from app.scenario.struct_refusals import struct_refusal
 from app.simulation.controller_builder import law_of
 from app.simulation.engines import Engine
@@ -37,9 +37,6 @@ LONGEST_NAME = 150  # letters of the scenario's name in that of a run's or a can
 FILE = "sweep.toml"
 DURATION = "simulation.duration"
 DRAWN_FIELDS = frozenset(f"truth.{name}" for name in DRAWN)
-# bounds of which each alone makes the arms that are drawn differ
-MOVING = ("link_scaling", "rotor_scaling", "link_centre", "link_shape", "payload_mass", "coulomb", "viscous",
-          "disturbance")  # fmt: skip
 Design = Literal["grid", "latin", "sobol"]
 
 
@@ -220,6 +217,13 @@ def _require_sound(sweep: Sweep) -> None:
     if (runs := points * sweep.arms) > MOST_ROWS:
         told = f"{min(runs, 10**300):.3g}"  # of a number of any length
         raise ScenarioError(f"{sweep.noun}: {told} runs; allowed: at most {MOST_ROWS:.0e}")
+    if sweep.arms > sweep.own_arms and (stated := _stated_bound(sweep)):
+        asked = "draw" if sweep.draw else sweep.noun
+        own = ", or the scenario's own arm, without --draw" if sweep.arms == sweep.draw else ""
+        raise ScenarioError(
+            f"{asked}: {stated} is stated, and which true arms are within it is not known before their runs; allowed: "
+            f"in its place bounds of links, payload and friction, such as declared.link_scaling{own}"
+        )
     if sweep.draw > 1 and not arms_differ(sweep):
         raise ScenarioError(
             f"draw: {sweep.draw} true arms that are all alike, since no quantity that is drawn is declared; allowed: a "
@@ -231,6 +235,14 @@ def arms_differ(sweep: Sweep) -> bool:
     """Whether true arms that are drawn are not all alike: a quantity that is drawn is declared, or its bound varied."""
     varied = {field_of(axis.path) for axis in sweep.vary}
     return any(getattr(sweep.scenario.declared, name) or f"declared.{name}" in varied for name in MOVING)
+
+
+def _stated_bound(sweep: Sweep) -> str | None:
+    """Path of a bound that is stated in place of others, or varied; None for none."""
+    varied = {field_of(axis.path) for axis in sweep.vary}
+    paths = {name: f"declared.{name}" for name in STATED_IN}
+    stated = (path for name, path in paths.items() if getattr(sweep.scenario.declared, name) is not None)
+    return next(stated, None) or next((path for path in paths.values() if path in varied), None)
 
 
 def require_not_drawn(sweep: Sweep, given: Mapping[str, object]) -> None:

@@ -1,4 +1,4 @@
-"""Metrics: what a run and a stretch of it say of the same rows is the same."""
+"""Metrics and derived signals of recordings, against the rows that they are about."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from app.analysis.metrics import TAIL, account, metrics_of
-from app.scenario.data import shipped
+from app.analysis.metrics import TAIL, account, metrics_of, path_error
+from app.analysis.perturbation import PerturbationAnalysis
+from app.scenario.data import edited, shipped
+from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.constants_store import kept_memory
 
@@ -32,3 +34,75 @@ def test_the_end_of_a_run_and_the_same_stretch_have_the_same_figures(name: str) 
         one, other = msgspec.to_builtins(whole)[of_run], getattr(end, of_stretch)
         assert (one is None) == (other is None), of_run
         assert one is None or one == pytest.approx(other, rel=1e-12), of_run
+
+
+def running(scenario: Scenario, seconds: float) -> ClosedLoop:
+    loop = ClosedLoop.begin(scenario, memory=kept_memory())
+    while loop.t < seconds - 0.5 * loop.period:
+        loop.advance()
+    return loop
+
+
+def pushed(push: tuple[float, float, float], **changes: object) -> Scenario:
+    """An impedance that holds its place under a push without end."""
+    scenario = edited(shipped()["ur5-impedance"], "motion", "hold")
+    truth = {"push": push, "push_start": 0.0, "push_duration": 3600.0, "push_every": 0.0}
+    for path, value in {**{f"truth.{name}": each for name, each in truth.items()}, **changes}.items():
+        scenario = edited(scenario, path, value)
+    return scenario
+
+
+def test_an_error_along_the_normal_counts_where_nothing_is_touched() -> None:
+    loop = running(pushed((0.0, 0.0, -30.0), **{"surface.origin": [0.0, 0.0, -0.5]}), 0.5)
+    e_r = loop.recording.stretch()["e_r"][:, :3]
+    assert metrics_of(loop).motion_error_tail == pytest.approx(np.linalg.norm(e_r, axis=1)[-100:].max(), rel=0.01)
+    assert abs(e_r[-1, 2]) > 5e-3
+
+
+@pytest.mark.parametrize("kind", ["plane", "sphere", "tilting"])
+def test_an_error_along_the_normal_is_left_out_in_rows_with_a_contact_force(kind: str) -> None:
+    """A push that lifts the tool off again and again; the normals of each row by the surface itself."""
+    swung = pushed((20.0, 0.0, 60.0), **{"truth.push_frequency": 2.0})
+    x, y, z = running(swung, 1e-3).recording.stretch()["tool"][0].tolist()
+    surface = {
+        "plane": {"kind": "plane", "origin": [x, y, z]},
+        "tilting": {"kind": "plane", "origin": [x, y, z], "tilt": {"amplitude": 0.1, "frequency": 1.0}},
+        "sphere": {"kind": "sphere", "origin": [x, y, z - 0.3], "radius": 0.3},
+    }
+    loop = running(edited(swung, "surface", surface[kind]), 1.0)
+    record, system = loop.recording.stretch(), loop.system
+    found = path_error(system, record)
+    assert found is not None
+    touched = record["multiplier"] != 0.0
+    assert 0.1 < touched.mean() < 0.9
+    for i in range(0, len(found), 7):
+        error = record["e_r"][i, :3].copy()
+        if touched[i]:
+            n = system.charted.frame @ system.surface.chart(record["tool"][i], record["t"][i]).G[0]
+            error -= n * (n @ error) / (n @ n)
+        assert found[i] == pytest.approx(np.linalg.norm(error), abs=1e-7)
+
+
+def test_the_largest_error_and_the_settling_time_are_of_all_rows() -> None:
+    """A push in step with every so many rows: those rows alone would all be alike."""
+    fast = {"contact.kind": "free", "truth.push_frequency": 10.0, "truth.link_scaling": 1.0}
+    loop = running(pushed((0.0, 50.0, 0.0), **fast), 0.4 * 300 * 1e-3 * 25)
+    e = np.linalg.norm(loop.recording.stretch()["e_r"][:, :3], axis=1)
+    seen = account(loop.system, loop.recording, -np.inf, loop.t)
+    assert seen is not None
+    assert seen.path_max == e.max()
+    assert seen.path_rms == pytest.approx(np.sqrt((e**2).mean()), rel=1e-12)
+    assert metrics_of(loop).settling_time is None
+
+
+@pytest.mark.parametrize("law", ["computed-torque", "pd-gravity"])
+def test_a_law_that_reads_no_force_is_foretold_as_with_k_f_of_1(law: str) -> None:
+    """The tool rests on the plane 2 cm deep; where the law settles is where the force is."""
+    lifted = shipped()["ur5-impedance"].surface.origin[2] + 0.02
+    known = {"truth.push": [0.0, 0.0, 0.0], "truth.link_scaling": 1.0, "controller.law": law}
+    place = {"surface.origin": [*shipped()["ur5-impedance"].surface.origin[:2], lifted]}
+    loop = running(pushed((0.0, 0.0, 0.0), **known, **place, **{"target_model.K_f": 6 * [3.0]}), 4.0)
+    rows = {name: values[-2:] for name, values in loop.recording.stretch().items()}
+    derived = PerturbationAnalysis(loop.system).recorded(rows, tuple(loop.recording.epochs), np.arange(2))
+    assert derived["steady_force"][-1] == pytest.approx(rows["multiplier"][-1], rel=1e-3)
+    assert rows["multiplier"][-1] > 5.0

@@ -293,6 +293,17 @@ def test_overshoot_of_a_force_is_what_goes_beyond_its_final_value() -> None:
     assert metrics.torque_largest > 10.0
 
 
+def test_overshoot_of_a_force_that_ends_where_it_began_is_the_way_to_either_side() -> None:
+    """A payload is taken up: the force rises, and comes back."""
+    state = running(shipped()["ur5-hybrid"], 2500).state.copy()
+    asked = Question(1, state, edited(state.scenario, "truth.payload_mass", 0.5), 2.0)
+    foresight = Foresight(asked)
+    foresight.advance(100_000)
+    force = foresight._loop.recording.signals(("multiplier",))["multiplier"]
+    assert preview_metrics(asked).force_overshoot == pytest.approx(np.abs(force - force[-1]).max(), rel=0.02)
+    assert np.abs(force - force[-1]).max() > 0.5 > 0.1 > abs(force[0] - force[-1])
+
+
 def test_a_stiffer_surface_is_told_with_the_largest_force_on_it() -> None:
     loop = running(shipped()["ur5-hybrid"], 1500)
     stiffer = edited(loop.system.scenario, "contact.K_e", 1.6e5)

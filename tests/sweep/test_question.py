@@ -17,6 +17,7 @@ from app.sweep.axes import Axis, axis_of, fitted
 from app.sweep.fingerprint import fingerprint
 from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_store import RunStore
+from app.tune.question import Tuning
 
 BASE = shipped()["planar3r-hybrid"]
 BARE = msgspec.structs.replace(BASE, declared=Declared(payload_offset=0.1))  # without a payload, no arm differs
@@ -96,6 +97,16 @@ def test_entries_of_a_list_are_varied(tmp_path: Path) -> None:
     assert question.read(tmp_path / question.FILE) == asked.sweep
 
 
+def test_a_stated_bound_is_as_good_as_another_one_for_the_scenario_s_own_arm() -> None:
+    stated = edited(BASE, "declared.delta_C", "speed")
+    asked = SweepQuestion(msgspec.structs.replace(sweep_of("contact.K_e=1e3:2e3:3"), scenario=stated))
+    assert asked.scenario(asked.row(0)).declared == stated.declared
+    with pytest.raises(ScenarioError) as refused:  # which are drawn always: those that its search does not see
+        SweepQuestion(Tuning(stated, (Axis("controller.layer", (), 0.002, 0.05),), points=4, aims=("force_error",)))
+    assert str(refused.value).startswith("tuning: declared.delta_C is stated, and which true arms are within it")
+    assert str(refused.value).endswith("such as declared.link_scaling")
+
+
 def test_a_number_of_a_row_that_there_is_not_is_refused() -> None:
     asked = SweepQuestion(sweep_of("contact.K_e=1e3:1e5:3:log"))
     with pytest.raises(ScenarioError, match="row 3; allowed: 0 to 2"):
@@ -152,6 +163,15 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
             msgspec.structs.replace(sweep_of("contact.K_e=1:2:3", draw=2), scenario=BARE),
             "draw: 2 true arms that are all alike, since no quantity that is drawn is declared; allowed: a bound",
         ),
+        (
+            msgspec.structs.replace(
+                sweep_of("contact.K_e=1:2:3", draw=1), scenario=edited(BASE, "declared.delta_C", "speed")
+            ),
+            "draw: declared.delta_C is stated, and which true arms are within it is not known before their runs; "
+            "allowed: in its place bounds of links, payload and friction, such as declared.link_scaling, or the "
+            "scenario's own arm, without --draw",
+        ),
+        (sweep_of("declared.delta_M=0.1:0.2:3", draw=2), "draw: declared.delta_M is stated, and which"),
         (sweep_of("name=a,b"), "vary: name; allowed: fields on which a run depends"),
         (
             sweep_of("motion=circel,line"),
