@@ -85,7 +85,9 @@ def _state_folder(chosen: Path | None) -> StateFolder | None:
         if chosen is not None:
             raise ScenarioError(str(error)) from error
         say(f"this session is not kept: {error}")
-        return None
+    except OSError as error:
+        say(f"this session is not kept: {error.strerror}")
+    return None
 
 
 def _prepared(scenario: Scenario, dashboard: Dashboard) -> Runner:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -113,19 +112,19 @@ class ExportJobs:
 
     def made(self, job: Job, tell: Tell) -> bytes:
         """Content of the file of a job, made in another process. Raises ExportError, and OSError where no process or
-        folder can be created.
+        file can be created.
 
         tell: called with the progress, 0 to 1.
         """
-        with tempfile.TemporaryDirectory(prefix="vsmrc-") as folder:
-            path = Path(folder) / "file"
+        with tempfile.TemporaryFile() as file:  # it has no name: nothing is left of it, however this process ends
             ours, theirs = Pipe()
             with ours:
                 with theirs:
-                    process = self._started(path, theirs.fileno())
+                    process = self._started(theirs.fileno(), file.fileno())
                 try:
                     _converse(ours, job, tell)
-                    return path.read_bytes()
+                    file.seek(0)
+                    return file.read()
                 except (EOFError, ConnectionError) as error:
                     status = _ended(process)
                     raise ExportError(f"the process that makes it has ended (exit status {status})") from error
@@ -142,13 +141,12 @@ class ExportJobs:
             for process in self._working:
                 process.terminate()
 
-    def _started(self, path: Path, file: int) -> subprocess.Popen[bytes]:
+    def _started(self, connection: int, file: int) -> subprocess.Popen[bytes]:
         with self._lock:
             if self._closed:
                 raise ExportError("the program is ending")
-            process = launcher.start(
-                "app.workers.export", str(file), str(path), stdin=subprocess.DEVNULL, pass_fds=(file,)
-            )
+            given = (connection, file)
+            process = launcher.start("app.workers.export", *map(str, given), stdin=subprocess.DEVNULL, pass_fds=given)
             self._working.add(process)
             return process
 

@@ -40,7 +40,7 @@ def _lasting() -> Path | None:
         folder = private(private(shelf) / _digest())
         folder.touch()  # the most recently used ones are kept
         _forget_old(folder.parent)
-    except (OSError, RuntimeError, NotOwnError) as error:  # RuntimeError: the user has no home
+    except (OSError, NotOwnError) as error:
         reason = f"cannot be written: {error.strerror}" if isinstance(error, OSError) else error
         print(f"vsmrc: {shelf} {reason}; compiled kernels are not kept for the next start", file=sys.stderr)
         return None

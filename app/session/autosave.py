@@ -14,7 +14,7 @@ import re
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -24,6 +24,7 @@ import structlog
 
 from app.process.atomic_write import write_whole
 from app.process.base_directory import base_directory
+from app.process.json_text import decode_json
 from app.scenario.data import from_toml, to_toml
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -32,7 +33,8 @@ from app.session.timeline import NAME, Pinned
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.constants_store import kept_memory
 from app.storage.recording_files import read_npz, table, write_npz
-from app.storage.session_index import OFFER, SESSION, Index, SavedRun, StateError, decoded, occupied
+from app.storage.session_index import LARGEST, OFFER, SESSION, Index, SavedRun, StateError, decoded, occupied
+from environments.regular_file import read_regular
 
 log = structlog.get_logger()
 
@@ -174,15 +176,17 @@ class StateFolder:
         return self.path / run.file
 
     def _tidy(self) -> None:
-        """Remove unfinished files of a killed process, and runs that no index names any more."""
+        """Remove unfinished files of a killed process, and runs that no index names any more, set aside or not."""
         named = {name for _, name in self._kept}
         for name in (SESSION, OFFER):
             index = self._readable(name)
             named |= {run.file for run in index.pinned} if index is not None else set()
-        for file in self.path.iterdir():
-            left = file.name.startswith((".session.json", ".run-"))
-            if left or (_RUN_FILE.fullmatch(file.name) and file.name not in named):
-                file.unlink(missing_ok=True)
+        runs = [file for file in self.path.iterdir() if _RUN_FILE.fullmatch(file.name)]
+        for name in (SESSION, OFFER):  # now, since a file may have been set aside just before
+            named |= _named_aside(self.path / (ASIDE + name), runs)
+        left = [file for file in self.path.iterdir() if file.name.startswith((".session.json", ".run-"))]
+        for file in (*left, *(run for run in runs if run.name not in named)):
+            file.unlink(missing_ok=True)
 
 
 class Autosave:
@@ -280,6 +284,21 @@ def _read(path: Path) -> Index:
     index = decoded(path)
     from_toml(index.scenario)
     return index
+
+
+def _named_aside(aside: Path, runs: Sequence[Path]) -> set[str]:
+    """Names of the runs that belong to an index that was set aside, none where there is no such index. Of one that is
+    not whole that is every run not newer than it, since an index is written after the files that it names."""
+    try:
+        written = aside.stat().st_mtime
+    except FileNotFoundError:
+        return set()
+    try:
+        content = read_regular(aside, LARGEST)  # a larger one is cut, so that it is not whole
+        decode_json(content, dict)
+    except (OSError, ValueError):
+        return {run.name for run in runs if run.stat().st_mtime <= written}
+    return set(_RUN_FILE.findall(content.decode()))
 
 
 def _pinned(saved: SavedRun, path: Path) -> Pinned:

@@ -1,7 +1,7 @@
 """Timeline of a run: shows the run as it was at any instant, and continues it from there in another way.
 
-Only states are kept, one every `SPACING` s and one after every change; the rest of the past is computed again, the same
-to the last bit.
+Only states are kept, one every `SPACING` s or `PERIODS` periods and one after every change; the rest of the past is
+computed again, the same to the last bit.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from app.simulation.system import System
 from app.storage.session_index import PINS
 from environments.push import Grip
 
-SPACING = 0.25  # s, between two states that are kept
+SPACING = 0.25  # s, between two states that are kept, and at most
+PERIODS = 250  # control periods: with short ones a look back would compute for seconds
 MOST = 6000  # states that are kept; a run with a full recording has 4800, and one for every change
 PINNED = 60.0  # s of a run that a pin keeps
 BEFORE = 10.0  # s of them that lie before the instant looked at, from which another run goes on
@@ -127,7 +128,7 @@ class Timeline:
         """Compute one control period; while looking back the run is only shown again, until its end is reached."""
         if self._back is None:
             self._end.advance()
-            if self._end.t - self._keys[-1].state.t >= SPACING:
+            if self._end.t >= self._due:
                 self._keep(changed=False)
             return
         self._back.advance()
@@ -287,6 +288,9 @@ class Timeline:
         self._keys.append(key)
         while len(self._keys) > MOST or (len(self._keys) > 1 and self._keys[1].state.t <= self.recording.first):
             del self._keys[0]
+        # a state holds the delay line of the force sensor: one a period would take gigabytes
+        periods = max(PERIODS, len(key.state.reader.memory))
+        self._due = key.state.t + min(SPACING, (periods - 0.5) * self._end.period)
 
     def _key_at(self, t: float) -> _Key:
         """The last key not after t; the first one if there is none."""

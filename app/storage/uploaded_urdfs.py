@@ -56,8 +56,17 @@ class UploadedUrdfs:
 
 
 def folder() -> Path:
-    """Folder of the uploads: `$XDG_DATA_HOME/vsmrc-lab/urdf`, by default below ~/.local/share."""
+    """Folder of the uploads: `$XDG_DATA_HOME/vsmrc-lab/urdf`, by default below ~/.local/share. Raises OSError for a
+    user without a home folder."""
     return base_directory("XDG_DATA_HOME") / "urdf"
+
+
+def _known_folder() -> Path | None:
+    """Folder of the uploads; None for a user who can have none, so that no file is an upload."""
+    try:
+        return folder()
+    except OSError:
+        return None
 
 
 def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
@@ -70,7 +79,10 @@ def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
         urdf.parse(content, name)
     except urdf.RobotError as error:
         raise ScenarioError(str(error)) from error
-    path = folder() / hashlib.sha256(content).hexdigest()[:16] / _plain(name)
+    try:
+        path = folder() / hashlib.sha256(content).hexdigest()[:16] / _plain(name)
+    except OSError as error:
+        raise ScenarioError(f"robot.urdf: {name:.60} cannot be kept: {error.strerror}") from error
     try:
         if not path.is_file():
             _require_room(name, len(content), marks)
@@ -100,7 +112,8 @@ class Reach:
         """Raises ScenarioError for a path that a page may not name."""
         if path is None or path in self.given:
             return
-        if not Path(os.path.abspath(str(path))).is_relative_to(folder()):
+        uploads = _known_folder()
+        if uploads is None or not Path(os.path.abspath(str(path))).is_relative_to(uploads):
             raise ScenarioError(
                 f"robot.urdf: {str(path)!r:.200}: not on this server; allowed: a URDF that was uploaded"
             )
@@ -108,7 +121,7 @@ class Reach:
 
 def hold(robot: Robot, path: str | None) -> None:
     """Keep the uploaded file that an arm was read from, as long as the arm is in use; any other file is left alone."""
-    if path is None or Path(path).parents[1:2] != (folder(),):
+    if path is None or Path(path).parents[1:2] != (_known_folder(),):
         return
     try:
         file = open(path, "rb")  # noqa: SIM115  # closed with the arm
@@ -121,7 +134,7 @@ def hold(robot: Robot, path: str | None) -> None:
 
 def note_use(path: str | None) -> None:
     """Note that an uploaded file is in use now; any other is left alone."""
-    if path is not None and Path(path).parents[1:2] == (folder(),):
+    if path is not None and Path(path).parents[1:2] == (_known_folder(),):
         with contextlib.suppress(OSError):  # the file may have been removed, which its reader reports
             os.utime(path)
 

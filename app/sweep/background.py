@@ -45,6 +45,13 @@ class SweepDone:
     """Message from the process, the last."""
 
 
+@dataclass(frozen=True)
+class SweepFailed:
+    """Message from the process, instead of the last: why it does not go on."""
+
+    reason: str
+
+
 class Background:
     """Computation that is started now and goes on until it is done or cancelled. May be used from any thread.
 
@@ -90,11 +97,13 @@ class Background:
                     file = theirs.fileno()
                     process = launcher.start("app.workers.sweep", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
                 ours.send(self._work)
-                while not self.complete and not self._cancelled.is_set():
+                while not (self.complete or self.problem or self._cancelled.is_set()):
                     if ours.poll(0.1):
                         self._heed(ours.recv())
-        except (EOFError, OSError) as error:
-            self.problem = f"the {self.noun} could not be computed: {error or 'its process has ended'}"
+        except (EOFError, ConnectionError):
+            self._fail("its process has ended")
+        except OSError as error:
+            self._fail(error.strerror or str(error))
         finally:
             if process is not None:
                 try:  # its connection is closed: it ends by itself, with all of its pool
@@ -103,11 +112,16 @@ class Background:
                     process.kill()
                     process.wait()
 
+    def _fail(self, reason: str) -> None:
+        self.problem = f"the {self.noun} could not be computed: {reason}"
+
     def _heed(self, message: Any) -> None:
         if isinstance(message, Waiting | Begun):
             self.waiting = isinstance(message, Waiting)
         elif isinstance(message, SweepDone):
             self._done.set()
+        elif isinstance(message, SweepFailed):
+            self._fail(message.reason)
         else:
             self.take(message)
 

@@ -1,4 +1,5 @@
-"""Process that makes one file: `python -m app.workers.export FD PATH`, started by `app.export.export_jobs`."""
+"""Process that makes one file: `python -m app.workers.export FD FD`, started by `app.export.export_jobs`. The first FD
+is the connection to the asker, the second the file, which is empty and has no name."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from multiprocessing.connection import Connection
-from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import structlog
@@ -37,11 +38,12 @@ class _Reporter:
             self._asker.send(ExportProgress(share))
 
 
-def serve(asker: Connection, path: Path) -> None:
+def serve(asker: Connection, descriptor: int) -> None:
     """Make the one file that is asked for. Raises EOFError or ConnectionError when the asker has gone."""
     job: Job = asker.recv()
     try:
-        _make(job, asker, path)
+        with open(descriptor, "wb") as file:
+            _make(job, asker, file)
     except (EOFError, ConnectionError):
         raise
     except OSError as error:
@@ -55,23 +57,22 @@ def serve(asker: Connection, path: Path) -> None:
         asker.send(ExportDone())
 
 
-def _make(job: Job, asker: Connection, path: Path) -> None:
+def _make(job: Job, asker: Connection, file: BinaryIO) -> None:
     tell = _Reporter(asker).tell
     match job:
         case FigureJob(figure, form, options):
-            path.write_bytes(render(figure, form, options))
+            file.write(render(figure, form, options))
         case DataJob(data, form, limit):
             write = {"csv": write_csv, "npz": write_npz}[form]
-            with path.open("wb") as file:
-                write(replace(data, pieces=_received(data, asker)), file, limit, tell)
+            write(replace(data, pieces=_received(data, asker)), file, limit, tell)
         case MadeJob(make, arguments):
-            path.write_bytes(make(*arguments))
+            file.write(make(*arguments))
         case PlaybackJob(frames, limit, figure):
             from app.dashboard.scene.standalone import (
                 standalone_html,  # here: the others need neither viser nor the law
             )
 
-            path.write_text(standalone_html(frames, limit, tell, figure), encoding="utf-8")
+            file.write(standalone_html(frames, limit, tell, figure).encode())
 
 
 def _received(data: RecordingTable, asker: Connection) -> Iterator[np.ndarray]:
@@ -88,7 +89,7 @@ def main() -> None:
     step_back(NICENESS)
     with Connection(int(sys.argv[1])) as asker:
         try:
-            serve(asker, Path(sys.argv[2]))
+            serve(asker, int(sys.argv[2]))
         except (EOFError, ConnectionError):
             log.debug("asker gone")
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from multiprocessing.connection import Connection
 
@@ -12,7 +13,7 @@ from app.process import slots
 from app.process.log import configure_as_parent
 from app.process.priority import step_back
 from app.sweep import background
-from app.sweep.background import Begun, SweepDone, Waiting, Work
+from app.sweep.background import Begun, SweepDone, SweepFailed, Waiting, Work
 from app.tune import background as tuning_background
 from app.tune.question import Tuning
 
@@ -51,6 +52,10 @@ def main() -> None:
             serve(asker)
         except (EOFError, ConnectionError):
             log.debug("nobody waits for the rest")
+        except Exception as error:  # the process's last resort: report it
+            log.exception("fault", stage="a map")
+            with contextlib.suppress(OSError):
+                asker.send(SweepFailed(f"internal error: {type(error).__name__}: {error}"))
 
 
 if __name__ == "__main__":

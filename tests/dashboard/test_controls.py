@@ -7,19 +7,22 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 
+import pytest
 import viser
 
+from app.dashboard.panels import runs
 from app.dashboard.panels.robot import UNSTATED, StatedBounds
-from app.dashboard.panels.runs import _note
+from app.dashboard.panels.runs import RunsPanel, _note
 from app.dashboard.panels.task import _EDITED, Shift, TaskPanel
 from app.dashboard.theme.style import COMMIT, RELEASED
+from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.controls import Desk, NumberField
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.field_place import FieldPlace, log_scale
 from app.dashboard.widgets.text_field import TextField
 from app.dashboard.widgets.whatif import WhatIf
 from app.scenario.data import edited, shipped
-from app.session.commands import Command, Edit, Load, Pause, Pin, StepOnce
+from app.session.commands import Command, Edit, Load, Pause, Pin, StepOnce, Unpin
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -32,6 +35,9 @@ class Widget(SimpleNamespace):
 
     def on_update(self, update: Callable[[viser.GuiEvent], Any]) -> None:
         self.update = update
+
+    def on_click(self, click: Callable[[viser.GuiEvent], Any]) -> None:
+        self.click = click
 
     def __enter__(self) -> None:
         pass
@@ -174,6 +180,51 @@ def test_a_hint_says_the_bounds_in_words() -> None:
     assert FieldPlace("contact.friction_coulomb").hint == "friction coefficient, from 0 to 2"
     assert FieldPlace("shift.duration").hint.endswith(", above 0, at most 60 s")
     assert FieldPlace("controller.F_1").hint.endswith("[1/s]")
+
+
+def test_a_click_that_comes_late_forgets_no_other_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another page has forgotten a run, or pinned one that takes the place of the oldest, a moment before."""
+    page, now = Page(), [0.0]
+    monkeypatch.setattr(runs.time, "monotonic", lambda: now[0])
+    cast(Any, page.desk).viewing = Viewing()
+    panel = RunsPanel(page.desk)
+    panel._over.value = next(iter(runs.OVER))
+    buttons: dict[str, Widget] = {}
+
+    def pin() -> None:
+        page.desk.post(StepOnce())
+        page.desk.post(Pin())
+
+    def show() -> list[str]:
+        panel.show(page.snapshot())
+        shown = {widget.label: widget for widget in page.widgets if widget.visible and "Forget" in widget.label}
+        buttons.update(shown)
+        return [*shown]
+
+    def click(label: str) -> list[int]:
+        asyncio.run(buttons[label].click(VISITOR))
+        return [run.number for run in page.snapshot().pinned]
+
+    for _ in range(3):
+        pin()
+    assert show() == ["Forget run 1", "Forget run 2", "Forget run 3"]
+    page.desk.post(Unpin(1))
+    assert show() == ["Forget run 2", "Forget run 3"]
+    assert click("Forget run 1") == [2, 3]
+    assert click("Forget run 2") == [3]
+    assert show() == ["Forget run 3"]
+    for _ in range(2):
+        pin()
+    now[0] = 2.0
+    assert show() == ["Forget run 4", "Forget run 5", "Forget run 3"]
+    late = buttons["Forget run 3"]
+    pin()  # of more than three the oldest goes
+    assert show() == ["Forget run 4", "Forget run 5"]
+    asyncio.run(late.click(VISITOR))
+    assert [run.number for run in page.snapshot().pinned] == [4, 5, 6]
+    now[0] = 4.0
+    assert show() == ["Forget run 4", "Forget run 5", "Forget run 6"]
+    assert click("Forget run 6") == [4, 5]
 
 
 def test_the_note_on_a_pinned_run_says_how_to_see_both() -> None:

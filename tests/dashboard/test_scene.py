@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from app.dashboard.scene.arrows import LONGEST, UNIT, ForceScale, task_directions
 from app.dashboard.scene.spring_damper import BESIDE, HALF_WIDTH, segments
-from app.dashboard.scene.tool_drag import LEVER, RADIUS, HeldHandle
+from app.dashboard.scene.tool_drag import LEVER, RADIUS, Hand, HeldHandle
 from app.dashboard.scene.trails import error_colors
 from app.dashboard.theme.colors import ERROR_COLORS
-from app.dashboard.view_options import rounded_up
+from app.dashboard.view_options import Viewing, rounded_up
+from app.scenario.data import load
+from app.session.commands import Edit, Push
+from app.session.snapshot import snapshot_of
+from app.simulation.closed_loop import ClosedLoop
 from environments.surfaces.form import SurfaceMotion
 from environments.surfaces.table import Surface
 from tests.support.surfaces import cylinder, plane
@@ -67,6 +74,41 @@ def test_a_ball_that_is_turned_follows_the_hand_on_its_outside() -> None:
         np.cross(turned.as_rotvec(), front) / np.linalg.norm(turned.as_rotvec()), right, atol=1e-12
     )
     np.testing.assert_allclose(held.turned(RADIUS * front), [0.2, 0.1, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("second", ["push", "target"])
+def test_a_tool_that_a_page_pulls_is_held_by_no_other_one_until_it_is_let_go_or_the_page_has_gone(second: str) -> None:
+    snapshot, connected = snapshot_of(ClosedLoop.begin(load("ur5-impedance"), history=1)), {1, 2}
+    desk, posted = MagicMock(), []
+    desk.snapshot, desk.viewing = lambda: snapshot, Viewing()
+    desk.post = lambda command: posted.append(command) or True
+    desk.lock.refuses = lambda _: ""
+    hand = Hand(MagicMock(), desk, connected.__contains__)
+
+    def drag(client: int, phase: str, kind: str, by: float = 0.0) -> None:
+        at = tuple(snapshot.tool)
+        event = SimpleNamespace(
+            client_id=client, phase=phase, start_position=at, end_position=(at[0] + by, at[1] + by, at[2] + by)
+        )
+        hand._drag(event, kind)  # pyright: ignore[reportArgumentType]
+
+    drag(1, "start", "push")
+    drag(1, "update", "push", 0.1)
+    drag(2, "start", second)
+    drag(2, "update", second, 0.2)
+    drag(1, "end", "push", 0.1)
+    drag(2, "end", second, 0.2)
+    assert [command.grip is None for command in posted if isinstance(command, Push)] == [False, False, True]
+    assert len(posted) == 3
+
+    drag(1, "start", "push", 0.1)
+    connected.remove(1)  # and its drag has not been ended
+    drag(2, "start", second)
+    drag(2, "update", second, 0.2)
+    drag(2, "end", second, 0.2)
+    again = posted[3:]
+    assert [command for command in again if isinstance(command, Push)][1] == Push(None)
+    assert again[-1] == Push(None) if second == "push" else isinstance(again[-1], Edit)
 
 
 @pytest.mark.parametrize("away", [(0.0, 0.0, 0.02), (0.01, -0.02, 0.0), (0.03, 0.0, -0.01), (0.02, 0.01, 0.0)])

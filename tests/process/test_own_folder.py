@@ -10,7 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from app.dashboard import local_server
+from app.process import kernel_cache
 from app.process.private_folder import NotOwnError, own, private
+from app.scenario.data import load
+from app.scenario.errors import ScenarioError
+from app.storage import uploaded_urdfs
 from app.storage.session_index import StateError, occupied
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -94,6 +99,38 @@ def test_without_a_home_that_can_be_written_no_shared_folder_is_used(tmp_path: P
     assert Path(told[0]).parent == tmp_path
     assert Path(told[0]).name != "vsmrc-lab"
     assert not list((tmp_path / "vsmrc-lab").iterdir())
+
+
+def test_a_user_without_a_home_has_a_session_that_is_not_kept_and_no_uploads(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", homeless)
+    for variable in ("XDG_CACHE_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.delenv(kernel_cache.VARIABLE, raising=False)
+    kernel_cache.choose()
+    assert Path(os.environ[kernel_cache.VARIABLE]).name.startswith("vsmrc-kernels-")  # only for this process
+    assert capsys.readouterr().err == (
+        "vsmrc: the user's cache cannot be written: there is no home folder; allowed: with HOME or XDG_CACHE_HOME; "
+        "compiled kernels are not kept for the next start\n"
+    )
+    assert local_server._state_folder(None) is None
+    said = "this session is not kept: there is no home folder; allowed: with HOME or XDG_STATE_HOME\n"
+    assert capsys.readouterr().out == said
+    arm = (Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf").read_bytes()
+    refusal = "robot.urdf: arm.urdf cannot be kept: there is no home folder; allowed: with HOME or XDG_DATA_HOME"
+    with pytest.raises(ScenarioError, match=f"^{refusal}$"):
+        uploaded_urdfs.keep("arm.urdf", arm)
+    with pytest.raises(ScenarioError, match="not on this server; allowed: a URDF that was uploaded"):
+        uploaded_urdfs.Reach().require("/some/arm.urdf")
+    (file := tmp_path / "arm.urdf").touch()
+    before = file.stat().st_mtime_ns
+    uploaded_urdfs.note_use(str(file))
+    uploaded_urdfs.hold(load("ur5-motion").robot, str(file))  # pyright: ignore[reportArgumentType]
+    assert file.stat().st_mtime_ns == before
 
 
 def test_what_a_killed_process_leaves_goes_with_the_next_start_and_nothing_else(tmp_path: Path) -> None:

@@ -88,6 +88,28 @@ def test_a_process_that_makes_a_file_and_is_killed_is_said_and_leaves_nothing() 
         export_jobs.made(DataJob(table(load("ur5-hybrid"), noise(10)), "csv", np.inf), lambda _: None)
 
 
+@pytest.mark.parametrize("ending", ["os._exit(0)", "os.kill(os.getpid(), signal.SIGKILL)"])
+def test_a_process_that_ends_while_a_file_is_made_leaves_nothing_on_the_disk(ending: str, tmp_path: Path) -> None:
+    """As a session's process ends at once when its gateway has gone."""
+    program = (
+        "import os, signal, threading, time\n"
+        "from app.export.export_jobs import ExportJobs, MadeJob\n"
+        "jobs = ExportJobs()\n"
+        "job = MadeJob(time.sleep, (1000.0,))\n"
+        "threading.Thread(target=jobs.made, args=(job, print), daemon=True).start()\n"
+        "while not jobs._working: time.sleep(0.01)\n"
+        "(process,) = jobs._working\n"
+        "print(process.pid, flush=True)\n"
+        f"{ending}\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=os.environ | {"TMPDIR": str(tmp_path)}, capture_output=True, text=True,
+        timeout=PATIENCE, check=False,
+    )  # fmt: skip
+    until(lambda: not Path(f"/proc/{int(done.stdout)}").exists(), done.stderr)
+    assert list(tmp_path.iterdir()) == []
+
+
 def children(process: int) -> list[int]:
     """Of this process, by number."""
     found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(process)], capture_output=True, text=True, check=False)

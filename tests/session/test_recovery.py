@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import resource
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -151,6 +153,39 @@ def test_a_file_that_is_no_session_is_set_aside_in_a_sentence(tmp_path: Path, co
     folder.save(changed(), ())
     folder.close()
     StateFolder(tmp_path).close()
+
+
+@pytest.mark.parametrize("damage", ["newer", "cut off before its runs", "too large"])
+def test_the_runs_of_an_index_that_is_set_aside_are_kept_with_it(
+    tmp_path: Path, pinned: tuple[Pinned, ...], damage: str
+) -> None:
+    folder = StateFolder(tmp_path)
+    folder.save(changed(), pinned[:2])
+    folder.close()
+    runs = left(tmp_path) - {SESSION}
+    index = (tmp_path / SESSION).read_bytes()
+    (tmp_path / SESSION).write_bytes(
+        {
+            "newer": index.replace(b'"version": 1', b'"version": 2'),
+            "cut off before its runs": index[:60],
+            "too large": index + b" " * 4_000_000,
+        }[damage]
+    )
+    for _ in range(2):  # by the server that sets it aside, and by the next one, whose own run goes
+        folder = StateFolder(tmp_path)
+        os.utime(tmp_path / f"set-aside-{SESSION}", (time.time() - 1.0,) * 2)  # its time is that of its last write
+        for run in runs:
+            os.utime(tmp_path / run, (time.time() - 2.0,) * 2)
+        folder.save(changed(), pinned[2:])
+        folder.save(changed(0.03), ())
+        assert left(tmp_path) - {OFFER} == runs | {SESSION, f"set-aside-{SESSION}"}
+        (tmp_path / OFFER).unlink(missing_ok=True)
+        folder.close()
+    (tmp_path / f"set-aside-{SESSION}").unlink()
+    folder = StateFolder(tmp_path)
+    folder.refuse_offer()
+    folder.close()
+    assert left(tmp_path) == set()
 
 
 def test_runs_that_cannot_be_read_are_said_and_the_rest_is_continued(

@@ -141,6 +141,28 @@ def test_a_fork_at_a_change_is_in_the_epoch_that_begins_there(noisy: Timeline, t
     line.to_end()
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.006])
+def test_a_look_back_computes_few_periods_and_the_states_take_little_room(
+    delay: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However short the periods are, and however many readings are on their way in a state: 600 with this delay."""
+    scenario = edited(edited(shipped()["planar2r-semicircle"], "controller.period", 1e-5), "sensor.delay", delay)
+    line, computed, advance = run(line_of(scenario), 4000), [0], ClosedLoop.advance
+
+    def counted(loop: ClosedLoop) -> None:
+        computed[0] += 1
+        advance(loop)
+
+    monkeypatch.setattr(ClosedLoop, "advance", counted)
+    for back in (1, 240, 1999):
+        computed[0] = 0
+        line.seek(line.end - back * 1e-5)
+        assert computed[0] <= (600 if delay else 250)
+        np.testing.assert_array_equal(q_of(line), line.recording.at(line.loop.t + 1e-8)["q"])
+    assert sum(len(key.state.reader.memory) for key in line._keys) <= 4000 + 600
+    assert 4000 / len(line._keys) > 200
+
+
 def test_changes_of_one_instant_take_no_more_room_than_one(noisy: Timeline) -> None:
     keys = len(noisy._keys)
     for value in range(50):

@@ -175,4 +175,12 @@ def test_a_process_that_falls_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(background, "launcher", ends_at_once)
     sweep = BackgroundSweep(SWEEP, 1)
     until(lambda: not sweep.going)
-    assert "the map could not be computed" in sweep.problem
+    assert sweep.problem == "the map could not be computed: its process has ended"
+
+
+def test_a_process_that_cannot_go_on_says_why() -> None:
+    sweep = BackgroundSweep(SWEEP, 0)  # no pool has so few workers
+    until(lambda: not sweep.going)
+    assert sweep.problem.startswith("the map could not be computed: internal error: ")
+    assert "\n" not in sweep.problem
+    assert not sweep.complete

@@ -56,8 +56,9 @@ class RunsPanel:
         if key == self._key and time.monotonic() < self._due:
             return
         self._key, self._due = key, time.monotonic() + _EVERY
-        for i, row in enumerate(self._rows):
-            row.show(snapshot.pinned[i] if i < len(snapshot.pinned) else None)
+        placed = {run.place: run for run in snapshot.pinned}  # a run keeps its row when another one is forgotten
+        for place, row in enumerate(self._rows):
+            row.show(placed.get(place))
         for widget in (self._over, self._copy):
             if widget.visible != bool(snapshot.pinned):
                 widget.visible = bool(snapshot.pinned)
@@ -66,10 +67,14 @@ class RunsPanel:
 
 
 class _PinnedRow:
-    """Row of a pinned run: a text field for its name, and buttons to go back to its settings and to forget it."""
+    """Row of a pinned run: a text field for its name, and buttons to go back to its settings and to forget it.
+
+    A page may click on what it sees after another page has had that run forgotten: so a row that has lost its run stays
+    empty for a while before it shows the next one, and does nothing meanwhile."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._run, self._typing = desk, None, False
+        self._empty_until = -math.inf
         self._form = desk.gui.add_form(None, visible=False)
         with self._form:
             self._text = desk.gui.add_text("", "", hint="What this run is called in the plots and in the table.")
@@ -94,6 +99,10 @@ class _PinnedRow:
             self._desk.post(Unpin(self._run.number))
 
     def show(self, run: Pinned | None) -> None:
+        if self._run is not None and (run is None or run.number != self._run.number):
+            self._empty_until = time.monotonic() + _EVERY
+        if time.monotonic() < self._empty_until:
+            run = None
         another = run is None or self._run is None or run.number != self._run.number
         self._run = run
         for widget in (self._form, self._back, self._forget):

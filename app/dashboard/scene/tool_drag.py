@@ -75,7 +75,7 @@ def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
 
 class Hand:
     """Hand on the tool: a ball that the mouse drags, and the drawing of a push by any page. A hint beside the ball says
-    that it can be dragged, until somebody has dragged it.
+    that it can be dragged, until somebody has dragged it. One page drags at a time.
 
     viser ends the drag of a page that closes: the tool is let go, and the target stays where it was."""
 
@@ -115,6 +115,10 @@ class Hand:
     def _drag(self, event: viser.SceneNodeDragEvent, drag: str) -> None:
         snapshot, pointer = self._desk.snapshot(), np.array(event.end_position)
         if event.phase == "start":
+            if self._held is not None:
+                if self._held.client != event.client_id and self._connected(self._held.client):
+                    return  # one hand at a time: the push of the first would never be let go
+                self._let_go(snapshot, self._held)  # its end has not come
             self._held = self._taken(snapshot, event, drag)
         held = self._held
         if held is None or held.client != event.client_id:
