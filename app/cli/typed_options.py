@@ -4,7 +4,7 @@ whose own messages name types of Python."""
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -24,11 +24,13 @@ class _Option:
     """Option of a command.
     kind: of its values; bool for a switch, which has none.
     count: number of its values; None for one or more.
-    noun: one of its values, in words."""
+    noun: one of its values, in words.
+    needed: whether the command does nothing without it."""
 
     kind: type
     count: int | None
     noun: str
+    needed: bool
 
     def require(self, flag: str, values: list[str]) -> None:
         """Raise ScenarioError for values that it does not take."""
@@ -55,6 +57,7 @@ def require_options(name: str, command: Command, typed: list[str], others: Mappi
         return
     options, waiting, most, names = _options(command), list(typed), _most_names(command), 0
     given: set[str] = set()
+    needed = _needed_names(command)
     while waiting:
         token = waiting.pop(0)
         if not _flag(token):
@@ -77,23 +80,11 @@ def require_options(name: str, command: Command, typed: list[str], others: Mappi
         if not equals:
             taken = 0 if option.kind is bool else len(values) if option.count is None else option.count
             del waiting[:taken]
-    _require_needed(name, command, options, names, given)
-
-
-def _require_needed(
-    name: str, command: Command, options: Mapping[str, _Option], names: int, given: Collection[str]
-) -> None:
-    """Raise ScenarioError where a name or an option that a command needs is missing. names: number of the names that
-    were typed; given: flags of the options."""
-    hints = get_type_hints(command)
-    for place, parameter in enumerate(inspect.signature(command).parameters.values()):
-        flag, several = f"--{parameter.name.replace('_', '-')}", _kind(hints[parameter.name])[1] is None
-        if parameter.default is not inspect.Parameter.empty or several:
-            continue
-        if parameter.kind is inspect.Parameter.KEYWORD_ONLY and flag not in given:
-            raise ScenarioError(f"{name}: no {flag}; allowed: {flag} with {options[flag].noun}")
-        if parameter.kind is not inspect.Parameter.KEYWORD_ONLY and place >= names:
-            raise ScenarioError(f"{name}: no {parameter.name}; allowed: one, see `vsmrc {name} --help`")
+    if names < len(needed):
+        raise ScenarioError(f"{name}: no {needed[names]}; allowed: one, see `vsmrc {name} --help`")
+    for flag, option in options.items():
+        if option.needed and flag not in given:
+            raise ScenarioError(f"{name}: no {flag}; allowed: {flag} with {option.noun}")
 
 
 def _flag(token: str) -> bool:
@@ -105,6 +96,14 @@ def _most_names(command: Command) -> int | None:
     hints, kind = get_type_hints(command), inspect.Parameter.KEYWORD_ONLY
     named = [each.name for each in inspect.signature(command).parameters.values() if each.kind is not kind]
     return None if any(_kind(hints[each])[1] is None for each in named) else len(named)
+
+
+def _needed_names(command: Command) -> list[str]:
+    """Names, as the command calls them, that have to be typed; any number of names may be none."""
+    hints, kind = get_type_hints(command), inspect.Parameter.KEYWORD_ONLY
+    named = [each for each in inspect.signature(command).parameters.values() if each.kind is not kind]
+    needed = (each.name for each in named if each.default is inspect.Parameter.empty)
+    return [name for name in needed if _kind(hints[name])[1] is not None]
 
 
 def _instead(flag: str, options: Mapping[str, _Option], others: Mapping[str, Command]) -> str:
@@ -129,8 +128,10 @@ def _options(command: Command) -> dict[str, _Option]:
         metavar = next((each.metavar for each in arguments if each.metavar), None)
         kind, count = _kind(hint)
         noun = metavar.strip("{}").replace(",", ", ") if metavar else NOUNS.get(kind, "a text")
-        noun = "the name of a folder" if name in FOLDERS else noun
-        found[f"--{name}"] = _Option(kind, count, noun)
+        if kind is Path and name in FOLDERS:
+            noun = "the name of a folder"
+        needed = parameter.default is inspect.Parameter.empty
+        found[f"--{name}"] = _Option(kind, count, noun, needed)
         if kind is bool:
             found[f"--no-{name}"] = found[f"--{name}"]
     return found

@@ -128,10 +128,10 @@ class SampledLoops:
             given_back, added = zip(*(gain_by_force(system, at, load) for load in loads), strict=True)
             force_loop, value = _worst_force_loop(system, at, loads, added)
             growth, A, C = math.nan, None, None
-            if _chatters(system):
-                growth = self._growth_while_sliding(at)
-            elif system.sensor.late > LONGEST_LINE:
+            if system.sensor.late > LONGEST_LINE:
                 growth = math.inf if _reads_contact(system) else math.nan
+            elif _chatters(system):
+                growth = self._growth_while_sliding(at) if _reads_contact(system) else math.nan
             else:
                 A, C = self._map(at, touching=True).linearised()
                 growth = _growth(A)
@@ -164,15 +164,9 @@ class SampledLoops:
         return RespondingLoop(**vars(loop), model=model, sampled=sampled, response=response, force_loop=force_loop)
 
     def _growth_while_sliding(self, at: Posture) -> float:
-        """Growth per control period of a deviation under the discontinuous law, on the sliding surface; nan where no
-        reading of the contact's force is fed back."""
-        system = self.system
-        if not _reads_contact(system):
-            return math.nan
-        if system.sensor.late > LONGEST_LINE:
-            return math.inf
+        """Growth per control period of a deviation under the discontinuous law, on the sliding surface."""
         if self._sliding is None:
-            self._sliding = PeriodMap(_kept_on_surface(system, at), at)
+            self._sliding = PeriodMap(_kept_on_surface(self.system, at), at)
         else:
             self._sliding.rest_at(at)
         return _growth(self._sliding.jacobian())
