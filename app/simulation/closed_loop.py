@@ -55,7 +55,7 @@ class ClosedLoop:
     def __init__(
         self, system: System, state: State, recording: Recording, settings: Record[Setting] | None = None
     ) -> None:
-        """settings: those of the system, where they are known already."""
+        """Run of this system that goes on from this state. settings: those of the system, where they are known."""
         self.recording = recording
         self._stage = "the beginning"
         self._bind(system, state, settings)
@@ -127,6 +127,7 @@ class ClosedLoop:
         return loop
 
     def _bind(self, system: System, state: State, settings: Record[Setting] | None = None) -> None:
+        """Make this system and this state the run's, with the objects of `step` that follow from them."""
         state.scenario, state.shift = system.scenario, system.plan.shift
         self.system, self.state = system, state
         self._arm = ControlledArm(system, state, settings)

@@ -15,6 +15,7 @@ from app.simulation.row_writing import write_load, write_row
 from app.simulation.true_errors import UNKNOWN, TrueArm, TrueErrors, judge_errors
 from controllers.bounds import sum_of
 from controllers.control_law import ControlOutput, Gains, Reference, Told, add_up, clear
+from controllers.held_torque import Held, held_error, push_jumped, reference_jump
 from controllers.laws.table import torque as law_torque
 from controllers.nominal_model import ON_LINE
 from controllers.premises import (
@@ -24,16 +25,12 @@ from controllers.premises import (
     GAIN,
     HELD,
     REGULAR,
-    Held,
     Kept,
     PremiseScratch,
     PremiseTable,
     Watched,
-    held_error,
     judge,
     keep_promise,
-    push_jumped,
-    reference_jump,
     watch,
 )
 from controllers.reference_estimates import FeedforwardModel, take_estimates
@@ -218,7 +215,7 @@ def _judge_premises(setting, evaluation, arm, t):
         jump = reference_jump(gains, evaluation.reference, held, setting.period)
         table.value[HELD] = held_error(gains, feedforward, task, estimate, F, output, held, scratch)
         table.value[HELD] += watched.high * jump / setting.period
-    evaluation.jumped = held.known and push_jumped(evaluation.push, held, watched)
+    evaluation.jumped = held.known and push_jumped(evaluation.push, held, watched.allowed)
     terms = output.terms
     for i in range(held.model.shape[0]):
         held.model[i] = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
