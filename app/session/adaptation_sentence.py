@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 from app.scenario.data import to_plain
 from app.scenario.field_info import field_info
@@ -28,11 +29,11 @@ def adaptation_sentence(asked: Scenario, done: Scenario) -> str:
         if before["kind"] != after["kind"]:
             adaptations.append(f"{word} {_kind_title(new)} instead of {_kind_title(old)}")
             continue
-        changed = [name for name in after if after[name] != before[name]]
-        if section == "surface" and changed == ["origin"]:
+        changes = list(_changes(section, before, after))
+        if [change.path for change in changes] == ["surface.origin"]:
             adaptations.append("surface brought to the tool")
             continue
-        adaptations += [f"{word} {_field_phrase(f'{section}.{name}', before[name], after[name])}" for name in changed]
+        adaptations += [f"{word} {_field_phrase(change)}" for change in changes]
     for each in ("second", "third"):
         old, new = (getattr(of, each).contact for of in (asked, done))
         if old.kind != new.kind and getattr(done, each).present:
@@ -48,13 +49,34 @@ def adaptation_sentence(asked: Scenario, done: Scenario) -> str:
     return f"Adapted: {'; '.join(adaptations)}." if adaptations else ""
 
 
-def _field_phrase(path: str, before: object, after: object) -> str:
-    """Label of the field at a dotted path, and its value after and before."""
-    info = field_info(path)
-    label = info.widget.label if info.widget else path.rpartition(".")[2].replace("_", " ")
+class _Change(NamedTuple):
+    """Change of one field: its dotted path, its value before and after."""
+
+    path: str
+    before: object
+    after: object
+
+
+def _changes(path: str, before: dict[str, Any], after: dict[str, Any]) -> Iterator[_Change]:
+    """Changes of the fields of a section, given as plain data, those of the sections within it among them."""
+    for name, now in after.items():
+        was = before[name]
+        if isinstance(was, dict) and isinstance(now, dict) and was.get("kind") == now.get("kind"):
+            yield from _changes(f"{path}.{name}", was, now)
+        elif was != now:
+            yield _Change(f"{path}.{name}", was, now)
+
+
+def _field_phrase(change: _Change) -> str:
+    """Label of a field, and its value after and before."""
+    name = change.path.rpartition(".")[2].replace("_", " ")
+    if isinstance(change.before, dict) or isinstance(change.after, dict):
+        return f"{name} of another kind"
+    info = field_info(change.path)
+    label = info.widget.label if info.widget else name
     unit = f" {info.unit}" if info.unit not in ("", "1") else ""
     titles = {_hashable(value): title for title, value in info.widget.options} if info.widget else {}
-    was, now = (titles.get(_hashable(value), _value_text(value)) for value in (before, after))
+    was, now = (titles.get(_hashable(value), _value_text(value)) for value in (change.before, change.after))
     return f"{label} {now} instead of {was}{unit}"
 
 

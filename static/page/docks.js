@@ -44,7 +44,7 @@ const folds = (e) =>
 const fold = (e) => {
   e.preventDefault();
   e.stopPropagation();
-  page.toggleAttribute("data-folded");
+  if (!e.repeat) page.toggleAttribute("data-folded"); // a key that is held folds once
 };
 for (const kind of ["pointerdown", "pointerup"]) document.addEventListener(kind, (e) => { if (folds(e)) e.stopPropagation(); }, true);
 document.addEventListener("click", (e) => { if (folds(e)) fold(e); }, true);

@@ -110,6 +110,12 @@ def test_joints_as_coordinates_keep_the_promise_with_gains_converted_by_the_char
     assert in_mode(done, "impedance").controller == scenario.controller
 
 
+def test_changes_within_a_section_of_a_section_are_said_too() -> None:
+    scenario = shipped()["ur5-hybrid"]
+    tilting = edited(scenario, "surface.tilt", {"amplitude": 0.1})
+    assert adaptation_sentence(scenario, tilting) == "Adapted: surface tilts by 0.1 instead of 0 rad."
+
+
 def test_a_path_that_is_too_long_for_an_arm_is_halved_until_it_can_be_followed() -> None:
     scenario = on_robot(shipped()["planar2r-semicircle"], "ur3")
     assert scenario.motion.displacement == shipped()["planar2r-semicircle"].motion.displacement
