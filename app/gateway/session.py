@@ -45,7 +45,7 @@ class Session:
     offers: whether the folder has another session, to be offered on the page.
     owner: the visitor that it was made for; original: the session that it is a copy of.
     pages: the open ones.
-    told: how its process ended last, or why none could be started, "" for neither.
+    told: how its last process ended, or why none started; "" for neither.
     crashes: number of its processes that ended unexpectedly.
     looked_at: whether a page has been open once.
     kept: whether it has a folder.

@@ -23,11 +23,9 @@ from app.scenario.errors import (
     WrongFace,
 )
 from app.scenario.schema import (
-    BlendSection,
     ControllerSection,
     RobotSection,
     Scenario,
-    ShiftSection,
     TargetModelSection,
     Vector3,
 )
@@ -166,9 +164,7 @@ def _title(robot: RobotSection) -> str:
 def in_coordinates(scenario: Scenario, field: str, value: object) -> Scenario:
     """The scenario with another field of `task_space`; the target model is at the mode's defaults then, since its
     coordinates are others, and paths keep the part that lies in those. Raises ScenarioError."""
-    data = to_plain(edited(scenario, f"task_space.{field}", value))
-    data["target_model"] = data["blend"] = data["shift"] = {}
-    return adapted(scenario, from_plain(data))
+    return adapted(scenario, _without_model(edited(scenario, f"task_space.{field}", value)))
 
 
 def on_surface(scenario: Scenario, kind: str, path: str = "surface") -> Scenario:
@@ -218,11 +214,10 @@ def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:
     """
     mode, was = modes.MODES[scenario.mode], getattr(scenario, section)
     asked = kind if kind == "free" or kind in mode.contacts else scenario.contact.kind
-    edited(scenario, f"{section}.contact.kind", kind)
+    edited(scenario, f"{section}.contact.kind", kind)  # refuses an unknown kind
     changed = edited(scenario, f"{section}.contact.kind", asked)
     if asked == "free" or not was.present:
-        changed = edited(changed, "target_model", {})
-        changed = msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection())
+        changed = _without_model(changed)
     if asked == "free" or was.present:
         return adapted(scenario, changed)
     robot, p = _start(scenario)
@@ -236,8 +231,14 @@ def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:
 def with_face(scenario: Scenario, *, flat: bool) -> Scenario:
     """The scenario with a tool that touches with a flat face, or with a point. The target model is at the mode's
     defaults then, since its coordinates are others, and paths keep the part that lies in those."""
-    changed = edited(edited(scenario, "face.flat", flat), "target_model", {})
-    return adapted(scenario, msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection()))
+    return adapted(scenario, _without_model(edited(scenario, "face.flat", flat)))
+
+
+def _without_model(scenario: Scenario) -> Scenario:
+    """The scenario with the mode's target model, and without a blend or shift of it."""
+    data = to_plain(scenario)
+    data["target_model"] = data["blend"] = data["shift"] = {}
+    return from_plain(data)
 
 
 def without_last(scenario: Scenario) -> Scenario:
@@ -253,8 +254,7 @@ def last_surface(scenario: Scenario) -> str:
 def with_control(scenario: Scenario, path: str, value: object) -> Scenario:
     """The scenario with another `control` of a further surface; the target model is at the mode's defaults then, since
     other coordinates have their force controlled. Raises ScenarioError."""
-    changed = edited(edited(scenario, path, value), "target_model", {})
-    return adapted(scenario, msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection()))
+    return adapted(scenario, _without_model(edited(scenario, path, value)))
 
 
 def adapted(before: Scenario, scenario: Scenario) -> Scenario:

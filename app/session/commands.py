@@ -49,8 +49,7 @@ class Fork:
 
 @dataclass(frozen=True)
 class Pin:
-    """Keep this run for comparison. One that is pinned already is refused, or, if it may be pinned already, left as it
-    is."""
+    """Keep this run for comparison. may_be_pinned: a run that is pinned already is left as it is, not refused."""
 
     may_be_pinned: bool = False
 

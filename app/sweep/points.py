@@ -44,7 +44,7 @@ class Points:
 
     values: of the axes by path, (N,) each.
     number: (N,), NaN where no arm has one, and where `never`.
-    never: (N,) bool, whether arms never came to what the number would be of: they did not settle, say, or stopped.
+    never: (N,) bool, whether an arm never reached the event that is measured: it did not settle, or its run stopped.
     good, arms: (N,), number of arms that keep the limit, and of all arms.
     stopped: (N,) bool, whether a run stopped or was refused.
     theorem, declared: (N,), 1 where (17) and the declaration hold for all arms, 0 where not, NaN where none is known.
@@ -137,9 +137,9 @@ def _all_from(values: np.ndarray, least: float) -> float:
 
 
 def _statistic(values: np.ndarray, stopped: np.ndarray, statistic: Statistic, column: Column) -> float:
-    """Median or worst of a column's values; inf where arms never came to it, NaN where no arm has one. An arm that
-    stopped or was refused never came to it, for the end of its run is not that of the others', but for a metric that a
-    stopped run has as well."""
+    """Median or worst of a column's values; inf where an arm never reached the measured event, NaN where no arm has a
+    value. An arm that stopped or was refused counts as never, unless stopped runs have the metric too
+    (`also_stopped`)."""
     ended = stopped & (not column.also_stopped)
     lacks = np.isnan(values) | ended
     never = lacks if column.may_never else lacks & stopped
