@@ -296,7 +296,7 @@ def _given(urdf: str) -> Path:
 
 def _vector(field_path: str, given: tuple[float, ...], n: int) -> np.ndarray:
     if len(given) != n:
-        raise RobotError(f"{field_path}: {len(given)} values given; this arm has {n} joints")
+        raise RobotError(f"{field_path}: {len(given)} values given; allowed: {n}, one for each joint of this arm")
     return np.array(given, dtype=float)
 
 

@@ -19,6 +19,7 @@ from app.cli.export import export
 from app.cli.figures import figures
 from app.cli.lesson import lesson
 from app.cli.list import list_
+from app.cli.options import UnwritableOutput
 from app.cli.response import response
 from app.cli.run import run
 from app.cli.serve import serve
@@ -73,6 +74,9 @@ def execute(arguments: list[str]) -> int:
     except (ScenarioError, PortTaken) as error:
         print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
         return BAD_INPUT
+    except UnwritableOutput as error:
+        print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
+        return FAULT
     except Exception as error:
         if isinstance(error, BrokenPipeError) and unread():
             return DONE

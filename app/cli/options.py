@@ -118,14 +118,18 @@ def require_until(until: float | None) -> None:
         raise ScenarioError(f"--until {until:g}; allowed: more than 0 s, at most the duration of the runs")
 
 
+class UnwritableOutput(Exception):
+    """Error of output that cannot be written, as on a full disk: one sentence."""
+
+
 @contextmanager
 def written_to(out: Path, besides: str = "") -> Iterator[None]:
-    """Context in which files are written to `--out`; raises ScenarioError where they cannot be. besides: words after
+    """Context in which files are written to `--out`; raises UnwritableOutput where they cannot be. besides: words after
     the reason."""
     try:
         yield
     except OSError as error:
-        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}{besides}") from error
+        raise UnwritableOutput(f"--out {out}: cannot be written: {error.strerror}{besides}") from error
 
 
 def use_own(files: tuple[Path, ...]) -> None:

@@ -87,14 +87,14 @@ def run(
     chosen = _blending(chosen, blend_to, blend_at, blend_over)
     note_unused(chosen)
     loop, metrics = headless_run.simulate(chosen, until=until, engine=by, show_progress=True, memory=kept_memory())
-    with written_to(out):
-        headless_run.write(loop, metrics, out)
     _print_metrics(metrics, loop.system)
     _print_promise(metrics)
     for violation in loop.standing.outsiders:
         print(f"the truth is outside what was declared: {violation}")
     if loop.warning:
         print(f"flagged: {loop.warning}")
+    with written_to(out):
+        headless_run.write(loop, metrics, out)
     print(f"written to {out}")
     if strict and metrics.promise.verdict != "holds":
         return BROKEN if metrics.promise.verdict == "broken" else UNPROMISED
@@ -106,7 +106,10 @@ def _blending(scenario: Scenario, to: str | None, at: float | None, over: float 
     from app.session.changes import blending_to
 
     if to is not None:
-        return blending_to(scenario, load(to), BLEND_AT.unless(at), BLEND_OVER.unless(over))
+        begins, end = BLEND_AT.unless(at), scenario.simulation.duration
+        if begins >= end:
+            raise ScenarioError(f"--blend-at {begins:g}: the run ends at {end:g} s; allowed: an instant before")
+        return blending_to(scenario, load(to), begins, BLEND_OVER.unless(over))
     if typed(at, over):
         raise ScenarioError("--blend-at or --blend-over without --blend-to; allowed: with a scenario to go over to")
     return scenario

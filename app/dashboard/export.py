@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -62,8 +63,9 @@ def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice,
     rows = stretch.recording.signals(("t",), stretch.start, stretch.end)["t"]
     if len(rows) < 2:
         t = stretch.recording.signals(("t",))["t"]
+        until = "the end" if math.isinf(stretch.end) else f"{stretch.end:g} s"
         raise ScenarioError(
-            f"--start {stretch.start:g} --end {stretch.end:g}: nothing recorded there; "
+            f"--start, --end: nothing recorded from {stretch.start:g} s to {until}; "
             f"allowed: within {t.min(initial=0.0):g} to {t.max(initial=0.0):g} s"
         )
     kinds = tuple(kinds)

@@ -6,6 +6,7 @@ import re
 import tomllib
 from dataclasses import dataclass
 from importlib import resources
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +71,11 @@ class Lesson:
     source: str
     head: Head
     steps: tuple[LessonStep, ...]
+
+    def asks_before_run(self, step: LessonStep) -> bool:
+        """Whether a question comes between this step and the next run, which a playing loop would answer."""
+        later = takewhile(lambda each: not isinstance(each.block, LessonRun | Goal), self.steps[step.number - 1 :])
+        return any(each.question for each in later)
 
     def refusal(self, step: LessonStep, reason: str) -> LessonError:
         """Error at the block of a step."""

@@ -350,13 +350,17 @@ def pushed(scenario: Scenario, robot: robots.Robot, t: float) -> Scenario:
 def blending_to(scenario: Scenario, other: Scenario, at: float, over: float) -> Scenario:
     """The scenario with a blend to the target model of another one, at and over in s.
 
-    Raises ScenarioError where the other scenario has another mode, or its model has not as many coordinates.
+    Raises ScenarioError where the other scenario has another mode, or its model has not as many coordinates or is the
+    scenario's own.
     """
     if other.mode != scenario.mode:
         raise ScenarioError(f"blend.to: a target model of {other.mode} mode; allowed: one of {scenario.mode} mode")
     try:
-        model = target_model(other, robot_of(scenario).n)
+        own, model = (target_model(each, robot_of(scenario).n) for each in (scenario, other))
     except (InvalidGain, RobotError) as error:
         raise ScenarioError(f"blend.to: {error}") from error
-    to = {name: getattr(model, name).tolist() for name in TargetModelSection.__struct_fields__}
+    names = TargetModelSection.__struct_fields__
+    if all(np.array_equal(getattr(own, name), getattr(model, name)) for name in names):
+        raise ScenarioError(f"blend.to: {other.name} has the target model of {scenario.name}; allowed: another one")
+    to = {name: getattr(model, name).tolist() for name in names}
     return edited(scenario, "blend", {"to": to, "at": at, "over": over})

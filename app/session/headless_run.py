@@ -42,7 +42,9 @@ def simulate(
 
     Raises ScenarioError, also where the engine that is asked for cannot take the scenario.
     """
-    steps = max(1, round((until or scenario.simulation.duration) / scenario.controller.period))
+    end, period = until or scenario.simulation.duration, scenario.controller.period
+    if (steps := round(end / period)) < 1:
+        raise ScenarioError(f"simulation.duration: {end:g} s; allowed: at least a control period, {period:g} s")
     loop = ClosedLoop.begin(scenario, steps + 1, previous, memory)
     by = engine or engine_for(loop)
     advance = partial(_by_steps, loop) if by == "pinocchio" else _compiled(loop).advance
@@ -89,7 +91,7 @@ def _compiled(loop: ClosedLoop) -> CompiledRun:
 
 
 def write(loop: ClosedLoop, metrics: Metrics, out: Path) -> None:
-    """Write recording.npz, metrics.json and scenario.toml, as at the run's beginning, to the folder `out`, which is
+    """Write metrics.json, scenario.toml and recording.npz, as at the run's beginning, to the folder `out`, which is
     made.
 
     Raises OSError.
@@ -97,6 +99,7 @@ def write(loop: ClosedLoop, metrics: Metrics, out: Path) -> None:
     scenario = loop.recording.epochs[0].scenario
     out.mkdir(parents=True, exist_ok=True)
     numbers, text = msgspec.json.format(msgspec.json.encode(metrics)) + b"\n", to_toml(scenario).encode()
-    write_whole(out / "recording.npz", lambda file: write_npz(table(scenario, loop.recording), file))
+    # the small ones first: on a full disk they may have room
     write_whole(out / "metrics.json", lambda file: file.write(numbers))
     write_whole(out / "scenario.toml", lambda file: file.write(text))
+    write_whole(out / "recording.npz", lambda file: write_npz(table(scenario, loop.recording), file))

@@ -48,7 +48,7 @@ class Points:
     good, arms: (N,), number of arms that keep the limit, and of all arms.
     stopped: (N,) bool, whether a run stopped or was refused.
     theorem, declared: (N,), 1 where (17) and the declaration hold for all arms, 0 where not, NaN where none is known.
-    holding: (N,), number of arms whose promise holds.
+    holding, broken: (N,), number of arms whose promise holds, and of those whose promise is broken.
     failed: names of the premises that failed for at least one arm, N tuples, in the order of the theorem's table.
     """
 
@@ -61,6 +61,7 @@ class Points:
     theorem: np.ndarray
     declared: np.ndarray
     holding: np.ndarray
+    broken: np.ndarray
     failed: tuple[tuple[str, ...], ...]
 
 
@@ -89,7 +90,7 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
         if statistic == "share"
         else np.array([_statistic(metric[g], stopped[g], statistic, column) for g in groups])
     )
-    holds = np.array([verdict == "holds" for verdict in columns["verdict"]])[order]
+    verdict = np.array([str(each) for each in columns["verdict"]])[order]
     return Points(
         values={axis.path: np.asarray(columns[axis.path])[order][begins] for axis in sweep.vary},
         number=np.where(np.isinf(number), np.nan, number),
@@ -99,7 +100,8 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
         stopped=np.array([bool(stopped[g].any()) for g in groups]),
         theorem=np.array([_all_from(margin[g], -1e-9) for g in groups]),
         declared=np.array([_all_from(inside[g], 1.0) for g in groups]),
-        holding=np.array([int(holds[g].sum()) for g in groups]),
+        holding=np.array([int((verdict[g] == "holds").sum()) for g in groups]),
+        broken=np.array([int((verdict[g] == "broken").sum()) for g in groups]),
         failed=tuple(_failed(columns["failed"][order][g]) for g in groups),
     )
 

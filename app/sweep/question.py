@@ -137,7 +137,7 @@ class SweepQuestion:
     def row(self, number: int) -> SweepRow:
         """Run of this number. Raises ScenarioError for one that there is not."""
         if not 0 <= number < self.count:
-            raise ScenarioError(f"row {number}; allowed: 0 to {self.count - 1}")
+            raise ScenarioError(f"--row {number}; allowed: 0 to {self.count - 1}")
         point, arm = divmod(number, self.arms)
         return SweepRow(number, point, arm, self.values_at(point))
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 TABLE, FIGURE = "candidates.parquet", "tune.svg"
 OWN = "own gains"
-MAY_MOVE = "gain that may move; null: the scenario's own"
+MAY_MOVE = "gain that may move; null: the scenario's own, which is not one number"
 SOON = 0.4  # share of a run by which it has to have settled, for its end not to be the transient's
 
 
@@ -147,9 +147,11 @@ def _table(tuning: Tuning, found: Found) -> pa.Table:
         ]
     )
     files, rows = files_of(tuning, found), []
+    own = {axis.path: v for axis in tuning.vary if isinstance(v := _own(tuning, axis.path), int | float)}
     for each in found.candidates:
         again = found.tried.get(each.number)
-        row: dict[str, Any] = {"candidate": each.number, **each.values, "promised": each.kept}
+        gains = each.values if each.number else own
+        row: dict[str, Any] = {"candidate": each.number, **gains, "promised": each.kept}
         row |= dict(zip(tuning.aims, each.aims, strict=True))
         row |= {f"{aim}_unseen": again.aims[k] for k, aim in enumerate(tuning.aims) if again}
         rows.append(row | {"badge": each.badge or (again.badge if again else ""), "file": files.get(each.number)})
@@ -219,7 +221,7 @@ def told(tuning: Tuning, found: Found) -> list[list[str]]:
     for number, each in found.tried.items():
         if number and number not in files:
             continue
-        gains = [f"{each.values[a.path]:g}" if number else _own(tuning, a.path) for a in tuning.vary]
+        gains = [f"{each.values[a.path]:g}" if number else _own_in_words(tuning, a.path) for a in tuning.vary]
         metrics = [
             f"{c.value:.4g}" + (f"\n{_percent(c.change)}, {c.better} of {tuning.unseen}" if number else "")
             for c in comparisons(tuning, found, number)
@@ -228,14 +230,19 @@ def told(tuning: Tuning, found: Found) -> list[list[str]]:
     return rows
 
 
-def _own(tuning: Tuning, path: str) -> str:
-    """Value of a field of the scenario, in words."""
+def _own(tuning: Tuning, path: str) -> Any:
+    """Value of a field of the scenario; None where the mode gives it."""
     value: Any = data.to_plain(tuning.scenario)
     for part in path.split("."):
         if isinstance(value, list) and part.isdecimal():
             value = value[int(part) - 1]
         else:
             value = value.get(part) if isinstance(value, dict) else None
+    return value
+
+
+def _own_in_words(tuning: Tuning, path: str) -> str:
+    value = _own(tuning, path)
     return "the mode's" if value is None else f"{value:g}" if isinstance(value, int | float) else str(value)
 
 

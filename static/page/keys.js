@@ -34,9 +34,9 @@ document.addEventListener("click", (e) => {
   else if (near(e, "[role=option], [role=checkbox], input[type=checkbox]"))
     requestAnimationFrame(() => document.activeElement?.blur());
 }, true);
-// the timeline that was dragged leaves the arrow keys to the steps through the run
+// a slider that was dragged, the timeline's too, leaves the arrow keys, Home and End to the steps through the run
 document.addEventListener("mouseup", (e) => {
-  const within = document.activeElement?.closest("div:has(> .vs-ticks) + form .mantine-Slider-root");
+  const within = document.activeElement?.closest("form .mantine-Slider-root");
   if (e.isTrusted && within) setTimeout(() => document.activeElement?.blur());
 }, true);
 // these step through the run: viser's camera, which listens at the document, would turn with them

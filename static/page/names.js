@@ -2,6 +2,8 @@
 // to nothing, its icons have no words, a slider's value is a share of its track, and what folds or hides a line
 // answers to a mouse only.
 const ICONS = { "tabler-icon-list-search": "search all commands", "tabler-icon-adjustments": "settings of viser" };
+// viser writes a key's name as a program does
+const KEYS = { arrowleft: "←", arrowright: "→", arrowup: "↑", arrowdown: "↓", pageup: "PgUp", pagedown: "PgDn", end: "End", home: "Home" };
 const PLACES = {
   "#root": { role: "main" },
   "[data-dock-region=left]": { role: "region", "aria-label": "plots" },
@@ -36,6 +38,10 @@ const call = () => {
     const unit = /\[(.*)\]/.exec(label)?.[1] ?? above?.dataset.unit ?? "";
     // the time has no number while the run goes on
     if (control.role === "slider") set(control, "aria-valuetext", shown ? `${shown} ${unit}`.trim() : "now");
+  }
+  for (const key of document.querySelectorAll(".mantine-Spotlight-action kbd, .mantine-Kbd-root")) {
+    const written = KEYS[key.textContent.trim().toLowerCase()];
+    if (written) key.textContent = written;
   }
   for (const [icon, name] of Object.entries(ICONS))
     for (const drawn of document.querySelectorAll(`button .${icon}`)) set(drawn.closest("button"), "aria-label", name);

@@ -40,7 +40,8 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     session.tab("Lessons")
     press(session, "Begin")
     at_step(session, 1)
-    session.wait(lambda now: now.scenario.contact.kind == "free")
+    # at rest at its beginning, since the next steps ask what it will do
+    session.wait(lambda now: now.scenario.contact.kind == "free" and now.phase == "paused" and now.t == 0.0)
     assert not lasting_faults(page)
 
     go_on(session)

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from app.dashboard.panels.model import matrix_note, oscillator_note
 from app.dashboard.widgets.equation import EquationLine, equation_html, lines
 from app.dashboard.widgets.matrix_editor import Draft, starts, with_entries
-from app.dashboard.widgets.matrix_text import read_back, read_matrix, written, written_rows
+from app.dashboard.widgets.matrix_text import read_back, read_matrix, require_point, written, written_rows
 from app.dashboard.widgets.model_checks import checks_html, judge_asked, judge_running
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, model_edit, oscillators_of
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
@@ -178,6 +178,14 @@ def test_a_field_shows_and_reads_lists_and_matrices():
     assert read_back("1; 2; 3") == [1, 2, 3]
     with pytest.raises(ValueError, match="'' is not a number"):
         read_back("1, , 2")
+
+
+@pytest.mark.parametrize(("text", "point", "two"), [("2,5", "2.5", "2, 5"), ("-1,000", "-1.000", "-1, 000")])
+def test_a_decimal_comma_in_a_field_of_one_number_is_refused_with_both_of_its_meanings(text: str, point: str, two: str):
+    with pytest.raises(ValueError, match=f"^'{text}' has a comma.*; allowed: {point} for one number, '{two}' for two$"):
+        require_point(text)
+    for fine in ("2.5", "2, 5", "1, 2, 3", "3e4"):
+        require_point(fine)
 
 
 def test_a_draft_is_judged_as_a_whole(hybrid: Snapshot):

@@ -126,7 +126,7 @@ def test_another_arm_brings_what_depends_on_it_and_can_be_saved() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"posture": [0.0, 1.0]}, "robot.posture: 2 values given; this arm has 3 joints"),
+        ({"posture": [0.0, 1.0]}, "robot.posture: 2 values given; allowed: 3, one for each joint of this arm"),
         ({"posture": [0.0, 1.9, 1.0]}, "robot.posture: 1.9 for joint 'shoulder'; allowed: -1.8 to 1.8"),
         ({"tool_frame": "hand"}, "robot.tool_frame: no frame 'hand' in bent3r.urdf; allowed: upper, fore, flange, tip"),
         ({"tool_frame": "upper"}, "bent3r.urdf has 2 joint(s) to its tool; no square task space exists"),

@@ -365,7 +365,7 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
     for name in ("vsmrc-ur5-hybrid-Overview-Sliding-0.50s.svg", "vsmrc-ur5-hybrid-0.50s.csv"):
         assert (again / name).read_bytes() == (first / name).read_bytes()
     for arguments, said in (
-        ((saved, "--start", "3", "--out", str(again)), "nothing recorded there; allowed: within 0 to 0.499 s"),
+        ((saved, "--start", "3", "--out", str(again)), "nothing recorded from 3 s to the end; allowed: within 0 to 0.499 s"),
         ((saved, "--plots", "Overveiw", "--out", str(again)), "did you mean Overview?"),
         ((saved, "--to", "sgv", "--out", str(again)), "--to 'sgv'; allowed: svg, pdf, png, csv, npz, html, toml; did"),
         ((saved, "--width", "wide", "--out", str(again)), "--width 'wide'; allowed: a length such as 85mm"),

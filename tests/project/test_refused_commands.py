@@ -162,6 +162,18 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
         (("run", "ur5-hybrid", "--set", "robot.tool_frame=hand"), "robot.tool_frame: no frame 'hand'"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--draw", "-1"), "--draw -1; allowed: 0 or more"),
         (("tune", "ur5-hybrid", "--seed", "5000000000"), "--seed 5000000000; allowed: at most 4294967295"),
+        (
+            ("run", "ur5-hybrid", "--blend-to", "ur5-hybrid-moving"),
+            "blend.to: ur5-hybrid-moving has the target model of ur5-hybrid; allowed: another one",
+        ),
+        (
+            ("run", "ur5-hybrid", "--blend-to", "ur5-hybrid-moving", "--blend-at", "2", "--duration", "1"),
+            "--blend-at 2: the run ends at 1 s; allowed: an instant before",
+        ),
+        (
+            ("run", "ur5-hybrid", "--duration", "1e-5"),
+            "simulation.duration: 1e-05 s; allowed: at least a control period, 0.001 s",
+        ),
         (("run", "ur5-hybrid", "--blend-at", "3"), "--blend-at or --blend-over without --blend-to; allowed: with"),
         (("run", "ur5-hybrid", "--set", "contact.K_e=0"), "contact.K_e: 0 N/m, which takes no force in hybrid mode"),
         (

@@ -242,7 +242,7 @@ def test_a_full_disk_is_one_sentence_and_what_is_there_stays(
         store.add(SweepRunner(SWEEP).metrics(0))
     monkeypatch.setattr(RunStore, "add", none_left)
     monkeypatch.setattr(worker_pool, "results", in_this_process)
-    assert execute(["sweep", str(folder / "sweep.toml"), "--out", str(folder), "--workers", "1"]) == 2
+    assert execute(["sweep", str(folder / "sweep.toml"), "--out", str(folder), "--workers", "1"]) == 1
     assert capsys.readouterr().err.endswith("cannot be written: No space left on device; what is there stays\n")
     with RunStore(folder, SWEEP) as store:
         assert np.flatnonzero(store.done).tolist() == [0]

@@ -168,6 +168,7 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
     assert "10 runs are there already" in capsys.readouterr().out
     table = pq.read_table(out / outcome.TABLE)
     (best,) = [row for row in table.to_pylist() if row["file"]]
+    assert table.to_pylist()[0]["controller.layer"] == 0.1  # the own gains
     assert load(str(out / "best.toml")).controller.layer == best["controller.layer"] < 0.1
     assert table.schema.field("residual").metadata[b"unit"] == b"N"
     assert (out / outcome.FIGURE).read_bytes().startswith(b"<?xml")

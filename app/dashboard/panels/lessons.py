@@ -191,7 +191,7 @@ class LessonsPanel:
         if begins and step.scenario is not None:
             lock.post(Load(step.scenario))
             lock.post(Reset())
-            lock.post(Play())
+            lock.post(Pause() if course.lesson.asks_before_run(step) else Play())
         elif isinstance(step.block, blocks.LessonRun) and step.scenario is not None:
             lock.post(Load(step.scenario))
             lock.post(Reset())

@@ -21,7 +21,7 @@ from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.field_place import FINE_STEP, FieldPlace, NumberRow, PlaceWhere, SliderScale
-from app.dashboard.widgets.matrix_text import read_back, written
+from app.dashboard.widgets.matrix_text import read_back, require_point, written
 from app.dashboard.widgets.whatif import HeldControl, WhatIf
 from app.export.export_jobs import ExportJobs
 from app.lessons.answers import Notebook
@@ -142,6 +142,8 @@ class NumberField:
         if running is None:
             return
         try:
+            if isinstance(running, int | float):
+                require_point(text)
             value = read_back(text) if text else running
             edit = self._place.edit(snapshot, value)
         except ValueError as error:

@@ -219,11 +219,15 @@ def _said(question: SweepQuestion, points: Points, k: int, number: float, naming
 
 
 def _unpromised(points: Points, k: int) -> str:
-    """Words for arms whose promise does not hold, with the premises that failed, "" where it holds for all."""
-    arms, holding = int(points.arms[k]), int(points.holding[k])
+    """Words for arms whose promise is broken or to which nothing is promised, with the premises that failed; "" where
+    it holds for all."""
+    arms, holding, broken = int(points.arms[k]), int(points.holding[k]), int(points.broken[k])
     if holding == arms:
         return ""
-    told = "; the promise does not hold" if arms == 1 else f"; the promise holds for {holding} of {arms} arms"
+    if arms == 1:
+        told = "; the promise is broken" if broken else "; nothing is promised"
+    else:
+        told = f"; the promise holds for {holding} of {arms} arms" + (f", and is broken for {broken}" if broken else "")
     failed = ", ".join(STATEMENTS[Premise[name.upper()]].title for name in points.failed[k])
     return f"{told}; not met: {failed}" if failed else told
 

@@ -35,6 +35,13 @@ def read_back(text: str) -> int | float | list[Any]:
     return rows[0] if len(rows[0]) > 1 else rows[0][0]
 
 
+def require_point(text: str) -> None:
+    """Raise ValueError for a text such as 2,5 in a field that holds one number: a decimal comma, or two numbers."""
+    if re.fullmatch(r"[+-]?\d+,\d+", text):
+        point, two = text.replace(",", "."), text.replace(",", ", ")
+        raise ValueError(f"'{text}' has a comma without a space; allowed: {point} for one number, '{two}' for two")
+
+
 def number(text: str) -> int | float:
     """Number in a text. Raises ValueError."""
     try:

@@ -51,9 +51,11 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
 
 def _over(snapshot: Snapshot) -> str:
     """Words behind a warning whose cause is over; "" where it is not, or where the notice is no warning."""
-    kept = snapshot.standing.kept
-    warned = snapshot.notice == str(snapshot.state.flagged) and snapshot.standing.now.verdict == "holds"
-    return f"; all premises hold again since t = {kept.since:.3f} s" if warned else ""
+    kept, flag = snapshot.standing.kept, snapshot.state.flagged
+    if flag is None or snapshot.notice != str(flag) or snapshot.standing.now.verdict != "holds":
+        return ""
+    # contact that is lost on an elastic surface leaves the promise as it was
+    return f"; all premises hold again since t = {kept.since:.3f} s" if kept.since > flag.t else ""
 
 
 def _title(scenario: Scenario, begun_from: Scenario | None) -> str:
