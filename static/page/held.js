@@ -48,7 +48,7 @@ let reverted = ""; // text of the row whose button was pressed, until the server
 undo.addEventListener("click", () => { revert()?.click(); reverted = undo.textContent; undo.remove(); });
 const offer = () => {
   const applied = phone.matches && !lent && revert() && document.querySelector(".vs-held .vs-row > span");
-  const text = applied ? `Revert ${applied.textContent}` : "";
+  const text = applied ? `Take back ${applied.textContent}` : "";
   if (text !== reverted) reverted = "";
   if (!text || reverted) undo.remove();
   else {

@@ -8,7 +8,8 @@ if (hints) {
     document.removeEventListener("keydown", onKey, true);
     try { localStorage.setItem(shown, "dismissed"); } catch { /* then once per page */ }
   };
-  const onKey = (e) => { if (e.key === "Escape") dismiss(); };
+  // G begins the guided minute, whose texts take this place
+  const onKey = (e) => { if (e.key === "Escape" || (/^g$/i.test(e.key) && !e.target.closest?.("input, textarea"))) dismiss(); };
   for (const button of hints.querySelectorAll("button")) button.addEventListener("click", dismiss);
   document.addEventListener("keydown", onKey, true);
   document.body.append(hints);

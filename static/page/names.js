@@ -39,9 +39,9 @@ const call = () => {
     // the time has no number while the run goes on
     if (control.role === "slider") set(control, "aria-valuetext", shown ? `${shown} ${unit}`.trim() : "now");
   }
-  for (const key of document.querySelectorAll(".mantine-Spotlight-action kbd, .mantine-Kbd-root")) {
-    const written = KEYS[key.textContent.trim().toLowerCase()];
-    if (written) key.textContent = written;
+  for (const key of document.querySelectorAll(".mantine-Spotlight-actionDescription")) {
+    const name = key.textContent, written = name.replace(/(?<=^|\+)[a-z]+$/, (last) => KEYS[last] ?? last);
+    if (written !== name) key.textContent = written;
   }
   for (const [icon, name] of Object.entries(ICONS))
     for (const drawn of document.querySelectorAll(`button .${icon}`)) set(drawn.closest("button"), "aria-label", name);

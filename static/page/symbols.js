@@ -37,8 +37,8 @@ const place = (target) => (target instanceof Element ? target.closest(`[data-sym
 const symbolsOf = (where) => (where.dataset?.symbol ? [where.dataset.symbol] : found(where.textContent));
 
 // Letters with their indices: the underscore stays in the text, unseen, for whoever copies or hears it.
-const TEXTS = "[role=tab] span, .u-title, .u-legend th > .u-label, .vs-note, .vs-tip, .vs-checks, .vs-held, .vs-message";
-const INDEXED = /(?<![\p{L}\p{N}_./])(\p{L}\p{M}?)_([A-Za-z0-9]{1,3})(?![\p{L}\p{N}_])/gu;
+const TEXTS = "[role=tab] span, .u-title, .u-legend th > .u-label, .vs-note, .vs-tip, .vs-checks, .vs-held, .vs-message, .vs-undo, .vs-facts td:first-child";
+const INDEXED = /(?<![\p{L}\p{N}_./])(\p{L}\p{M}?)_([A-Za-z0-9]{1,3})(?![\p{Lu}\p{Ll}\p{N}_])/gu;
 const typeset = (root) => {
   const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT), texts = [];
   while (walker.nextNode())

@@ -183,7 +183,7 @@ def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     expect(lent).to_have_count(0)
     expect(told).to_have_count(0)
-    offered = page.locator(".vs-undo", has_text="Revert F_d [N]")
+    offered = page.locator(".vs-undo", has_text="Take back F_d [N]")
     expect(offered).to_be_visible()
     until(lambda: served[1].snapshot.scenario.force != begun)
     held = served[1].snapshot.scenario.force
