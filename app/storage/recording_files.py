@@ -72,7 +72,9 @@ def table(
     pieces = recording.pieces(t_from, t_to)
     seconds = float(pieces[-1][-1, 0] - pieces[0][0, 0]) if pieces else 0.0
     epochs = _epochs_of(recording, float(pieces[0][0, 0]), float(pieces[-1][-1, 0])) if pieces else ()
-    length, slides = sum(len(piece) for piece in pieces), slides_of(scenario) or recording.n * (False,)
+    length, slides = sum(len(piece) for piece in pieces), slides_of(scenario)
+    if len(slides) != recording.n:  # the arm's URDF is gone, or another one has taken its place
+        slides = recording.n * (False,)
     units = Units(scenario.task_space.kind, kinds_of(slides))
     return RecordingTable(scenario, recording.n, length, seconds, units, slides, pieces, epochs)
 

@@ -28,7 +28,8 @@ POSTURE = (-0.1, -0.6, 1.3)  # m, rad, rad
 def on_rail(**fields: object) -> Scenario:
     """The arm on a rail in motion mode. fields: values by dotted path, with "__" for the dot."""
     scenario = load("planar3r-hybrid")
-    given = {"robot__urdf": RAIL, "robot__posture": POSTURE, "mode": "motion", "simulation__duration": 1.0} | fields
+    still = {"robot__urdf": RAIL, "robot__posture": POSTURE, "mode": "motion", "motion": {"kind": "hold"}}
+    given = still | {"simulation__duration": 1.0} | fields
     for path, value in given.items():
         scenario = edited(scenario, path.replace("__", "."), value)
     return scenario
