@@ -110,4 +110,5 @@ def label_in(units: Units, path: str, label: str) -> str:
     """Label of a field's control, with the unit in brackets in a task space with these units. label: with that of an
     arm of revolute joints, where r is in metres."""
     words, bracket, unit = label.removesuffix("]").rpartition(" [")
-    return f"{words} [{unit_in(units, path, unit)}]" if bracket else label
+    beside = unit_in(units, path, unit).replace(" and ", ", ")  # there is little room
+    return f"{words} [{beside}]" if bracket else label

@@ -30,6 +30,7 @@ def test_fields_of_the_joints_have_the_units_of_the_joints(joints: JointKinds, s
 def test_a_label_without_a_unit_stays() -> None:
     assert label_in(Units("joint", "prismatic"), "target_model.K_m", "K_m 1") == "K_m 1"
     assert label_in(Units("joint", "prismatic"), "declared.coulomb", "Coulomb [N·m]") == "Coulomb [N]"
+    assert label_in(Units("joint", "mixed"), "truth.viscous", "viscous [N·m·s]") == "viscous [N·m·s, N·s]"
 
 
 def test_numbers_of_joints_of_one_kind_have_their_unit_once() -> None:
