@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from controllers.premises import Premise
 
@@ -12,14 +13,14 @@ class Statement:
     """A premise in words.
     title: the quantity that is compared.
     sign: how value and limit must compare.
-    unit: "N" stands for the unit of a task force.
-    failed: sentence for a failure, with {value} and {limit}.
+    of: whose unit it has, "" for a plain number: a force of r, an angle of the joints, or J_q.
+    failed: sentence for a failure, with {value}, {limit} and {unit}.
     why: reason for the premise.
     unknown: sentence where the value is infinite because it cannot be computed, "" for `failed`."""
 
     title: str
     sign: str
-    unit: str
+    of: Literal["", "r", "joints", "J_q"]
     failed: str
     why: str
     unknown: str = ""
@@ -39,12 +40,12 @@ STATEMENTS: dict[Premise, Statement] = {
     Premise.DOMAIN: Statement(
         "q in Ω",
         "≤",
-        "rad",
-        "q has left Ω: {value} rad from the postures along the reference, allowed {limit} rad",
+        "joints",
+        "q has left Ω: {value} {unit} from the postures along the reference, allowed {limit} {unit}",
         "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it",
     ),
     Premise.REGULAR: Statement(
-        "σ_min(J_q)", "≥", "m", "J_q is nearly singular: σ_min {value}, allowed from {limit}", "Ω ends where J_q does"
+        "σ_min(J_q)", "≥", "J_q", "J_q is nearly singular: σ_min {value}, allowed from {limit}", "Ω ends where J_q does"
     ),
     Premise.DRIVES: Statement(
         "torque of the drives",
@@ -54,12 +55,12 @@ STATEMENTS: dict[Premise, Statement] = {
         "largest ratio of a commanded torque to its drive's limit; what is cut off is missing in (25)",
     ),
     Premise.GAIN: Statement(
-        "d covers (17)", "≤", "N", "the gain d = {limit} {unit} is below what (17) asks for, {value} {unit}", "(17)"
+        "d covers (17)", "≤", "r", "the gain d = {limit} {unit} is below what (17) asks for, {value} {unit}", "(17)"
     ),
     Premise.HELD: Statement(
         "held over a period",
         "≤",
-        "N",
+        "r",
         "within one period the model's torque and the force change by {value} {unit}, allowed {limit} {unit}",
         "what (25) without its robust terms changes from one sample to the next, in task space: over the period the "
         "torque is constant; a quarter of ε and of K_s s, and the declared error of the force sensor, are kept for it",

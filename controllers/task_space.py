@@ -4,7 +4,7 @@ r stacks, all in metres:
 - positions: coordinates of the tool point, on a surface (phi, psi_1, psi_2), in a corner (phi_1, phi_2, psi) or
   (phi_1, phi_2, phi_3);
 - l times Euler angles of the tool in the task frame;
-- l times supplemental joint angles (Remark 5).
+- supplemental joints (Remark 5): l times the angle of a revolute one, a prismatic one as it is.
 The characteristic length l makes metres and radians comparable, so that a scalar d and a 2-norm make sense.
 
 A flat tool on a plane has (phi, l t_1, l t_2, psi_1, psi_2, l gamma): t_i = n . e_i, the sines of the tilts of two axes
@@ -51,6 +51,7 @@ class TaskLayout(NamedTuple):
     joint: r = q (section 4.1), otherwise positions (2 or 3), angles (0, 1 or 3), then supplemental.
     supplemental: (n,), numbers of the joints that are coordinates themselves, of which the first n - positions - angles
     count.
+    supplemental_lengths: (n,), metres per unit of these: l for a revolute joint, 1 for a prismatic one.
     l: characteristic length, m.
     R_ref: (3, 3), the tool's orientation at which the Euler angles vanish.
     tilts: 2 for a flat tool on a plane, otherwise 0. The two tilts stand after phi, the turn after the positions; the
@@ -64,6 +65,7 @@ class TaskLayout(NamedTuple):
     positions: int
     angles: int
     supplemental: np.ndarray
+    supplemental_lengths: np.ndarray
     l: float
     R_ref: np.ndarray
     tilts: int
@@ -90,6 +92,17 @@ class TaskLayout(NamedTuple):
     def supplemental_joints(self) -> tuple[int, ...]:
         """Numbers, from 0, of the joints that are coordinates themselves."""
         return tuple(self.supplemental[: self.n - self.positions - self.angles].tolist())
+
+    @property
+    def lengths(self) -> np.ndarray:
+        """Metres per unit of the coordinates (n,): l of angles, 1 of lengths, and 1 where r = q, whose coordinates stay
+        as they are."""
+        lengths = np.ones(self.n)
+        lengths[list(self.turns)] = self.l
+        if not self.joint:
+            extra = len(self.supplemental_joints)
+            lengths[self.n - extra :] = self.supplemental_lengths[:extra]
+        return lengths
 
 
 class Scratch(NamedTuple):
@@ -271,8 +284,8 @@ def _cartesian(layout, chart, estimate, q, q_dot, work, task):
         joint = layout.supplemental[i - first]
         for j in range(n):
             task.J_q[i, j], task.J_q_dot[i, j] = 0.0, 0.0
-        task.r[i] = layout.l * q[joint]
-        task.J_q[i, joint] = layout.l
+        task.r[i] = layout.supplemental_lengths[i - first] * q[joint]
+        task.J_q[i, joint] = layout.supplemental_lengths[i - first]
     times(task.J_q, q_dot, task.r_dot)
     for i in range(n):
         task.r_dot[i] += task.v_t[i]

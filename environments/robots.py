@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from importlib import metadata, resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -181,6 +181,11 @@ class Robot:
     @property
     def n(self) -> int:
         return self.model.nv
+
+    @cached_property
+    def slides(self) -> tuple[bool, ...]:
+        """Whether each joint is prismatic."""
+        return tuple(joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:])
 
     @property
     def joint_names(self) -> list[str]:

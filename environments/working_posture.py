@@ -22,9 +22,8 @@ def geometry_of(model: pin.Model, file_name: str) -> Geometry:
     """Richest square task space, by the number of joints and the directions of their axes. Raises RobotError."""
     data = model.createData()
     pin.computeJointJacobians(model, data, np.zeros(model.nv))
-    axes = data.J[3:].T
     n = model.nv
-    planar = np.allclose(axes[:, [0, 2]], 0.0, atol=1e-9) and bool(np.allclose(np.abs(axes[:, 1]), 1.0))
+    planar = np.allclose(data.J[[1, 3, 5]], 0.0, atol=1e-9)  # every joint turns about y, or slides across it
     if planar and n >= 2:
         return "planar"
     if n >= 6:
@@ -33,7 +32,7 @@ def geometry_of(model: pin.Model, file_name: str) -> Geometry:
         return "position"
     raise RobotError(
         f"robot.urdf: {file_name} has {n} joint(s) to its tool; no square task space exists "
-        "(allowed: planar about the y axis with 2 or more, otherwise 3 or more joints)"
+        "(allowed: planar, in the x-z plane, with 2 or more, otherwise 3 or more joints)"
     )
 
 
@@ -54,8 +53,8 @@ class Tool:
         return self._model.nv - len(self._rows)
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """Jacobian (rows, n) m/rad at q (n,): of the tool point's velocity and of `LENGTH` times its angular
-        velocity."""
+        """Jacobian (rows, n) m/rad (m/m for prismatic joints) at q (n,): of the tool point's velocity and of
+        `LENGTH` times its angular velocity."""
         J = pin.computeJointJacobians(self._model, self._data, q)
         J = pin.getJointJacobian(self._model, self._data, self._joint, pin.LOCAL_WORLD_ALIGNED).copy()
         arm = self._data.oMi[self._joint].rotation @ self._placement.translation

@@ -15,6 +15,7 @@ from app.scenario.field_info import field_info
 from app.scenario.schema import Scenario
 from app.scenario.units import JOINT, unit_in
 from app.simulation.signals import SIGNALS
+from app.simulation.system import System
 
 _SIGNALS = {signal.name: signal for signal in SIGNALS}
 _THOUSANDTHS = ("m", "m/s", "rad", "rad/s")  # what the page shows in mm, mm/s, …
@@ -25,7 +26,7 @@ class Symbol:
     """Symbol of the page.
     written: as the page writes it.
     meaning: one sentence without its full stop.
-    unit, joint_unit: of its value, where the task coordinates are lengths and where they are the joints' angles.
+    unit, joint_unit: of its value, for an arm of revolute joints, in Cartesian task coordinates and where r = q.
     equation: of the paper, "" for a symbol that is not in the paper.
     also: other words for it in titles and legends.
     signal, field: of which it is the value, "" where none is."""
@@ -39,27 +40,31 @@ class Symbol:
     signal: str = ""
     field: str = ""
 
-    def value(self, row: Mapping[str, np.ndarray], scenario: Scenario, model: Mapping[str, np.ndarray]) -> str:
+    def value(self, row: Mapping[str, np.ndarray], system: System, model: Mapping[str, np.ndarray]) -> str:
         """Present value of the symbol with its unit; "" where there is none.
         row: recorded signals of one instant.
         model: the matrices of (8) in force, each (n, n)."""
-        joint = scenario.task_space.kind == "joint"
-        unit = (self.joint_unit or self.unit if joint else self.unit).removesuffix("1")
         if self.signal:
             value = np.atleast_1d(row[self.signal]).astype(float)
         elif self.written in model:
             value = np.diag(model[self.written])
         else:
-            value = _of_field(self.field, scenario)
+            value = _of_field(self.field, system.scenario)
         if value is None or not len(value) or not np.isfinite(value).all():
             return ""
-        if self.signal and unit in _THOUSANDTHS:
-            value, unit = 1e3 * value, f"m{unit}"
-        alike = len(value) > 1 and bool((value == value[0]).all())
-        if alike:
-            return f"{_short(value[0])} {unit}".strip() + ", each"
+        if self.signal:
+            units = _SIGNALS[self.signal].units_in(system.units, system.robot.slides)
+            value = np.where([unit in _THOUSANDTHS for unit in units], 1e3 * value, value)
+            units = [f"m{unit}" if unit in _THOUSANDTHS else unit for unit in units]
+        else:
+            units = [unit_in(system.units, self.field, self.unit)] * len(value)
+        units = [unit.removesuffix("1") for unit in units]
+        if len(set(units)) > 1:
+            return ", ".join(f"{_short(number)} {unit}" for number, unit in zip(value, units, strict=True))
+        if len(value) > 1 and bool((value == value[0]).all()):
+            return f"{_short(value[0])} {units[0]}".strip() + ", each"
         told = ", ".join(_short(number) for number in value)
-        return f"{told} {unit}".strip()
+        return f"{told} {units[0]}".strip()
 
 
 def _of_field(path: str, scenario: Scenario) -> np.ndarray | None:
@@ -79,7 +84,8 @@ def _short(number: float) -> str:
 
 def _signal(written: str, signal: str, equation: str, *also: str) -> Symbol:
     of = _SIGNALS[signal]
-    return Symbol(written, of.doc, of.unit, of.joint_unit, equation, also, signal=signal)
+    unit = of.unit_in(JOINT)
+    return Symbol(written, of.doc, of.unit, "" if unit == of.unit else unit, equation, also, signal=signal)
 
 
 def _field(written: str, path: str, equation: str, *also: str) -> Symbol:

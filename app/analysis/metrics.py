@@ -30,7 +30,7 @@ class Metrics(Struct, frozen=True):
     """Metrics of a run, see each field; None where a metric has no meaning in the mode."""
 
     motion_error_tail: float | None  # max ||e|| of the position coordinates that are not force-controlled, m
-    angle_error_tail: float | None  # max ||e|| of the angles and supplemental joints that follow a path, rad
+    angle_error_tail: float | None  # max ||e|| of the angles and revolute supplemental joints that follow a path, rad
     force_error_tail: float | None  # max |f_n - f_nd|, of several surfaces the norm, N
     moment_error_tail: float | None  # max ||m - m_d|| of a flat tool, as measured, N m
     constraint_violation: float | None  # max |phi| on rigid surfaces, m
@@ -143,9 +143,21 @@ def moment_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
 
 
 def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Position errors (N, k) m that a motion target governs: along the surfaces that are touched."""
+    """Position errors (N, k) m that a motion target governs: along the surfaces that are touched, and of supplemental
+    joints that are prismatic."""
     if system.layout.joint:
         return record["e_r"]
+    return np.hstack([_tool_error(system, record), record["e_r"][:, after_places(system, angles=False)]])
+
+
+def after_places(system: System, *, angles: bool) -> list[int]:
+    """Coordinates behind the tool's position: its angles and revolute supplemental joints, or the prismatic ones."""
+    after = range(system.layout.end_of_places, system.layout.n)
+    return [i for i in after if system.coordinates[i].is_angle == angles]
+
+
+def _tool_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Errors (N, k) m of the tool's position, as in `motion_error`."""
     error = record["e_r"][:, system.m : system.layout.end_of_places]
     if system.m or not system.plant.kind.touches or system.mode.feedback == "none":
         return error  # also against a surface that the mode does not know of
@@ -182,13 +194,11 @@ def path_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray |
 
 
 def angle_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray | None:
-    """Norm (N,) rad of the errors of the angles and supplemental joints, which e_r has times l; None where there are
-    none beside the positions, and where r = q, whose errors are all in `motion_error`. Tilts of a flat tool are no part
-    of it: their moments are controlled."""
-    layout = system.layout
-    if layout.joint or layout.end_of_places == layout.n:
-        return None
-    return np.linalg.norm(record["e_r"][:, layout.end_of_places :], axis=1) / layout.l
+    """Norm (N,) rad of the errors of the angles and revolute supplemental joints, which e_r has times l; None where
+    there are none beside the positions, and where r = q, whose errors are all in `motion_error`. Tilts of a flat tool
+    are no part of it: their moments are controlled."""
+    angles = [] if system.layout.joint else after_places(system, angles=True)
+    return np.linalg.norm(record["e_r"][:, angles], axis=1) / system.layout.l if angles else None
 
 
 def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float:
@@ -209,7 +219,7 @@ class Account(Struct, frozen=True):
 
     path_rms: float | None  # of the position error that a motion target governs, m
     path_max: float | None  # m
-    angle_rms: float | None  # of the error of the angles and supplemental joints that follow a path, rad
+    angle_rms: float | None  # of the error of the angles and revolute supplemental joints that follow a path, rad
     angle_max: float | None  # rad
     force_rms: float | None  # of f_n - f_nd, N
     force_max: float | None  # N
@@ -249,8 +259,8 @@ ACCOUNT_METRICS = (
     ShownMetric("force error, largest", "force_max", 1.0, lambda _: "N"),
     ShownMetric("‖s‖, largest", "s_max", 1e3, lambda units: units.rate),
     ShownMetric("residual of (8), RMS", "residual_rms", 1.0, lambda units: units.force),
-    ShownMetric("torque ‖τ‖, RMS", "effort", 1.0, lambda _: "N·m"),
-    ShownMetric("its variation", "variation", 1.0, lambda _: "N·m/s"),
+    ShownMetric("torque ‖τ‖, RMS", "effort", 1.0, lambda units: units.of_joints("N·m")),
+    ShownMetric("its variation", "variation", 1.0, lambda units: units.of_joints("N·m/s")),
     ShownMetric("least margin of (17)", "gain_margin", 1.0, lambda units: units.force),
 )
 # those of a whole run; the torques' variation, a number per joint, stands beside them

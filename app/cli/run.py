@@ -129,12 +129,14 @@ def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
 
 def _print_metrics(metrics: Metrics, system: System) -> None:
     from app.analysis.metrics import RUN_METRICS
+    from app.scenario.units import listed
 
     for metric in RUN_METRICS:
         value = metric.of(metrics)
         unit = "" if value is None else metric.units([system])
         print(f"{metric.title:{TITLE}s} {shown(value)} {unit}".rstrip())
-    print(f"{'variation of the torques, per joint':{TITLE}s} {shown(metrics.torque_total_variation)} N·m/s")
+    variation = listed(map(shown, metrics.torque_total_variation), "N·m/s", system.robot.slides, between="  ")
+    print(f"{'variation of the torques, per joint':{TITLE}s} {variation}")
     if metrics.stopped is not None:
         print(f"{'stopped':{TITLE}s} {metrics.stopped}")
 

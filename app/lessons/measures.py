@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import msgspec
@@ -12,6 +12,7 @@ import numpy as np
 from app.analysis.metrics import RUN_METRICS, force_error, metrics_of, path_error, settling_time
 from app.lessons.blocks import Condition, Measure
 from app.scenario.errors import ScenarioError
+from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
 from app.simulation.signals import SIGNALS
@@ -50,7 +51,10 @@ DERIVED = ("force_error", "path_error", "contact_force")  # signals that are com
 RECORDED = {signal.name: signal for signal in SIGNALS}
 SHOWN = {figure.field: figure for figure in RUN_METRICS}
 # SI units of the metrics that `RUN_METRICS` does not list
-METRIC_UNITS = {"settling_time": "s", "torque_total_variation": "N·m/s"}
+METRIC_UNITS: dict[str, Callable[[Units], str]] = {
+    "settling_time": lambda _: "s",
+    "torque_total_variation": lambda units: units.of_joints("N·m/s"),
+}
 HAPPENING = ("settling_time", "reaching_time", "band_time")  # metrics that are None while it has not happened
 DIGITS = 3
 OVER_TIME = ("settles", "below")  # statistics that are times
@@ -84,6 +88,8 @@ def factor_for(unit: str, si: str, of: str) -> float:
     factor = factor_of(unit)
     if UNITS[unit][0] != si:
         fitting = [each for each, (base, _) in UNITS.items() if base == si and each]
+        if not fitting:
+            raise ScenarioError(f"unit: {unit!r:.40} of {of}, whose numbers are {si}; allowed: a signal of one unit")
         raise ScenarioError(f"unit: {unit!r:.40} of {of}; {allowed(unit, fitting)}")
     return factor
 
@@ -92,8 +98,10 @@ def si_unit_of(system: System, name: str) -> str:
     """SI unit of a signal. name: as in `blocks.Measure`, of a signal that there is."""
     if name in DERIVED and name != "path_error":
         return "N"
-    signal = RECORDED["e_r" if name == "path_error" else name.partition(".")[0]]
-    return signal.unit_in(system.scenario.task_space.kind)
+    if name == "path_error":
+        return RECORDED["e_r"].unit_in(system.units)
+    field, _, index = name.partition(".")
+    return RECORDED[field].units_in(system.units, system.robot.slides)[int(index or 1) - 1]
 
 
 def signal_of(system: System, record: Mapping[str, np.ndarray], name: str) -> np.ndarray:
@@ -154,7 +162,9 @@ def _metric(loop: ClosedLoop, name: str, unit: str) -> MeasuredNumber:
     if name not in there:
         absent = ", which this run does not have" if name in metrics else ""
         raise ScenarioError(f"metric: {name!r:.40}{absent}; {allowed(name, there)}")
-    si = METRIC_UNITS[name] if name in METRIC_UNITS else UNITS[SHOWN[name].unit(loop.system.units)][0]
+    units = loop.system.units
+    shown = METRIC_UNITS[name](units) if name in METRIC_UNITS else SHOWN[name].unit(units)
+    si = UNITS[shown][0] if shown in UNITS else shown
     factor, value = factor_for(unit, si, f"the metric {name}"), metrics[name]
     return MeasuredNumber(math.inf if value is None else factor * float(value), unit)
 

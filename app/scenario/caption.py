@@ -11,6 +11,7 @@ from msgspec import Struct
 from app.scenario.data import shipped
 from app.scenario.field_info import field_info
 from app.scenario.schema import CouplingSection, FurtherSurface, Scenario
+from app.scenario.units import Units, unit_in
 from controllers.controller import Controller
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
@@ -53,6 +54,7 @@ def caption(
     scenario: Scenario,
     controller: Controller,
     model: Mapping[str, np.ndarray],
+    units: Units,
     t_from: float,
     t_to: float,
     angles: Sequence[int] = (),
@@ -60,6 +62,7 @@ def caption(
     """Sentences on the scenario that was run and the part of the run that is shown.
     controller: the scenario's.
     model: the matrices of (8) in force, each (n, n).
+    units: in the scenario's task space.
     t_from, t_to: s.
     angles: coordinates that are angles times l, counted from 0."""
     arm = scenario.robot.urdf or scenario.robot.name
@@ -67,9 +70,9 @@ def caption(
     sentences = [
         f"{title.text} ({scenario.name}{', edited' if title.edited else ''}): {scenario.mode} mode, {arm}, "
         f"t = {t_from:.4g} to {t_to:.4g} s",
-        _model(scenario, model, angles),
-        _law(scenario, controller),
-        *(_section(scenario, name) for name in scenario.__struct_fields__ if name not in _ELSEWHERE),
+        _model(scenario, model, units, angles),
+        _law(scenario, controller, units),
+        *(_section(scenario, name, units) for name in scenario.__struct_fields__ if name not in _ELSEWHERE),
     ]
     return " ".join(f"{sentence}." for sentence in sentences if sentence)
 
@@ -87,12 +90,11 @@ def promised(signals: Mapping[str, np.ndarray]) -> str:
     return f"Theorem 1's promise for the sampled loop holds {share}."
 
 
-def _model(scenario: Scenario, model: Mapping[str, np.ndarray], angles: Sequence[int]) -> str:
+def _model(scenario: Scenario, model: Mapping[str, np.ndarray], units: Units, angles: Sequence[int]) -> str:
     """The target model with the units of its task coordinates, which hold angles times a length, and its torsional
     stiffness."""
-    joint, n = scenario.task_space.kind == "joint", len(model["M_m"])  # two coordinates are places
-    units = scenario.units.of_model
-    matrices = ", ".join(f"{name} = {_matrix(model[name])} {unit}".rstrip() for name, unit in units.items())
+    joint, n = units.task == "joint", len(model["M_m"])  # two coordinates are places
+    matrices = ", ".join(f"{name} = {_matrix(model[name])} {unit}".rstrip() for name, unit in units.of_model.items())
     l = scenario.task_space.characteristic_length
     scaled = f", angles in r times ℓ = {l:g} m" if not joint and n > 2 else ""
     if scaled and len(angles):
@@ -101,48 +103,50 @@ def _model(scenario: Scenario, model: Mapping[str, np.ndarray], angles: Sequence
     return f"Target model (8): {matrices}{scaled}"
 
 
-def _law(scenario: Scenario, controller: Controller) -> str:
+def _law(scenario: Scenario, controller: Controller, units: Units) -> str:
     law, own = scenario.controller, controller.law
     if not own.robust:
         numbers = (f"{p.name} = {controller.parameters[p.name]:g} {p.unit}".rstrip() for p in own.parameters)
         return ", ".join((f"{own.title[:1].upper()}{own.title[1:]}", *numbers, f"T = {law.period * 1e3:g} ms"))
     gains = ", ".join(f"{name} = {_value(getattr(law, name))}" for name in _LAW)
-    d = f"d by (17) with ε = {law.epsilon:g} N, bounds: {law.bounds}" if law.gain == "theorem" else f"d = {law.d:g} N"
-    layer = "" if law.switching == "discontinuous" else f" over {law.layer:g} m/s"
+    d = f"d = {law.d:g} {units.force}"
+    if law.gain == "theorem":
+        d = f"d by (17) with ε = {law.epsilon:g} {units.force}, bounds: {law.bounds}"
+    layer = "" if law.switching == "discontinuous" else f" over {law.layer:g} {units.of_r('m/s')}"
     return f"Law (25): {gains}, {d}, {law.switching} switching{layer}, T = {law.period * 1e3:g} ms"
 
 
-def _section(scenario: Scenario, name: str) -> str:
+def _section(scenario: Scenario, name: str, units: Units) -> str:
     """Kind of a section and its fields that differ from their defaults; "" when there are none."""
     section: Struct = getattr(scenario, name)
     if isinstance(section, FurtherSurface):
         if not section.present:
             return ""
-        shape = (section.surface.title, *_changed(section.surface, f"{name}.surface", in_full=False))
-        touch = _changed(section.contact, f"{name}.contact", in_full=section.contact.nature.springs)
-        pressed = (f"{section.control} controlled", *_changed(section.force, f"{name}.force", in_full=True))
+        shape = (section.surface.title, *_changed(section.surface, f"{name}.surface", units, in_full=False))
+        touch = _changed(section.contact, f"{name}.contact", units, in_full=section.contact.nature.springs)
+        pressed = (f"{section.control} controlled", *_changed(section.force, f"{name}.force", units, in_full=True))
         return f"{name.capitalize()} surface: {', '.join((*shape, *touch, *pressed))}"
     if isinstance(section, CouplingSection) and len(scenario.surfaces) == 1:
         return ""
     tag = section.__struct_config__.tag
     in_full = name in _IN_FULL or (name == "contact" and scenario.contact.nature.springs)
-    said = ", ".join([*([] if tag is None else [str(tag)]), *_changed(section, name, in_full=in_full)])
+    said = ", ".join([*([] if tag is None else [str(tag)]), *_changed(section, name, units, in_full=in_full)])
     if name == "truth":
         return f"True arm: {said or 'as believed'}"
     return f"{name.replace('_', ' ').capitalize()}: {said}" if said else ""
 
 
-def _changed(section: Struct, path: str, *, in_full: bool) -> Iterator[str]:
+def _changed(section: Struct, path: str, units: Units, *, in_full: bool) -> Iterator[str]:
     plain = type(section)()
     for name in section.__struct_fields__:
         value = getattr(section, name)
         if isinstance(value, Struct):
-            yield from _changed(value, f"{path}.{name}", in_full=in_full)
+            yield from _changed(value, f"{path}.{name}", units, in_full=in_full)
         elif isinstance(value, dict):
             yield from (f"{parameter} {number:g}" for parameter, number in value.items())
         elif value != getattr(plain, name) or (in_full and isinstance(value, float | tuple) and np.any(value)):
             label = f"{name} = " if "_" in name and name[0].isupper() else f"{name.replace('_', ' ')} "
-            yield f"{'' if name == 'kind' else label}{_value(value)}{_unit(f'{path}.{name}')}"
+            yield f"{'' if name == 'kind' else label}{_value(value)}{_unit(f'{path}.{name}', units)}"
 
 
 def _matrix(matrix: np.ndarray) -> str:
@@ -160,9 +164,9 @@ def _value(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _unit(path: str) -> str:
+def _unit(path: str, units: Units) -> str:
     try:
-        unit = field_info(path).unit
+        unit = unit_in(units, path, field_info(path).unit)
     except KeyError:
         return ""
     return f" {unit}" if unit not in ("", "1") else ""

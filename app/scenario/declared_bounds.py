@@ -7,21 +7,23 @@ from collections.abc import Iterator
 import numpy as np
 
 from app.scenario.schema import Scenario
+from app.scenario.units import Units
 from parameters import Matrix
 
 SPREAD = 4.0  # of three normal numbers, the norm stays below this many standard deviations 99.9 % of the time
 ROUNDING = 1e-9
 
 
-def outside(scenario: Scenario) -> tuple[str, ...]:
+def outside(scenario: Scenario, units: Units) -> tuple[str, ...]:
     """Violated inequalities between truth and declaration, each with both numbers; none when all hold.
+    units: of the arm's joints.
 
     Of the force sensor only bias and noise are judged, the noise by `SPREAD`: the effect of delay and low-pass depends
     on how fast the force changes. An ideal reading of a rigid or heavy surface has neither.
     """
     return tuple(
         f"{what} {true:.4g}{unit} > declared {declared:.4g}{unit}"
-        for what, true, declared, unit in _inequalities(scenario)
+        for what, true, declared, unit in _inequalities(scenario, units)
         if true > declared + ROUNDING
     )
 
@@ -44,7 +46,7 @@ def entries(matrices: np.ndarray) -> np.ndarray:
     return matrices[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
-def _inequalities(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]:
+def _inequalities(scenario: Scenario, units: Units) -> Iterator[tuple[str, float, float, str]]:
     """Inequalities that can be judged before the run; of bounds that are stated in place of others, the run itself
     judges those (`app.simulation.true_errors`)."""
     declared, sensor = scenario.declared, scenario.sensor
@@ -52,9 +54,10 @@ def _inequalities(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]
         yield from _of_links(scenario)
     if declared.delta_f is None:
         true = scenario.truth
-        yield "Coulomb friction", true.coulomb, declared.coulomb, " N·m"
-        yield "viscous friction", true.viscous, declared.viscous, " N·m·s/rad"
-        yield "disturbance", true.disturbance, declared.disturbance, " N·m"
+        torque, damping = (f" {units.of_joints(unit)}" for unit in ("N·m", "N·m·s/rad"))
+        yield "Coulomb friction", true.coulomb, declared.coulomb, torque
+        yield "viscous friction", true.viscous, declared.viscous, damping
+        yield "disturbance", true.disturbance, declared.disturbance, torque
     if sensor.ideal and scenario.contact.nature.heavy:
         return  # the reading is the force of the period itself
     kept, told = SPREAD * _kept_noise(scenario), f"(bias + {SPREAD:g}σ of noise)"

@@ -13,7 +13,6 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-from app.scenario.units import CARTESIAN, JOINT, Units
 from environments.contact_kinds import CONTACTS, ContactKind, ContactName
 from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import AnyForceProfile
@@ -64,7 +63,7 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     disturbance_frequency: Annotated[float, field("its frequency", "Hz", ge=0, le=100)] = 0.5
     torque_limit: Annotated[
         float | Vector,
-        field("what the drives give at most: a factor on the URDF's limits, 0 for no limit, or N·m per joint", "1"),
+        field("what the drives give at most: a factor on the URDF's limits, 0 for no limit, or N·m (N) per joint", "1"),
     ] = 0.0
     push: Annotated[Vector3, field("a force on the tool, world axes", "N", Widget("x, y, z"))] = (0.0, 0.0, 0.0)
     push_moment: Annotated[Vector3, field("a moment on the tool, world axes", "N·m", Widget("moment x, y, z"))] = (
@@ -336,7 +335,8 @@ class Simulation(Section, frozen=True, forbid_unknown_fields=True):
     domain_radius: Annotated[float, field("Omega: postures within this of the reference", "rad", gt=0, le=3)] = 0.15
     sigma_min: Annotated[float, field("J_q counts as singular below this singular value", "m", ge=0, le=1)] = 0.01
     leaving_domain: Annotated[
-        Literal["stop", "flag"], field("singular J_q, joints faster than 20 rad/s, or a rigid surface lost", "")
+        Literal["stop", "flag"],
+        field("singular J_q, joints faster than 20 rad/s (or m/s), or a rigid surface lost", ""),
     ] = "stop"
     bound_violation: Annotated[Literal["stop", "flag"], field("||s|| over its envelope (20)", "")] = "flag"
 
@@ -369,11 +369,6 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     coupling: CouplingSection = msgspec.field(default_factory=CouplingSection)
     face: FaceSection = msgspec.field(default_factory=FaceSection)
     simulation: Simulation = msgspec.field(default_factory=Simulation)
-
-    @property
-    def units(self) -> Units:
-        """Units in which r, s and the generalised forces are shown."""
-        return JOINT if self.task_space.kind == "joint" else CARTESIAN
 
     @property
     def surfaces(self) -> tuple[SurfaceInWorld, ...]:

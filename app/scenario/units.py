@@ -1,48 +1,114 @@
-"""Units of quantities of the task space, as the page and the tables show them."""
+"""Units of quantities of the joints and of the task space, as the page, the tables and the files show them."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Collection, Iterable, Sequence
+from typing import Literal, NamedTuple
+
+# units of lengths and of what belongs to them, and those of the same quantities of angles
+ANGULAR = {"m": "rad", "mm": "mrad", "m/s": "rad/s", "mm/s": "mrad/s", "m/s^2": "rad/s^2", "N": "N·m", "N/s": "N·m/s",
+           "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "kg": "kg·m²", "kg/s": "kg·m²/s"}  # fmt: skip
+LINEAR = {angular: linear for linear, angular in ANGULAR.items()} | {"N·m·s": "N·s"}
+_COMPOUND = ("kg·m²/rad", "kg·m/rad", "kg/rad")  # of constants for a change of all joints at once
+
+JointKinds = Literal["revolute", "prismatic", "mixed"]
+
+
+def kinds_of(slides: Collection[bool]) -> JointKinds:
+    """Kinds of joints among these. slides: whether each is prismatic."""
+    if any(slides):
+        return "prismatic" if all(slides) else "mixed"
+    return "revolute"
+
+
+def unit_of_joint(unit: str, *, slides: bool) -> str:
+    """Unit of a quantity of one joint. unit: of a revolute one."""
+    return LINEAR.get(unit, unit) if slides else unit
+
+
+def listed(numbers: Iterable[str], unit: str, slides: Sequence[bool], between: str = ", ") -> str:
+    """Numbers of the joints with their units, which stand once where all joints are of a kind. unit: of a revolute
+    joint. between: what stands between two numbers."""
+    units = [unit_of_joint(unit, slides=each) for each in slides]
+    if len(set(units)) == 1:
+        return f"{between.join(numbers)} {units[0]}"
+    return between.join(f"{number} {each}" for number, each in zip(numbers, units, strict=True))
 
 
 class Units(NamedTuple):
-    """Units of a task space: of a thousandth of r, of a thousandth of r_dot or s, of a generalised force such as d, and
-    of the target model's matrices."""
+    """Units in a task space of an arm.
+    task: whether r comes from the tool's pose, in metres, or r = q.
+    joints: kinds of joints that the arm has."""
 
-    error: str
-    rate: str
-    force: str
-    M_m: str
-    B_m: str
-    K_m: str
-    K_f: str = ""
+    task: Literal["cartesian", "joint"] = "cartesian"
+    joints: JointKinds = "revolute"
+
+    def of_joints(self, unit: str) -> str:
+        """Unit of a number or a list of all joints, both units where there are joints of both kinds. unit: of revolute
+        joints."""
+        if unit in _COMPOUND:
+            return unit if self.joints == "revolute" else "SI"
+        units = (unit,) if self.joints == "revolute" else (LINEAR.get(unit, unit),)
+        return " and ".join(dict.fromkeys((unit, *units) if self.joints == "mixed" else units))
+
+    def of_r(self, unit: str) -> str:
+        """Unit of a quantity of r. unit: where r is in metres."""
+        return self.of_joints(ANGULAR.get(unit, unit)) if self.task == "joint" else unit
+
+    def told(self, number: float, unit: str) -> str:
+        """Number of all joints with its unit. unit: of revolute joints."""
+        return f"{number:.4g} {self.of_joints(unit)}".rstrip()
+
+    @property
+    def jacobian(self) -> str:
+        """Unit of J_q, "1" for none."""
+        return "1" if self.task == "joint" else {"revolute": "m", "prismatic": "1", "mixed": "m and 1"}[self.joints]
+
+    @property
+    def error(self) -> str:
+        """Unit of a thousandth of r."""
+        return self.of_r("mm")
+
+    @property
+    def rate(self) -> str:
+        """Unit of a thousandth of r_dot or s."""
+        return self.of_r("mm/s")
+
+    @property
+    def force(self) -> str:
+        """Unit of a generalised force, such as d."""
+        return self.of_r("N")
 
     @property
     def of_model(self) -> dict[str, str]:
         """Units of the target model's matrices by name; "" for K_f, which has none."""
-        return {"M_m": self.M_m, "B_m": self.B_m, "K_m": self.K_m, "K_f": self.K_f}
+        return {"M_m": self.of_r("kg"), "B_m": self.of_r("N·s/m"), "K_m": self.of_r("N/m"), "K_f": ""}
 
 
-CARTESIAN = Units("mm", "mm/s", "N", "kg", "N·s/m", "N/m")
-JOINT = Units("mrad", "mrad/s", "N·m", "kg·m²", "N·m·s/rad", "N·m/rad")
+CARTESIAN = Units()
+JOINT = Units("joint")
 
-# fields whose unit depends on that of r, and that unit where r = q
+# fields whose unit depends on that of r, and fields of the joints
 OF_R = ("motion.", "shift.by", "controller.layer", "controller.K_s", "controller.d", "controller.epsilon",
         "controller.z_0")  # fmt: skip
-WITH_JOINTS = {"m": "rad", "m/s": "rad/s", "N": "N·m", "N·s/m": "N·m·s/rad"}
+OF_JOINTS = ("robot.posture", "robot.rotor_inertia", "simulation.domain_radius",
+             *(f"{section}.{name}" for section in ("truth", "declared")
+               for name in ("coulomb", "viscous", "disturbance", "delta_")))  # fmt: skip
 
 
 def unit_in(units: Units, path: str, unit: str) -> str:
-    """Unit of a field in a task space with these units. unit: where r is in metres."""
+    """Unit of a field in a task space with these units. unit: of an arm of revolute joints, where r is in metres."""
     section, _, name = path.rpartition(".")
     if section in ("target_model", "blend.to") and name in units.of_model:
         return units.of_model[name]
-    return WITH_JOINTS.get(unit, unit) if units == JOINT and path.startswith(OF_R) else unit
+    if path.startswith(OF_R):
+        return units.of_r(unit)
+    return units.of_joints(unit) if path.startswith(OF_JOINTS) else unit
 
 
-def label_with_joints(path: str, label: str) -> str:
-    """Label of a field's control where r = q. label: where r is in metres, with its unit in brackets."""
-    words, _, unit = label.removesuffix("]").rpartition(" [")
-    if not path.startswith(OF_R) or unit not in WITH_JOINTS:
-        return label
-    return f"{words} [{WITH_JOINTS[unit]}]"
+def label_in(units: Units, path: str, label: str) -> str:
+    """Label of a field's control, with the unit in brackets in a task space with these units. label: with that of an
+    arm of revolute joints, where r is in metres."""
+    words, bracket, unit = label.removesuffix("]").rpartition(" [")
+    beside = unit_in(units, path, unit).replace(" and ", ", ")  # there is little room
+    return f"{words} [{beside}]" if bracket else label

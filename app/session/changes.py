@@ -284,11 +284,11 @@ def adapted(before: Scenario, scenario: Scenario) -> Scenario:
 
 def _converted(before: Scenario, scenario: Scenario) -> ControllerSection:
     """The controller with its boundary layer, its K_s and its constant d in the units of r: joints in place of metres
-    count l times, and their torques 1/l times. The margin epsilon stays: it covers what a period of held torque adds.
-    """
+    count l times, and their torques 1/l times, unless all are prismatic. The margin epsilon stays: it covers what a
+    period of held torque adds."""
     joints = [each.task_space.kind == "joint" for each in (before, scenario)]
     controller, l = scenario.controller, scenario.task_space.characteristic_length
-    if joints[0] == joints[1]:
+    if joints[0] == joints[1] or all(_start(scenario)[0].slides):
         return controller
     metres = l if joints[1] else 1.0 / l
     factors = {"layer": 1.0 / metres, "K_s": metres**2, "d": metres}

@@ -16,6 +16,7 @@ from app.scenario.errors import (
     SurfaceOutOfReach,
 )
 from app.scenario.schema import Scenario, TruthSection
+from app.scenario.units import Units, kinds_of
 from app.simulation.controller_builder import (
     believed_compliance,
     blend_of,
@@ -133,8 +134,9 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         start = observer.at(q_0, np.zeros(robot.n), 0.0)[1].r
     except ValueError as error:
         kind = IrregularCorner if in_corner else ScenarioError
+        unit = Units(joints=kinds_of(robot.slides)).of_joints("rad")
         raise kind(
-            f"robot.posture: {np.round(q_0, 4).tolist()} rad; allowed: one at which J_q is not singular"
+            f"robot.posture: {np.round(q_0, 4).tolist()} {unit}; allowed: one at which J_q is not singular"
             + ("" if scenario.task_space.supplemental is None else ", or other joints in task_space.supplemental")
         ) from error
     plan = ReferencePlan(
@@ -156,7 +158,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         robot=robot,
         mode=mode,
         layout=layout,
-        coordinates=coordinates_of(layout, mode),
+        coordinates=coordinates_of(layout, mode, robot),
         surfaces=surfaces,
         charted=charted,
         nominal=nominal,

@@ -43,7 +43,7 @@ def standing_of(system: System, state: State) -> Standing:
     evaluation = state.evaluation
     table, kept = evaluation.part("table"), evaluation.part("kept")
     stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
-    outsiders = system.outsiders + beyond(errors, stated, system.scenario.declared.least_inertia)
+    outsiders = system.outsiders + beyond(errors, stated, system.scenario.declared.least_inertia, system.units)
     lost = losses(system, state.arm.views.holding)
     return Standing(table, kept, state.stopped, outsiders, system.units, lost, waiting=state.steps == 0)
 

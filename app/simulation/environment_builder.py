@@ -270,7 +270,7 @@ def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> Course:
 
 
 def rotation_of(scenario: Scenario, layout: TaskLayout) -> Course:
-    """Desired motion of the coordinates that are angles, of the tool or of supplemental joints, (n,), from the start.
+    """Desired motion of the tool's angles and of supplemental joints, (n,), from the start.
     Raises ScenarioError."""
     path, n = scenario.rotation, layout.n
     if layout.joint and not isinstance(path, Hold):
@@ -279,7 +279,7 @@ def rotation_of(scenario: Scenario, layout: TaskLayout) -> Course:
         )
     with scenario_errors():
         course = course_of("rotation", path, n, range(layout.end_of_places, n))
-    return course._replace(u=layout.l * course.u, v=layout.l * course.v)
+    return course._replace(u=layout.lengths * course.u, v=layout.lengths * course.v)
 
 
 def forces_of(scenario: Scenario) -> tuple[ForceCourse, ...]:

@@ -3,12 +3,14 @@ period."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from app.scenario.errors import UnboundedGain
+from app.scenario.units import Units, unit_of_joint
 from app.simulation.alarms import Alarm
 from app.simulation.control_period import Evaluation
 from app.simulation.controlled_arm import ControlledArm
@@ -256,17 +258,19 @@ class PremiseWatch:
             left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.pressed] != 0.0)))
             self.left("flag", f"contact lost: the tool has left {left}, so no force is controlled")
         if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
-            self.left("flag", _saturation(evaluation.output.tau, evaluation.applied))
+            self.left("flag", _saturation(evaluation.output.tau, evaluation.applied, self.system.robot.slides))
         if Alarm.NOT_FINITE in alarms:
-            self.left("stop", _infinity(evaluation))
+            self.left("stop", _infinity(evaluation, self.system.units))
             return
         if Alarm.AWAY in alarms and rigid and evaluation.table.value[Premise.CONTACT] > 0.0:
             self.left(rules.leaving_domain, f"contact lost, {_last_loss(self.system, arm.holding)}")
         if Alarm.SINGULAR in alarms:
-            sigma_min = 1.0 / evaluation.seen.task.J_q_inv_norm
-            self.left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min:.4g} m)")
+            unit = self.system.units.jacobian.removesuffix("1")
+            sigma_min = f"{1.0 / evaluation.seen.task.J_q_inv_norm:.4g} {unit}".rstrip()
+            self.left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min})")
         elif Alarm.FAST in alarms:
-            self.left(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {np.linalg.norm(arm.q_dot):.4g} rad/s)")
+            speed = self.system.units.told(float(np.linalg.norm(arm.q_dot)), "rad/s")
+            self.left(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {speed})")
         if Alarm.OVER_BOUND in alarms:
             rate = self.system.units.rate
             self.left(
@@ -310,16 +314,17 @@ def losses(system: System, holding: Holding) -> str:
     return "; ".join(said)
 
 
-def _saturation(tau: np.ndarray, applied: np.ndarray) -> str:
+def _saturation(tau: np.ndarray, applied: np.ndarray, slides: Sequence[bool]) -> str:
     worst = int(np.argmax(np.abs(tau - applied)))
+    unit = unit_of_joint("N·m", slides=slides[worst])
     return (
-        f"the drive of joint {worst + 1} saturates, the law asks for {tau[worst]:.4g} N·m "
-        f"and gets {applied[worst]:.4g} N·m"
+        f"the drive of joint {worst + 1} saturates, the law asks for {tau[worst]:.4g} {unit} "
+        f"and gets {applied[worst]:.4g} {unit}"
     )
 
 
-def _infinity(evaluation: Evaluation) -> str:
+def _infinity(evaluation: Evaluation, units: Units) -> str:
     seen, tau = evaluation.seen, evaluation.output.tau
     if np.isfinite(seen.q).all() and np.isfinite(seen.q_dot).all() and not np.isfinite(tau).all():
-        return f"the control law asks for a torque that is no finite number: {tau.tolist()} N·m"
+        return f"the control law asks for a torque that is no finite number: {tau.tolist()} {units.of_joints('N·m')}"
     return "the state is no longer finite: the loop diverged"

@@ -2,28 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, NamedTuple, get_type_hints
 
 import numpy as np
 
+from app.scenario.units import Units, kinds_of
+
 
 @dataclass(frozen=True)
 class Signal:
     """A field of `Row`.
-    unit, doc: of its numbers.
-    joint_unit: where the task coordinates are the joints' angles, if that is another one.
+    unit, doc: of its numbers, for revolute joints and where r is in metres.
+    of: on whose units its own depends, "" for the world's: joints, task coordinates r, or their Jacobian.
     width: number of its numbers, None for one per task coordinate or joint."""
 
     unit: str
     doc: str
-    joint_unit: str = ""
+    of: Literal["", "joints", "r", "J_q"] = ""
     width: int | None = None
     name: str = ""
 
-    def unit_in(self, kind: Literal["cartesian", "joint"]) -> str:
-        """Unit in a task space of this kind."""
-        return self.joint_unit or self.unit if kind == "joint" else self.unit
+    def unit_in(self, units: Units) -> str:
+        """Unit of all of its numbers; both units where some are of revolute and some of prismatic joints."""
+        match self.of:
+            case "joints":
+                return units.of_joints(self.unit)
+            case "r":
+                return units.of_r(self.unit)
+            case "J_q":
+                return units.jacobian
+            case "":
+                return self.unit
+
+    def units_in(self, units: Units, slides: Sequence[bool]) -> list[str]:
+        """Unit of each of its numbers. slides: whether each joint is prismatic."""
+        if self.width is None and (self.of == "joints" or units.task == "joint"):
+            return [self.unit_in(Units(units.task, kinds_of((each,)))) for each in slides]
+        return [self.unit_in(units)] * self.wide(len(slides))
 
     def wide(self, n: int) -> int:
         """Number of its numbers with n coordinates."""
@@ -39,13 +56,13 @@ class Row(NamedTuple):
     after the plant's response, which `complete_row` fills."""
 
     t: Annotated[Number, Signal("s", "simulated time")]
-    q: Annotated[Vector, Signal("rad", "joint angles")]
-    q_dot: Annotated[Vector, Signal("rad/s", "joint rates")]
-    r: Annotated[Vector, Signal("m", "task coordinates of the tool, (3)", "rad")]
-    r_dot: Annotated[Vector, Signal("m/s", "their rates", "rad/s")]
-    r_d: Annotated[Vector, Signal("m", "desired task coordinates: what r is to follow", "rad")]
-    e_r: Annotated[Vector, Signal("m", "tracking error r − r_d, of which angles count ℓ times", "rad")]
-    e_r_dot: Annotated[Vector, Signal("m/s", "rate of the tracking error", "rad/s")]
+    q: Annotated[Vector, Signal("rad", "joint coordinates", "joints")]
+    q_dot: Annotated[Vector, Signal("rad/s", "joint rates", "joints")]
+    r: Annotated[Vector, Signal("m", "task coordinates of the tool, (3)", "r")]
+    r_dot: Annotated[Vector, Signal("m/s", "their rates", "r")]
+    r_d: Annotated[Vector, Signal("m", "desired task coordinates: what r is to follow", "r")]
+    e_r: Annotated[Vector, Signal("m", "tracking error r − r_d, of which angles count ℓ times", "r")]
+    e_r_dot: Annotated[Vector, Signal("m/s", "rate of the tracking error", "r")]
     tool: Annotated[Vector, Signal("m", "tool point in the world", width=3)]
     F: Annotated[
         Vector, Signal("N", "measured force of the tool on what touches it, surface and hand, world axes", width=3)
@@ -53,39 +70,40 @@ class Row(NamedTuple):
     moment: Annotated[Vector, Signal("N·m", "measured moment of the tool, at the tool point, world axes", width=3)]
     F_push: Annotated[Vector, Signal("N", "force with which a hand, or the scenario's push, acts on the tool", width=3)]
     moment_push: Annotated[Vector, Signal("N·m", "moment with which a hand, or the scenario's push, turns it", width=3)]
-    F_c: Annotated[Vector, Signal("N", "controlled force, from the measured one", "N·m")]
-    F_cd: Annotated[Vector, Signal("N", "desired controlled force", "N·m")]
-    z: Annotated[Vector, Signal("m/s", "state of the compensator (9), which brings the target model into s", "rad/s")]
-    s: Annotated[Vector, Signal("m/s", "sliding variable (10): 0 means that the arm obeys the target model", "rad/s")]
-    tau_inertia: Annotated[Vector, Signal("N·m", "M_hat q_eq_ddot, (25)")]
-    tau_coriolis: Annotated[Vector, Signal("N·m", "C_hat q_eq_dot, (25)")]
-    tau_gravity: Annotated[Vector, Signal("N·m", "G_hat, (25)")]
-    tau_force: Annotated[Vector, Signal("N·m", "J^T F, (25)")]
-    tau_linear: Annotated[Vector, Signal("N·m", "-J_q^T K_s s, (25)")]
-    tau_switching: Annotated[Vector, Signal("N·m", "-J_q^T d sigma(s), (25)")]
-    tau: Annotated[Vector, Signal("N·m", "torque that the law asks of the drives, the sum of its terms (25)")]
-    tau_applied: Annotated[Vector, Signal("N·m", "what the drives make of it: tau, within truth.torque_limit")]
-    q_eq_ddot: Annotated[Vector, Signal("rad/s^2", "joint acceleration that the law prescribes, (25)")]
-    needed: Annotated[
-        Vector, Signal("N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon", "N·m", 6)
+    F_c: Annotated[Vector, Signal("N", "controlled force, from the measured one", "r")]
+    F_cd: Annotated[Vector, Signal("N", "desired controlled force", "r")]
+    z: Annotated[Vector, Signal("m/s", "state of the compensator (9), which brings the target model into s", "r")]
+    s: Annotated[Vector, Signal("m/s", "sliding variable (10): 0 means that the arm obeys the target model", "r")]
+    tau_inertia: Annotated[Vector, Signal("N·m", "M_hat q_eq_ddot, (25)", "joints")]
+    tau_coriolis: Annotated[Vector, Signal("N·m", "C_hat q_eq_dot, (25)", "joints")]
+    tau_gravity: Annotated[Vector, Signal("N·m", "G_hat, (25)", "joints")]
+    tau_force: Annotated[Vector, Signal("N·m", "J^T F, (25)", "joints")]
+    tau_linear: Annotated[Vector, Signal("N·m", "-J_q^T K_s s, (25)", "joints")]
+    tau_switching: Annotated[Vector, Signal("N·m", "-J_q^T d sigma(s), (25)", "joints")]
+    tau: Annotated[Vector, Signal("N·m", "torque that the law asks of the drives, the sum of its terms (25)", "joints")]
+    tau_applied: Annotated[
+        Vector, Signal("N·m", "what the drives make of it: tau, within truth.torque_limit", "joints")
     ]
-    d: Annotated[Number, Signal("N", "gain of the switching term, which overcomes the perturbation", "N·m")]
+    q_eq_ddot: Annotated[Vector, Signal("rad/s^2", "joint acceleration that the law prescribes, (25)", "joints")]
+    needed: Annotated[
+        Vector,
+        Signal("N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon", of="r", width=6),
+    ]
+    d: Annotated[Number, Signal("N", "gain of the switching term, which overcomes the perturbation", "r")]
     d_required: Annotated[
-        Number, Signal("N", "least gain d by (17): the sum of what each cause of perturbation needs", "N·m")
+        Number, Signal("N", "least gain d by (17): the sum of what each cause of perturbation needs", "r")
     ]
     s_norm: Annotated[
-        Number, Signal("m/s", "norm of the sliding variable: 0 means that the arm obeys the target model", "rad/s")
+        Number, Signal("m/s", "norm of the sliding variable: 0 means that the arm obeys the target model", "r")
     ]
-    s_bound: Annotated[
-        Number, Signal("m/s", "bound of ‖s‖ by the theorem, (20); none where nothing is promised", "rad/s")
-    ]
-    s_band: Annotated[Number, Signal("m/s", "what sampling and the boundary layer add to the bound (20)", "rad/s")]
+    s_bound: Annotated[Number, Signal("m/s", "bound of ‖s‖ by the theorem, (20); none where nothing is promised", "r")]
+    s_band: Annotated[Number, Signal("m/s", "what sampling and the boundary layer add to the bound (20)", "r")]
     V_band: Annotated[Number, Signal("J", "what they add to sqrt(V) of (24), squared")]
     held_error: Annotated[
-        Number, Signal("N", "what (25) without its robust terms changed within the period before", "N·m")
+        Number, Signal("N", "what (25) without its robust terms changed within the period before", "r")
     ]
-    sigma_min: Annotated[Number, Signal("m", "smallest singular value of J_q, at most 3 % too small", "1")]
-    residual: Annotated[Vector, Signal("N", "left side of (8) minus its right side", "N·m")]
+    sigma_min: Annotated[Number, Signal("m", "smallest singular value of J_q, at most 3 % too small", "J_q")]
+    residual: Annotated[Vector, Signal("N", "left side of (8) minus its right side", "r")]
     F_true: Annotated[
         Vector, Signal("N", "the force on the surface itself; F is the reading of F_true - F_push", width=3)
     ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
-from app.scenario.units import Units
+from app.scenario.units import Units, kinds_of
 from app.simulation.domain import Constants, posture_at
 from app.simulation.error_model import ErrorModel
 from app.simulation.observation import Observer
@@ -63,7 +63,7 @@ class System:
     stations: at which the sampled loops are judged.
     mobility: the true arm's largest over Omega.
     controller: with the target model in force, from which `blend`, if there is one, leads to another.
-    q_0: (n,) rad, posture at the start.
+    q_0: (n,) rad (m for prismatic joints), posture at the start.
     z_0: (n,) m/s, z of (9) at the start, unless `controller.on_change` is "remove" (Remark 2).
     memory: of the results of searches.
     sampled_loops: at the stations, by number, as far as they have been judged; shared by systems in which they are the
@@ -119,12 +119,12 @@ class System:
     @cached_property
     def outsiders(self) -> tuple[str, ...]:
         """Inequalities between truth and declaration that the true arm violates, see `declared_bounds.outside`."""
-        return outside(self.scenario)
+        return outside(self.scenario, self.units)
 
-    @property
+    @cached_property
     def units(self) -> Units:
-        """Units in which r, s and the generalised forces are shown."""
-        return self.scenario.units
+        """Units in which r, s and the forces, of the task space and of all joints, are shown."""
+        return Units(self.scenario.task_space.kind, kinds_of(self.robot.slides))
 
     def observe(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
         """Observation of a state by the controller: estimates and task coordinates."""

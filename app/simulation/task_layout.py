@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from app.scenario.schema import Scenario
+from app.scenario.units import unit_of_joint
 from app.simulation.environment_builder import face_axes, level_of, positions_of, task_joints
 from app.simulation.system import Coordinate
 from controllers.modes import Mode
@@ -22,13 +23,15 @@ def layout_of(
     flat = scenario.face.flat and mode.on_surface
     supplemental = np.zeros(robot.n, dtype=np.int64)
     supplemental[: len(joints)] = joints
+    length = scenario.task_space.characteristic_length
     return TaskLayout(
         n=robot.n,
         joint=scenario.task_space.kind == "joint",
         positions=positions_of(robot),
         angles=angles,
         supplemental=supplemental,
-        l=scenario.task_space.characteristic_length,
+        supplemental_lengths=np.where(np.array(robot.slides)[supplemental], 1.0, length),
+        l=length,
         R_ref=estimate.R,
         tilts=2 if flat else 0,
         face=face_axes(scenario) if flat else np.zeros((2, 3)),
@@ -36,13 +39,14 @@ def layout_of(
     )
 
 
-def coordinates_of(layout: TaskLayout, mode: Mode) -> tuple[Coordinate, ...]:
+def coordinates_of(layout: TaskLayout, mode: Mode, robot: robots.Robot) -> tuple[Coordinate, ...]:
     if layout.joint:
-        return tuple(Coordinate(f"q{joint + 1}", "rad") for joint in range(layout.n))
+        units = (unit_of_joint("rad", slides=slides) for slides in robot.slides)
+        return tuple(Coordinate(f"q{joint}", unit) for joint, unit in enumerate(units, start=1))
     cartesian = ["x", "z"] if layout.positions == 2 else ["x", "y", "z"]
     places = _PLACES[mode.surfaces] if mode.on_surface else cartesian
     angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
-    extra = [f"ℓ·q{joint + 1}" for joint in layout.supplemental_joints]
+    extra = [f"{'' if robot.slides[joint] else 'ℓ·'}q{joint + 1}" for joint in layout.supplemental_joints]
     names = [*places[: layout.positions], *angles, *extra]
     if layout.tilts:
         names = ["φ", "ℓ·θ₁", "ℓ·θ₂", *places[1:], "ℓ·γ", *extra]

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.scenario.schema import STATED_IN, Declared
+from app.scenario.units import Units
 from controllers.nominal_model import Estimate, LinkConstants, NominalModel, Stated, estimates
 from environments.plant import Plant
 from environments.robots import Robot
@@ -101,18 +102,18 @@ def _over(value, most):
     return 0 if value <= most * (1.0 + ROUNDING) + ROUNDING else 1
 
 
-def beyond(found: TrueErrors, stated: Stated, least_inertia: float) -> tuple[str, ...]:
+def beyond(found: TrueErrors, stated: Stated, least_inertia: float, units: Units) -> tuple[str, ...]:
     """Violated inequalities at one state, each with both numbers."""
     shares = np.nan if np.isnan(stated.delta_M) else least_inertia
     compared = (
-        ("‖ΔM‖", found.M, ">", stated.delta_M, " kg·m²", found.M, stated.delta_M),
+        ("‖ΔM‖", found.M, ">", stated.delta_M, "kg·m²", found.M, stated.delta_M),
         ("share of M in M_hat", found.share, "<", shares, "", shares, found.share),
-        ("‖ΔC‖", found.C, ">", stated.delta_C, " kg·m²/s", found.C, stated.delta_C),
-        ("‖ΔG‖", found.G, ">", stated.delta_G, " N·m", found.G, stated.delta_G),
-        ("‖f̃‖", found.f, ">", stated.delta_f, " N·m", found.f, stated.delta_f),
+        ("‖ΔC‖", found.C, ">", stated.delta_C, "kg·m²/s", found.C, stated.delta_C),
+        ("‖ΔG‖", found.G, ">", stated.delta_G, "N·m", found.G, stated.delta_G),
+        ("‖f̃‖", found.f, ">", stated.delta_f, "N·m", found.f, stated.delta_f),
     )
     return tuple(
-        f"{what} = {value:.4g}{unit} {sign} declared {limit:.4g}{unit}"
+        f"{what} = {units.told(value, unit)} {sign} declared {units.told(limit, unit)}"
         for what, value, sign, limit, unit, smaller, larger in compared
         if smaller > larger * (1.0 + ROUNDING) + ROUNDING
     )

@@ -144,10 +144,15 @@ class Standing:
 
 def unit_of(premise: Premise, units: Units) -> str:
     """Unit of a premise in this task space."""
-    unit = STATEMENTS[premise].unit
-    if unit == "N":
-        return units.force
-    return "" if unit == "m" and units.force != "N" else unit
+    match STATEMENTS[premise].of:
+        case "r":
+            return units.force
+        case "joints":
+            return units.of_joints("rad")
+        case "J_q":
+            return units.jacobian.removesuffix("1")
+        case "":
+            return ""
 
 
 def sentence(premise: Premise, value: float, limit: float, units: Units) -> str:

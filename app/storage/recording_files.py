@@ -19,9 +19,11 @@ import numpy as np
 from app.scenario.data import from_toml, to_toml
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
+from app.scenario.units import Units, kinds_of
 from app.simulation.recording import Epoch, Recording
 from app.simulation.signals import SIGNALS, columns_of
 from app.storage.epoch_bytes import from_bytes, to_bytes
+from app.storage.joint_kinds import slides_of
 
 LINES = 512  # of a CSV, between two looks at how far it has got
 LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 14 min at 1 kHz with six joints; the page keeps ten in full
@@ -48,6 +50,7 @@ class TooLarge(ValueError):
 @dataclass(frozen=True)
 class RecordingTable:
     """A stretch of a recording of an arm with n joints.
+    units: in its task space; slides: whether each joint is prismatic.
     pieces: its `length` rows, oldest first, as `Recording.pieces` gives them.
     seconds: its duration.
     epochs: in which the rows were recorded, () where they are not known."""
@@ -56,6 +59,8 @@ class RecordingTable:
     n: int
     length: int
     seconds: float
+    units: Units
+    slides: tuple[bool, ...]
     pieces: Iterable[np.ndarray]
     epochs: tuple[Epoch, ...] = ()
 
@@ -67,7 +72,11 @@ def table(
     pieces = recording.pieces(t_from, t_to)
     seconds = float(pieces[-1][-1, 0] - pieces[0][0, 0]) if pieces else 0.0
     epochs = _epochs_of(recording, float(pieces[0][0, 0]), float(pieces[-1][-1, 0])) if pieces else ()
-    return RecordingTable(scenario, recording.n, sum(len(piece) for piece in pieces), seconds, pieces, epochs)
+    length, slides = sum(len(piece) for piece in pieces), slides_of(scenario)
+    if len(slides) != recording.n:  # the arm's URDF is gone, or another one has taken its place
+        slides = recording.n * (False,)
+    units = Units(scenario.task_space.kind, kinds_of(slides))
+    return RecordingTable(scenario, recording.n, length, seconds, units, slides, pieces, epochs)
 
 
 def _epochs_of(recording: Recording, first: float, last: float) -> tuple[Epoch, ...]:
@@ -105,7 +114,8 @@ def csv_header(data: RecordingTable) -> list[str]:
     for signal in SIGNALS:
         width = signal.wide(data.n)
         parts = [signal.name] if width == 1 else [f"{signal.name}[{i}]" for i in range(width)]
-        names += [f"{part} [{signal.unit_in(data.scenario.task_space.kind)}]" for part in parts]
+        units = signal.units_in(data.units, data.slides)
+        names += [f"{part} [{unit}]" for part, unit in zip(parts, units, strict=True)]
     return names
 
 
@@ -124,7 +134,7 @@ def write_npz(
     width = sum(where.stop - where.start for where in columns.values())
     about = {
         "scenario": np.array(to_toml(data.scenario)),
-        "units": np.array([f"{s.name}: {s.unit_in(data.scenario.task_space.kind)}" for s in SIGNALS]),
+        "units": np.array([f"{s.name}: {_units(s.units_in(data.units, data.slides))}" for s in SIGNALS]),
         "docs": np.array([f"{s.name}: {s.doc}" for s in SIGNALS]),
     }
     if data.epochs:
@@ -141,6 +151,11 @@ def write_npz(
             # the first signals say little of how well the others can be compressed
             _keep_to(limit, file.tell() / done if done > 0.3 else file.tell(), data.seconds)
             tell(done)
+
+
+def _units(units: list[str]) -> str:
+    """Units of a signal's numbers: one where all have it, otherwise one for each."""
+    return units[0] if len(set(units)) == 1 else ", ".join(units)
 
 
 def _add(archive: zipfile.ZipFile, name: str, values: np.ndarray) -> None:

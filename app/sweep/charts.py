@@ -14,6 +14,7 @@ from app.export.lettering import wrapped
 from app.export.printing import file_of
 from app.export.ticks import plain_decades
 from app.scenario.errors import ScenarioError
+from app.storage.joint_kinds import units_of
 from app.sweep.axes import Axis
 from app.sweep.points import Kind, Points, SweepView, interval, points_of, statistic_of
 from app.sweep.question import Sweep, SweepQuestion
@@ -129,7 +130,7 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
         mine = mine[np.argsort(np.asarray(points.values[x.path][mine], dtype=float))]
         at = np.asarray(points.values[x.path][mine], dtype=float)
         name = ", ".join(
-            f"{title_of(path)} {said(path, value)} {unit_of(path, sweep.scenario.units)}".rstrip()
+            f"{title_of(path)} {said(path, value)} {unit_of(path, units_of(sweep.scenario))}".rstrip()
             for path, value in zip(rest, key, strict=True)
             if path in shown
         )
@@ -291,7 +292,7 @@ def _bar(canvas: Canvas, plot: Axes, colored: Any, sweep: Sweep, points: Points,
 
 def _label(sweep: Sweep, points: Points, view: SweepView) -> str:
     column, name = COLUMNS[view.metric], view.metric.replace("_", " ")
-    unit = f" [{known}]" if (known := column.unit_in(sweep.scenario.units)) else ""
+    unit = f" [{known}]" if (known := column.unit_in(units_of(sweep.scenario))) else ""
     if view.within is not None:
         unit = f" {known}".rstrip()
         return f"share of arms with {name} {'≥' if column.more_is_better else '≤'} {view.within:g}{unit}"
@@ -300,7 +301,7 @@ def _label(sweep: Sweep, points: Points, view: SweepView) -> str:
 
 def _of_axis(axis: Axis, sweep: Sweep) -> str:
     """Title of an axis, in lines."""
-    return "\n".join(wrapped(named(axis.path, sweep.scenario.units), LABEL, 7.0))
+    return "\n".join(wrapped(named(axis.path, units_of(sweep.scenario)), LABEL, 7.0))
 
 
 def _norm(points: Points, view: SweepView) -> Any:

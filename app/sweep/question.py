@@ -24,6 +24,7 @@ from app.scenario.struct_refusals import struct_refusal
 from app.simulation.controller_builder import law_of
 from app.simulation.engines import Engine
 from app.simulation.environment_builder import robot_of
+from app.storage.joint_kinds import units_of
 from app.sweep.axes import Axis, Value, require_axis
 from environments.robots import CATALOGUE
 from environments.urdf import RobotError
@@ -277,10 +278,15 @@ def _require_known(scenario: Scenario, path: str, value: Value) -> None:
         law_of(changed)
     if path == "robot.name" and value not in CATALOGUE:
         raise ScenarioError(f"robot.name: {value!r:.60}; {allowed(str(value), CATALOGUE)}")
-    if changed.units != scenario.units:
+    if changed.task_space.kind != scenario.task_space.kind:
         raise ScenarioError(
             f"vary: {path}: {value} beside {scenario.task_space.kind} would put m and rad, N and N·m into one column; "
             f"allowed: one sweep for each kind, such as with --set task_space.kind={changed.task_space.kind}"
+        )
+    if units_of(changed) != units_of(scenario):
+        raise ScenarioError(
+            f"vary: {path}: {value} would put numbers of revolute and of prismatic joints, N·m and N, into one column; "
+            "allowed: one sweep for each"
         )
 
 

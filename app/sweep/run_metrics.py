@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from app.analysis.metrics import Metrics
 from app.process.worker_pool import Fallen
 from app.scenario.errors import ScenarioError
-from app.scenario.units import JOINT, WITH_JOINTS, Units
+from app.scenario.units import Units
 from app.session.headless_run import simulate
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
@@ -28,7 +28,8 @@ class Column(NamedTuple):
     at_the_end: whether it is of the last fifth of the run only.
     may_never: whether a run without a number never came to it, or has no such promise, which is worse than any number.
     also_stopped: whether it means the same of a run that stopped.
-    of_r: whether its unit depends on that of r; `unit` is where r is in metres."""
+    of: on whose units its own depends, "" for the world's: joints, or task coordinates r; `unit` is for revolute joints
+        and where r is in metres."""
 
     unit: str
     meaning: str
@@ -36,12 +37,12 @@ class Column(NamedTuple):
     more_is_better: bool = False
     at_the_end: bool = False
     may_never: bool = False
-    of_r: bool = False
+    of: Literal["", "joints", "r"] = ""
     also_stopped: bool = False
 
     def unit_in(self, units: Units) -> str:
         """Unit in a task space with these units, "" for a word or a plain number."""
-        unit = WITH_JOINTS.get(self.unit, self.unit) if self.of_r and units == JOINT else self.unit
+        unit = {"": str, "joints": units.of_joints, "r": units.of_r}[self.of](self.unit)
         return "" if unit == "1" else unit
 
     def badness(self, values: object) -> np.ndarray:
@@ -61,8 +62,8 @@ COLUMNS: dict[str, Column] = {
     "row": Column("", "number of the run, for `--row` of `vsmrc run`"),
     "point": Column("", "number of the point, of the varied fields"),
     "arm": Column("", "number of the true arm at this point"),
-    "motion_error": Column("m", "largest position error where no force is controlled", at_the_end=True, of_r=True),
-    "angle_error": Column("rad", "largest error of angles and supplemental joints", at_the_end=True),
+    "motion_error": Column("m", "largest position error where no force is controlled", at_the_end=True, of="r"),
+    "angle_error": Column("rad", "largest error of angles and revolute supplemental joints", at_the_end=True),
     "force_error": Column("N", "largest force error", at_the_end=True),
     "moment_error": Column("N·m", "largest error of the moments of a flat tool", at_the_end=True),
     "constraint_violation": Column("m", "largest distance from a rigid surface"),
@@ -74,10 +75,10 @@ COLUMNS: dict[str, Column] = {
     "reaching_time_bound": Column("s", "t_r of (18), for s = 0, also where nothing is promised"),
     "band_time": Column("s", "until ‖s‖ is within its band", may_never=True),
     "band_time_bound": Column("s", "until ‖s‖ is within its band, as promised", may_never=True),
-    "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised", of_r=True),
-    "gain_margin": Column("N", "least d minus what (17) needs", more_is_better=True, of_r=True),
-    "residual": Column("N", "RMS of the norm of the residual of (8)", at_the_end=True, of_r=True),
-    "torque_variation": Column("N·m/s", "summed changes of all commanded torques per second"),
+    "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised", of="r"),
+    "gain_margin": Column("N", "least d minus what (17) needs", more_is_better=True, of="r"),
+    "residual": Column("N", "RMS of the norm of the residual of (8)", at_the_end=True, of="r"),
+    "torque_variation": Column("N·m/s", "summed changes of all commanded torques per second", of="joints"),
     "saturated_share": Column("1", "share of the control periods in which a drive is at its limit"),
     "simulated_time": Column("s", "until the end of the run", more_is_better=True, also_stopped=True),
     "verdict": Column("", "of the theorem's promise: holds, nothing promised or broken", word=True),

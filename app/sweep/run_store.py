@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 
 from app.process.atomic_write import write_whole
 from app.scenario.errors import ScenarioError
+from app.storage.joint_kinds import units_of
 from app.sweep.fingerprint import another_program
 from app.sweep.question import FILE, Sweep, SweepQuestion, difference_told, differences, read, to_toml
 from app.sweep.run_metrics import COLUMNS, RunMetrics
@@ -171,7 +172,7 @@ def schema_of(sweep: Sweep) -> pa.Schema:
         column(
             name,
             pa.string() if each.word else pa.int64() if name in ("row", "point", "arm") else pa.float64(),
-            "1" if each.unit == "1" else each.unit_in(sweep.scenario.units),
+            "1" if each.unit == "1" else each.unit_in(units_of(sweep.scenario)),
             each.whole_meaning,
         )
         for name, each in COLUMNS.items()
@@ -180,7 +181,7 @@ def schema_of(sweep: Sweep) -> pa.Schema:
         column(
             axis.path,
             pa.float64() if axis.numeric else pa.string(),
-            unit_of(axis.path, sweep.scenario.units),
+            unit_of(axis.path, units_of(sweep.scenario)),
             f"varied field: {title_of(axis.path)}",
         )
         for axis in sweep.vary

@@ -18,6 +18,7 @@ from app.export.printing import file_of
 from app.export.ticks import plain_decades
 from app.process.atomic_write import write_whole
 from app.scenario import data
+from app.storage.joint_kinds import units_of
 from app.sweep.charts import sheet, wide
 from app.sweep.folder import packed
 from app.sweep.question import LONGEST_NAME
@@ -127,7 +128,7 @@ def zipped(tuning: Tuning, rows: Sequence[RunMetrics], found: Found) -> bytes:
 
 def _table(tuning: Tuning, found: Found) -> pa.Table:
     """Table of all candidates, with units and meanings."""
-    unit_of_aim = {aim: COLUMNS[aim].unit_in(tuning.scenario.units) for aim in tuning.aims}
+    unit_of_aim = {aim: COLUMNS[aim].unit_in(units_of(tuning.scenario)) for aim in tuning.aims}
     worst = [column(aim, pa.float64(), unit, "worst of the arms seen; inf: none") for aim, unit in unit_of_aim.items()]
     tried = [
         column(f"{aim}_unseen", pa.float64(), unit, "worst of the arms not seen") for aim, unit in unit_of_aim.items()
@@ -136,7 +137,7 @@ def _table(tuning: Tuning, found: Found) -> pa.Table:
         [
             column("candidate", pa.int64(), "", "number; 0: the scenario's own gains"),
             *(
-                column(axis.path, pa.float64(), unit_of(axis.path, tuning.scenario.units), MAY_MOVE)
+                column(axis.path, pa.float64(), unit_of(axis.path, units_of(tuning.scenario)), MAY_MOVE)
                 for axis in tuning.vary
             ),
             *worst,
@@ -184,8 +185,8 @@ def _draw_front(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> None
         if shown and _far_apart([each.aims[k] for each in shown]):
             set_scale("log")
             plain_decades(axis)
-    plot.set_xlabel(in_words(tuning.aims[0], tuning.scenario.units))
-    plot.set_ylabel(in_words(tuning.aims[1], tuning.scenario.units))
+    plot.set_xlabel(in_words(tuning.aims[0], units_of(tuning.scenario)))
+    plot.set_ylabel(in_words(tuning.aims[1], units_of(tuning.scenario)))
 
 
 def _draw_course(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> None:
@@ -204,7 +205,7 @@ def _draw_course(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> Non
         plot.set_yscale("log")
         plain_decades(plot.yaxis)
     plot.set_xlabel("candidate")
-    plot.set_ylabel(in_words(tuning.aims[0], tuning.scenario.units))
+    plot.set_ylabel(in_words(tuning.aims[0], units_of(tuning.scenario)))
 
 
 def _far_apart(values: list[float]) -> bool:
@@ -215,7 +216,7 @@ def told(tuning: Tuning, found: Found) -> list[list[str]]:
     """Rows of the table that is printed, its head first: gains, and the worst on the arms that were not seen with its
     change and the number of arms that are better."""
     paths = (axis.path.replace(".", ".\n", 1) for axis in tuning.vary)
-    aims = (in_words(aim, tuning.scenario.units) for aim in tuning.aims)
+    aims = (in_words(aim, units_of(tuning.scenario)) for aim in tuning.aims)
     rows = [["", *paths, *aims, "promise\nholds"]]
     files = files_of(tuning, found)
     for number, each in found.tried.items():

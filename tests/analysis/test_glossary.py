@@ -57,7 +57,7 @@ def test_values_are_those_of_the_run_in_the_units_of_the_page(space: str, unit: 
     model = {name: getattr(loop.system.controller.model, name) for name in ("M_m", "B_m", "K_m", "K_f")}
 
     def told(name: str) -> str:
-        return BY_NAME[name].value(row, scenario, model)
+        return BY_NAME[name].value(row, loop.system, model)
 
     *errors, of = told("e_r").replace(",", "").replace("−", "-").split()
     assert of == unit

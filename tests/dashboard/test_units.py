@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.scenario.units import label_with_joints
+from app.scenario.units import CARTESIAN, JOINT, label_in
 
 
 @pytest.mark.parametrize(
@@ -20,4 +20,5 @@ from app.scenario.units import label_with_joints
     ],
 )
 def test_fields_measured_in_r_are_in_radians_where_r_is_the_joints(path: str, label: str, with_joints: str) -> None:
-    assert label_with_joints(path, label) == with_joints
+    assert label_in(JOINT, path, label) == with_joints
+    assert label_in(CARTESIAN, path, label) == label

@@ -29,6 +29,7 @@ from app.scenario.data import shipped
 from app.scenario.declared_bounds import outside
 from app.scenario.departures import Departure
 from app.scenario.schema import Scenario
+from app.scenario.units import CARTESIAN
 from app.session.headless_run import simulate
 from app.simulation.engines import in_force
 
@@ -56,10 +57,10 @@ def test_departures_end_at_the_edge_of_what_is_declared() -> None:
     def at(departure: Departure, scale: float) -> Scenario:
         return msgspec.structs.replace(scenario, truth=departure.truth(scenario.declared, scale))
 
-    assert not any(outside(at(Departure.inside(random, 6), 1.0)) for _ in range(50))
+    assert not any(outside(at(Departure.inside(random, 6), 1.0), CARTESIAN) for _ in range(50))
     corner = Departure.edge(random, 6)
-    assert not outside(at(corner, 1.0))
-    assert len(outside(at(corner, 1.01))) == 9
+    assert not outside(at(corner, 1.0), CARTESIAN)
+    assert len(outside(at(corner, 1.01), CARTESIAN)) == 9
 
 
 def test_what_is_promised_inside_is_kept_and_breaks_outside() -> None:

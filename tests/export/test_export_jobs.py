@@ -35,6 +35,7 @@ from app.scenario.caption import caption
 from app.scenario.data import edited, from_file, from_toml, load, to_toml
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
+from app.scenario.units import CARTESIAN, JOINT
 from app.session import headless_run
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.assembly import assemble
@@ -216,7 +217,7 @@ def test_printed_colours_can_be_seen_on_white_and_told_apart() -> None:
 def test_caption_says_the_scenario_in_numbers() -> None:
     scenario = edited(edited(load("ur5-hybrid"), "truth.payload_mass", 1.5), "declared.payload_mass", 2.0)
     model = {"M_m": 10 * np.eye(2), "B_m": np.diag([632.5, 4]), "K_m": np.array([[2, 1], [1, 2.0]]), "K_f": np.eye(2)}
-    said = caption(scenario, assemble(scenario).controller, model, 1.0, 9.0)
+    said = caption(scenario, assemble(scenario).controller, model, CARTESIAN, 1.0, 9.0)
     for words in (
         "ur5-hybrid", "hybrid mode", "t = 1 to 9 s", "M_m = 10 I kg", "diag(632.5, 4) N·s/m", "[2 1; 1 2] N/m",
         "True arm: link scaling 1.15, payload mass 1.5 kg", "Declared: link scaling 0.15, payload mass 2 kg",
@@ -224,20 +225,22 @@ def test_caption_says_the_scenario_in_numbers() -> None:
     ):  # fmt: skip
         assert words in said
     assert said.startswith("UR5 presses with 20 N, draws a circle (ur5-hybrid, edited): ")
-    plain = caption(load("ur5-hybrid"), assemble(scenario).controller, model, 1.0, 9.0)
+    plain = caption(load("ur5-hybrid"), assemble(scenario).controller, model, CARTESIAN, 1.0, 9.0)
     assert plain.startswith("UR5 presses with 20 N, draws a circle (ur5-hybrid): ")
     moving = edited(scenario, "mode", "motion")
-    assert caption(moving, assemble(scenario).controller, model, 1.0, 9.0).startswith(
+    assert caption(moving, assemble(scenario).controller, model, CARTESIAN, 1.0, 9.0).startswith(
         "Universal Robots UR5: motion, plane (ur5-hybrid, edited): "
     )
     joint = edited(moving, "task_space.kind", "joint")
     six = {name: 4.0 * np.eye(6) for name in model}
-    assert "B_m = 4 I N·m·s/rad, K_m = 4 I N·m/rad, K_f" in caption(joint, assemble(scenario).controller, six, 0.0, 1.0)
-    turning = caption(moving, assemble(scenario).controller, six, 0.0, 1.0)
+    assert "B_m = 4 I N·m·s/rad, K_m = 4 I N·m/rad, K_f" in caption(
+        joint, assemble(scenario).controller, six, JOINT, 0.0, 1.0
+    )
+    turning = caption(moving, assemble(scenario).controller, six, CARTESIAN, 0.0, 1.0)
     assert "K_m = 4 I N/m, K_f = 4 I, angles in r times ℓ = 0.15 m." in turning
-    twisted = caption(moving, assemble(scenario).controller, six, 0.0, 1.0, angles=[3, 4, 5])
+    twisted = caption(moving, assemble(scenario).controller, six, CARTESIAN, 0.0, 1.0, angles=[3, 4, 5])
     assert "angles in r times ℓ = 0.15 m (their K_m ℓ² = 0.09 I N·m/rad)." in twisted
-    assert "True arm: as believed" in caption(Scenario(), assemble(Scenario()).controller, model, 0.0, 1.0)
+    assert "True arm: as believed" in caption(Scenario(), assemble(Scenario()).controller, model, CARTESIAN, 0.0, 1.0)
 
 
 def test_film_has_a_row_for_each_thirtieth_of_a_second(loop: ClosedLoop) -> None:

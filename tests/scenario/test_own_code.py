@@ -274,7 +274,7 @@ def test_the_caption_says_which_law_it_was() -> None:
     use([PID])
     system = assemble(under("pid-gravity"))
     matrices = {name: np.eye(6) for name in ("M_m", "B_m", "K_m", "K_f")}
-    said = caption(system.scenario, system.controller, matrices, 0.0, 1.0)
+    said = caption(system.scenario, system.controller, matrices, system.units, 0.0, 1.0)
     assert "PID + gravity, k_i = 5000 N/(m·s), T = 1 ms." in said
 
 

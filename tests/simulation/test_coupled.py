@@ -324,4 +324,6 @@ def test_changes_of_a_coupled_corner_that_are_made_with_one_choice() -> None:
     loop = ClosedLoop.begin(scenario)
     model = loop.system.controller.model
     matrices = {name: getattr(model, name) for name in ("M_m", "B_m", "K_m", "K_f")}
-    assert "Coupling: K_e = (2000, 0, 0) N/m" in caption(scenario, loop.system.controller, matrices, 0.0, 1.0)
+    assert "Coupling: K_e = (2000, 0, 0) N/m" in caption(
+        scenario, loop.system.controller, matrices, loop.system.units, 0.0, 1.0
+    )

@@ -14,6 +14,7 @@ from app.scenario.data import edited, shipped
 from app.scenario.declared_bounds import outside
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Declared, Scenario
+from app.scenario.units import CARTESIAN
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 
@@ -65,16 +66,16 @@ def test_each_inequality_is_named_with_both_numbers_and_equality_is_inside(
     truth: dict[str, object], declared: dict[str, object], said: str
 ) -> None:
     scenario = changed(Scenario(), truth)
-    assert outside(scenario) == (said,)
-    assert outside(changed(scenario, declared)) == ()
+    assert outside(scenario, CARTESIAN) == (said,)
+    assert outside(changed(scenario, declared), CARTESIAN) == ()
     (path, bound), *_ = declared.items()
-    assert len(outside(edited(changed(scenario, declared), path, 0.99 * float(str(bound))))) == 1
+    assert len(outside(edited(changed(scenario, declared), path, 0.99 * float(str(bound))), CARTESIAN)) == 1
 
 
 def test_shipped_scenarios_are_inside_and_a_payload_that_is_not_there_has_no_place() -> None:
     for scenario in shipped().values():
-        assert outside(scenario) == ()
-    assert outside(edited(Scenario(), "truth.payload_offset", [1.0, 0.0, 0.0])) == ()
+        assert outside(scenario, CARTESIAN) == ()
+    assert outside(edited(Scenario(), "truth.payload_offset", [1.0, 0.0, 0.0]), CARTESIAN) == ()
 
 
 def test_noise_is_judged_behind_the_low_pass() -> None:
@@ -83,8 +84,8 @@ def test_noise_is_judged_behind_the_low_pass() -> None:
     loop = ClosedLoop.begin(scenario)
     readings = np.array([loop.state.reader.read(np.zeros(6))[:3] for _ in range(40_000)])[500:]
     spread = 4.0 * float(readings.std())
-    assert outside(edited(scenario, "declared.force_error", 1.1 * spread)) == ()
-    assert len(outside(edited(scenario, "declared.force_error", 0.9 * spread))) == 1
+    assert outside(edited(scenario, "declared.force_error", 1.1 * spread), CARTESIAN) == ()
+    assert len(outside(edited(scenario, "declared.force_error", 0.9 * spread), CARTESIAN)) == 1
     assert np.mean(np.linalg.norm(readings, axis=1) < spread) > 0.995
 
 
@@ -93,7 +94,7 @@ def test_bias_and_noise_of_a_sensor_count_where_they_reach_the_reading() -> None
     faulty = {"sensor.ideal": True, "sensor.noise": 1.0, "sensor.bias": [9.0, 0.0, 0.0]}
     for name, known in (("ur5-constrained", 0), ("ur5-hybrid", 1)):
         scenario = changed(shipped()[name], faulty | {"simulation.leaving_domain": "flag"})
-        assert sum(said.startswith("force error") for said in outside(scenario)) == known
+        assert sum(said.startswith("force error") for said in outside(scenario, CARTESIAN)) == known
         loop = ClosedLoop.begin(scenario)
         for _ in range(50):
             loop.step()

@@ -12,6 +12,7 @@ from app.scenario.data import edited, shipped, with_value
 from app.scenario.declared_bounds import outside
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Declared
+from app.scenario.units import CARTESIAN
 from app.sweep import question
 from app.sweep.axes import Axis, axis_of, fitted
 from app.sweep.fingerprint import fingerprint
@@ -51,7 +52,7 @@ def test_the_same_arms_at_every_point_within_what_is_declared_and_at_its_corners
         not in first
     )
     for asked in (inside, corners):
-        assert all(outside(asked.scenario(asked.row(number))) == () for number in range(asked.count))
+        assert all(outside(asked.scenario(asked.row(number)), CARTESIAN) == () for number in range(asked.count))
     declared = BASE.declared
     for number in range(40):
         truth = corners.scenario(corners.row(number)).truth

@@ -20,7 +20,7 @@ from app.dashboard.widgets.model_checks import checks_html, loops_html
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, pressed_on
 from app.dashboard.widgets.pole_drag import PoleDrag
 from app.scenario.schema import Scenario
-from app.scenario.units import CARTESIAN, JOINT
+from app.scenario.units import JOINT
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
 
@@ -138,12 +138,11 @@ class _PerCoordinate:
             self._notes[name].content = f'<div class="vs-note" data-unit="{unit}">{note}</div>'
 
 
-def matrix_note(snapshot: Snapshot, name: str, meaning: str, metric: str, angular: str) -> str:
+def matrix_note(snapshot: Snapshot, name: str, meaning: str) -> str:
     """Note on a matrix as HTML: meaning, unit, and the values of angles per radian, since r holds angles times a
     length."""
-    if snapshot.system.units == JOINT:
-        metric = angular
-    told = [f"{meaning}, {metric}" if metric else meaning]
+    unit, angular = snapshot.system.units.of_model[name], JOINT.of_model[name]
+    told = [f"{meaning}, {unit}" if unit else meaning]
     matrix = snapshot.matrices[name]
     if np.count_nonzero(matrix - np.diag(np.diag(matrix))):
         told.append("not diagonal: here is its diagonal, coupling is kept")
@@ -174,11 +173,10 @@ def oscillator_note(snapshot: Snapshot, unit: str) -> str:
 
 
 def _diagonal(name: str, meaning: str, scale: SliderScale) -> _Quantity:
-    metric, angular = CARTESIAN.of_model[name], JOINT.of_model[name]
     return _Quantity(
         lambda i, linked: DiagonalPlace(f"target_model.{name}", i, linked),
         scale,
-        lambda snapshot: matrix_note(snapshot, name, meaning, metric, angular),
+        lambda snapshot: matrix_note(snapshot, name, meaning),
         lambda snapshot: snapshot.system.units.of_model[name],
     )
 

@@ -191,9 +191,7 @@ def _against(value: float | None, now: float | None) -> str:
 def _told(pinned: Pinned, snapshot: Snapshot) -> str:
     """Differences of the pinned run's scenario from the running one, as HTML."""
     different = differences(snapshot.scenario, pinned.scenario)
-    parts = [
-        field_in_words(path, theirs, pinned.scenario.units) for path, (_, theirs) in list(different.items())[:_TOLD]
-    ]
+    parts = [field_in_words(path, theirs, pinned.system.units) for path, (_, theirs) in list(different.items())[:_TOLD]]
     if len(different) > _TOLD:
         parts.append(f"{len(different) - _TOLD} more")
     what = "; ".join(parts) or "as now"

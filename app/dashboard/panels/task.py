@@ -107,8 +107,8 @@ class TaskPanel:
                 *field_controls(desk, "rotation", ROTATIONS, {}),
             ]
             gui.add_html(
-                '<div class="vs-note">Of the tool about its axes, α, β, γ, then of supplemental joints, each from its '
-                "start.</div>"
+                '<div class="vs-note">Of the tool about its axes, α, β, γ, then of supplemental joints (prismatic '
+                "ones in m), each from its start.</div>"
             )
         with gui.add_folder("Task coordinates"):
             kinds = {"the tool's place": "cartesian", "the joints, r = q": "joint"}

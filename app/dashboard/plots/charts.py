@@ -16,7 +16,7 @@ import numpy as np
 from viser import uplot
 
 from app.dashboard.theme.colors import Rgb, css
-from app.scenario.units import Units
+from app.scenario.units import Units, unit_of_joint
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import law_of
 from app.simulation.recording import Recording
@@ -36,6 +36,7 @@ _DOCK, _ENTRY, _LETTER = 366, 54, 6  # px: width of the legend, of an entry with
 @dataclass(frozen=True)
 class Setup:
     """Setup of the charts: properties of a run and choices of the user that determine the lines.
+    slides: whether each joint is prismatic.
     normal: number of surfaces on which the mode controls a normal force.
     surfaces: number of surfaces in the world.
     touching: whether there is something to touch.
@@ -48,6 +49,7 @@ class Setup:
 
     coordinates: tuple[Coordinate, ...]
     joints: tuple[str, ...]
+    slides: tuple[bool, ...]
     normal: int
     surfaces: int
     touching: bool
@@ -66,6 +68,7 @@ class Setup:
         return cls(
             coordinates,
             joints,
+            snapshot.robot.slides,
             normal=snapshot.system.pressed,
             surfaces=len(snapshot.system.surfaces),
             touching=snapshot.scenario.contact.nature.touches,
@@ -77,6 +80,10 @@ class Setup:
             coordinate=coordinate if coordinate < len(coordinates) else 0,
             joint=joint if joint < len(joints) else 0,
         )
+
+    def unit_of_joint(self, unit: str) -> str:
+        """Unit of a quantity of the chosen joint. unit: of a revolute one."""
+        return unit_of_joint(unit, slides=self.slides[self.joint])
 
 
 @dataclass(frozen=True)

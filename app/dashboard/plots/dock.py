@@ -281,7 +281,7 @@ def _laid(pinned: PinnedChart, t_from: float, t_to: float, snapshot: Snapshot) -
     values."""
     if pinned.recording.n != snapshot.recording.n:
         return None
-    of_r = [signal for signal in SIGNALS if signal.joint_unit]
+    of_r = [signal for signal in SIGNALS if signal.of in ("r", "J_q")]
     if pinned.units != snapshot.system.units:
         others = {signal.name for signal in of_r}
     elif pinned.coordinates != snapshot.coordinates:

@@ -148,7 +148,8 @@ def torques(setup: Setup) -> Drawing:
         ChartLine(f"τ{symbol(f'_{i + 1}')}", color(i), column("tau", i), dashed=is_dashed(i))
         for i in range(len(setup.joints))
     ]
-    return Drawing("joint torque  τ  [N·m]", lines)
+    what = {"revolute": "joint torque", "prismatic": "joint force", "mixed": "joint torques and forces"}
+    return Drawing(f"{what[setup.units.joints]}  τ  [{setup.units.of_joints('N·m')}]", lines)
 
 
 def torque_stack(joint: int) -> tuple[list[ChartLine], list[Area]]:
@@ -160,7 +161,7 @@ def torque_stack(joint: int) -> tuple[list[ChartLine], list[Area]]:
 def terms_of_torque(setup: Setup) -> Drawing:
     lines, areas = torque_stack(setup.joint)
     lines.append(ChartLine("τ", ACCENT, column("tau", setup.joint), width=2.0))
-    return Drawing(f"terms of  τ{symbol(f'_{setup.joint + 1}')}  (25)  [N·m]", lines, areas)
+    return Drawing(f"terms of  τ{symbol(f'_{setup.joint + 1}')}  (25)  [{setup.unit_of_joint('N·m')}]", lines, areas)
 
 
 def robust_terms(setup: Setup) -> Drawing | None:
@@ -170,11 +171,12 @@ def robust_terms(setup: Setup) -> Drawing | None:
         ChartLine("−J_qᵀ K_s s", color(4), column("tau_linear", setup.joint)),
         ChartLine("−J_qᵀ d σ(s)", color(5), column("tau_switching", setup.joint)),
     ]
-    return Drawing(f"robust terms of  τ{symbol(f'_{setup.joint + 1}')}  [N·m]", lines, at_least=(-0.1, 0.1))
+    title = f"robust terms of  τ{symbol(f'_{setup.joint + 1}')}  [{setup.unit_of_joint('N·m')}]"
+    return Drawing(title, lines, at_least=(-0.1, 0.1))
 
 
 def spectrum(setup: Setup) -> Drawing:
-    return Drawing("amplitude spectrum of  τ  [N·m]", torques(setup).lines, floor=1e-3)
+    return Drawing(f"amplitude spectrum of  τ  [{setup.units.of_joints('N·m')}]", torques(setup).lines, floor=1e-3)
 
 
 def variation(setup: Setup) -> Drawing:
@@ -186,7 +188,7 @@ def variation(setup: Setup) -> Drawing:
         ChartLine(f"τ{symbol(f'_{i + 1}')}", color(i), rate(i), dashed=is_dashed(i), foreseen=False)
         for i in range(len(setup.joints))
     ]
-    return Drawing("total variation of  τ  per second  [N·m/s]", lines, floor=1e-2)
+    return Drawing(f"total variation of  τ  per second  [{setup.units.of_joints('N·m/s')}]", lines, floor=1e-2)
 
 
 def residual(setup: Setup) -> Drawing:

@@ -80,7 +80,8 @@ def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: f
     t = rows["t"]
     charts = tuple(chart for _, chart in _charts(plots, snapshot, setup, rows))
     angles = [i for i, each in enumerate(snapshot.coordinates) if each.metres_per_radian is not None]
-    told = caption(snapshot.scenario, snapshot.system.controller, snapshot.matrices, float(t[0]), float(t[-1]), angles)
+    system, span = snapshot.system, (float(t[0]), float(t[-1]))
+    told = caption(snapshot.scenario, system.controller, snapshot.matrices, system.units, *span, angles)
     changed = _changes(snapshot.recording.epochs, float(t[0]), float(t[-1]))
     return Figure(charts, f"{told} {changed}{promised(rows)}")
 

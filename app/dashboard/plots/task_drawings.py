@@ -8,7 +8,6 @@ from app.dashboard.plots.charts import REACH, SPREAD, ChartLine, Drawing, Setup
 from app.dashboard.plots.line_values import color, column, difference, is_dashed, norm
 from app.dashboard.theme.colors import ACCENT, DESIRED, MEASURED, PUSH, SERIES
 from app.dashboard.widgets.equation import symbol
-from app.scenario.units import JOINT
 from app.simulation.system import Coordinate
 
 _MEASURED = (MEASURED, SERIES[0], SERIES[5])  # colours of the measured force on each surface
@@ -44,7 +43,7 @@ def rotation_error(setup: Setup) -> Drawing | None:
         for i, coordinate in enumerate(setup.coordinates)
         if coordinate.is_angle
     ]
-    title = "joint error" if setup.units == JOINT else "rotation error  e_r / ℓ"
+    title = "joint error" if setup.units.task == "joint" else "rotation error  e_r / ℓ"
     return Drawing(f"{title}  [mrad]", lines, at_least=(-0.01, 0.01)) if lines else None
 
 

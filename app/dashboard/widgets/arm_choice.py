@@ -17,6 +17,7 @@ from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk
 from app.dashboard.widgets.field_place import FieldPlace
 from app.scenario.errors import ScenarioError
+from app.scenario.units import listed
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
 from environments.robots import CATALOGUE
@@ -153,6 +154,6 @@ def _drives(snapshot: Snapshot) -> str:
     limits = np.broadcast_to(snapshot.system.plant.truth.torque_limit, snapshot.robot.n)
     if not np.isfinite(limits).any():
         return '<div class="vs-note">torque limit × 0: drives without a limit</div>'
-    told = ", ".join(f"{limit:.3g}" for limit in limits)
-    note = f'<div class="vs-note">at most {told} N·m, whatever the law asks for</div>'
+    told = listed([f"{limit:.3g}" for limit in limits], "N·m", snapshot.robot.slides)
+    note = f'<div class="vs-note">at most {told}, whatever the law asks for</div>'
     return f"{chip('drives limited', 'vs-warn')}{note}"

@@ -10,6 +10,7 @@ from html import escape
 import numpy as np
 
 from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, plain, said_html
+from app.storage.joint_kinds import units_of
 from app.sweep.run_metrics import COLUMNS
 from app.sweep.titles import unit_of
 from app.tune.background import BackgroundTuning
@@ -41,7 +42,7 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
         _mark(each, x[each.number], y[each.number], _said(tuning, each, names), chosen, in_front=each in best)
         for each in sorted(shown, key=lambda each: (each in best, each.number == 0, not each.badge))
     ]
-    first, *others = (in_words(aim, tuning.tuning.scenario.units) for aim in aims)
+    first, *others = (in_words(aim, units_of(tuning.tuning.scenario)) for aim in aims)
     names_of_axes = (first, others[0]) if others else ("candidate", first)
     names_of_axes = tuple(
         f"{name}, logarithmic" if scale.logarithmic else name
@@ -74,7 +75,7 @@ def _told(tuning: BackgroundTuning) -> str:
 
 def said_of(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
     """Description of a candidate: its gains and aims, in words."""
-    units = tuning.tuning.scenario.units
+    units = units_of(tuning.tuning.scenario)
     gains = ", ".join(
         f"{names[path]} {plain(float(value))} {unit_of(path, units)}".rstrip()
         for path, value in candidate.values.items()

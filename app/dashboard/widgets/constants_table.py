@@ -6,6 +6,7 @@ from html import escape
 
 from app.scenario.field_info import field_info
 from app.scenario.schema import STATED_IN, Declared
+from app.scenario.units import unit_in
 from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
 
@@ -46,7 +47,7 @@ def _declared(snapshot: Snapshot) -> list[tuple[str, ...]]:
                 value,
                 "—",
                 f"{getattr(stated, name):.3g}".replace("nan", "—") if name in STATED_IN else value,
-                "" if info.unit == "1" else info.unit,
+                unit_in(snapshot.system.units, f"declared.{name}", info.unit).removesuffix("1"),
             )
         )
     return rows
@@ -57,7 +58,8 @@ def _searched(snapshot: Snapshot) -> list[tuple[str, ...]]:
     constants, along = snapshot.system.constants, snapshot.scenario.controller.estimates == "along-reference"
     declared, rates = snapshot.scenario.declared, constants.rates
     in_doubt = declared.link_centre > 0.0 or declared.link_shape > 0.0
-    lipschitz, mass = constants.lipschitz, snapshot.system.units.M_m
+    units = snapshot.system.units
+    lipschitz, mass = constants.lipschitz, units.of_model["M_m"]
     only = "for estimates along r_d (Remark 3) only"
     rows = [
         ("k_r′", "least eigenvalue of H", constants.k_r_low * MARGIN, constants.k_r_low, True, mass),
@@ -77,6 +79,6 @@ def _searched(snapshot: Snapshot) -> list[tuple[str, ...]]:
         ("k_G", f"change of G_hat per rad, {only}", lipschitz.k_G / MARGIN, lipschitz.k_G, along, "N·m/rad"),
     ]
     return [
-        (name, about, "—", f"{found:.4g}", f"{used:.4g}" if uses else "—", unit)
+        (name, about, "—", f"{found:.4g}", f"{used:.4g}" if uses else "—", units.of_joints(unit))
         for name, about, found, used, uses, unit in rows
     ]

@@ -28,7 +28,7 @@ from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk
 from app.scenario.data import kind_of
 from app.scenario.schema import Scenario
-from app.scenario.units import label_with_joints
+from app.scenario.units import CARTESIAN, Units, label_in, unit_in
 from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
@@ -104,7 +104,7 @@ class NumberField:
 
     def __init__(self, desk: Desk, place: FieldPlace, label: str, scale: SliderScale | None = None) -> None:
         self._desk, self._place, self._label, self._scale = desk, place, label, scale
-        self._labels = (label, label_with_joints(place.path, label))
+        self._plain_label, self._units = label, CARTESIAN
         self._answer = AwaitedAnswer()
         self._form = desk.gui.add_form(None)
         with self._form:
@@ -172,10 +172,12 @@ class NumberField:
             self._ask(snapshot, edit, seconds=0.5)
 
     def _unit_beside(self, snapshot: Snapshot) -> str:
-        """Unit of the number where the label has none; of r = q it would be another one."""
+        """Unit of the number where the label has none and r is not q."""
         info = self._place.info
         plain = info is None or "[" in self._label or snapshot.system.layout.joint
-        return "" if plain or info is None or info.unit == "1" else info.unit
+        if plain or info is None or info.unit == "1":
+            return ""
+        return unit_in(snapshot.system.units, self._place.path, info.unit)
 
     def _let_go(self, *, apply: bool) -> None:
         snapshot = self._desk.snapshot()
@@ -215,10 +217,8 @@ class NumberField:
             self._form.visible = value is not None
         if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
             return
-        in_metres, with_joints = self._labels
-        label = with_joints if snapshot.system.layout.joint else in_metres
-        if in_metres != with_joints and label != self._label:
-            self.set_label(label)
+        if snapshot.system.units != self._units:
+            self._show_units(snapshot.system.units)
         value = self._desk.whatif.moved(snapshot).get(self._place, value)
         self._text.value = written(value)
         if self._slider is not None and self._scale is not None:
@@ -227,6 +227,15 @@ class NumberField:
                 self._slider.visible = slides
             if slides:
                 self._slider.value = self._scale.position(value)
+
+    def _show_units(self, units: Units) -> None:
+        self._units = units
+        label = label_in(units, self._place.path, self._plain_label)
+        if "[" in label:  # others have the name of their coordinate, see `set_label`
+            self.set_label(label)
+        for widget in (self._text, self._slider):
+            if widget is not None:
+                widget.hint = self._place.hint_in(units)
 
     def set_label(self, label: str) -> None:
         self._label = self._text.label = label

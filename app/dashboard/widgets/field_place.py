@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from app.export.ticks import plain_number
 from app.scenario.field_info import FieldInfo, field_info
 from app.scenario.schema import Scenario
+from app.scenario.units import CARTESIAN, Units, unit_in
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
 
@@ -61,11 +62,15 @@ class FieldPlace:
 
     @property
     def hint(self) -> str:
-        """Meaning, unit and bounds in words."""
+        """Meaning, unit and bounds in words, for an arm of revolute joints in a Cartesian task space."""
+        return self.hint_in(CARTESIAN)
+
+    def hint_in(self, units: Units) -> str:
+        """Meaning, unit and bounds in words, in a task space with these units."""
         info = self.info
         if info is None:
             return self.path
-        unit = "" if info.unit == "1" else info.unit
+        unit = "" if info.unit == "1" else unit_in(units, self.path, info.unit)
         low, high = (None if bound is None else plain_number(bound, None) for bound in (info.least, info.largest))
         if low is None and high is None:
             return f"{info.doc} [{unit}]" if unit else info.doc

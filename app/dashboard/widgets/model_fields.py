@@ -13,6 +13,7 @@ from msgspec import to_builtins
 from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.field_place import FieldPlace
 from app.dashboard.widgets.matrix_text import written
+from app.scenario.units import Units
 from app.session.commands import Blend, Edit
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import stiffness_met
@@ -59,7 +60,7 @@ def alone() -> bool:
 def alike(snapshot: Snapshot, index: int, values: np.ndarray) -> list[int]:
     """Numbers of the coordinates that are linked to one, itself included: those of its kind, length or angle, with the
     same value. index: of the coordinate. values: (n,)."""
-    of = [coordinate.metres_per_radian is None for coordinate in snapshot.coordinates]
+    of = [coordinate.is_angle for coordinate in snapshot.coordinates]
     equal = np.isclose(values, values[index], rtol=1e-9)
     return [j for j in range(len(of)) if of[j] == of[index] and equal[j]]
 
@@ -156,8 +157,8 @@ class OscillatorPlace(FieldPlace):
         del snapshot
         raise ValueError("it follows from several matrices; allowed: an entry of M_m, B_m, K_m or K_f")
 
-    @property
-    def hint(self) -> str:
+    def hint_in(self, units: Units) -> str:
+        del units
         return {
             "omega": "natural frequency: ω² = (K_m + K_f K̂_e) / M_m [rad/s] > 0",
             "zeta": "damping ratio: 2 ζ ω = B_m / M_m > 0; 1 is critical",

@@ -30,7 +30,7 @@ def premises_html(snapshot: Snapshot) -> str:
 def _constants(snapshot: Snapshot) -> str:
     """Note on the constants of (19) and (20) and how they were found, as HTML."""
     constants = snapshot.system.constants
-    unit = snapshot.system.units.M_m
+    unit = snapshot.system.units.of_model["M_m"]
     return (
         f'<div class="vs-note">(19): k_r′ = {constants.k_r_low:.3g} {unit}, k_r″ = {constants.k_r_high:.3g} {unit} for '
         f"every declared arm over Ω, found by search, with a margin of {100 * (MARGIN - 1):.0f} %.</div>"

@@ -29,6 +29,7 @@ from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.session.commands import Perform, Pin
 from app.session.snapshot import Snapshot
+from app.storage.joint_kinds import units_of
 from app.storage.recording_files import Tell
 from app.sweep import charts
 from app.sweep.background import BackgroundSweep
@@ -169,7 +170,8 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         """Unit in which the figure is shown."""
         name, factor = METRICS[self._metric.value]
         unit = COLUMNS[name].unit_in(units)
-        return {1.0: unit, 1e3: f"m{unit}", 100.0: "%"}[factor]
+        thousandth = " and ".join(f"m{each}" for each in unit.split(" and "))
+        return {1.0: unit, 1e3: thousandth, 100.0: "%"}[factor]
 
     def _naming(self, units: Units) -> Naming:
         _, factor = METRICS[self._metric.value]
@@ -195,7 +197,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         if self._files.visible != bool(work.rows):
             self._files.visible = bool(work.rows)
         present = {axis.path: self._fields[axis.path].value(snapshot) for axis in work.question.sweep.vary}
-        return map_html(work, self._points(work), self._naming(work.question.sweep.scenario.units), present)
+        return map_html(work, self._points(work), self._naming(units_of(work.question.sweep.scenario)), present)
 
 
 def badness(row: RunMetrics, metric: str) -> tuple[bool, float]:

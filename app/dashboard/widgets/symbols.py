@@ -55,6 +55,6 @@ def values_html(snapshot: Snapshot) -> str:
     told = {
         symbol.written: value
         for symbol in GLOSSARY
-        if (row or not symbol.signal) and (value := symbol.value(row, snapshot.scenario, snapshot.matrices))
+        if (row or not symbol.signal) and (value := symbol.value(row, snapshot.system, snapshot.matrices))
     }
     return f'<data data-live id="vs-values" value="{escape(msgspec.json.encode(told).decode())}"></data>'

@@ -8,6 +8,7 @@ from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import FieldPlace
+from app.scenario.units import label_in
 from app.session.snapshot import Snapshot
 
 
@@ -37,7 +38,7 @@ class TextField:
     """Wide text field of the scenario, in which a refused text stays, to be corrected."""
 
     def __init__(self, desk: Desk, place: FieldPlace, label: str) -> None:
-        self._desk, self._place = desk, place
+        self._desk, self._place, self._plain_label = desk, place, label
         self._draft: _Draft | None = None
         self._form = desk.gui.add_form(None)
         with self._form:
@@ -63,5 +64,6 @@ class TextField:
             self._form.visible = value is not None
         if self._draft is not None and self._draft.over(snapshot, value):
             self._draft = None
+        self._text.label = label_in(snapshot.system.units, self._place.path, self._plain_label)
         if value is not None and self._draft is None:
             self._text.value = value

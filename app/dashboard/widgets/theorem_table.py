@@ -8,7 +8,6 @@ from html import escape
 import viser
 
 from app.dashboard.widgets.chips import chip
-from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
@@ -98,7 +97,7 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
     rows.append(
         (
             "<i>σ</i><sub>min</sub>(<i>J</i><sub>q</sub>)",
-            f"{number('sigma_min')} {'' if units == JOINT else 'm'}",
+            f"{number('sigma_min')} {units.jacobian.removesuffix('1')}",
             "",
             "smallest singular value; Ω ends where it vanishes",
         )

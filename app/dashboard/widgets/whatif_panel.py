@@ -162,7 +162,7 @@ def _rows(units: Units) -> tuple[_Row, ...]:
         _Row("swing to the other side", lambda f: length(f.motion_overshoot)),
         _Row("largest angle error", lambda f: angle(f.angle_largest)),
         _Row("largest angle error at the end", lambda f: angle(f.angle_error)),
-        _Row("largest torque of a joint", lambda f: f"{_small(f.torque_largest, 1e-3)} N·m"),
+        _Row("largest torque of a joint", lambda f: f"{_small(f.torque_largest, 1e-3)} {units.of_joints('N·m')}"),
         _Row(
             "layer reached after",
             lambda f: _seconds(f.reaching_time),

@@ -1,0 +1,39 @@
+"""Units of quantities of revolute and prismatic joints."""
+
+from __future__ import annotations
+
+import pytest
+
+from app.scenario.units import ANGULAR, CARTESIAN, JOINT, JointKinds, Units, kinds_of, label_in, listed, unit_in
+
+
+def test_revolute_joints_have_the_units_of_angles_and_prismatic_ones_those_of_lengths() -> None:
+    for linear, angular in ANGULAR.items():
+        assert (CARTESIAN.of_r(linear), JOINT.of_r(linear)) == (linear, angular)
+        assert Units("joint", "prismatic").of_r(linear) == linear
+        assert Units("joint", "mixed").of_r(linear) == f"{angular} and {linear}"
+        assert [Units(joints=kinds_of(of)).of_joints(angular) for of in ((False,), (True,))] == [angular, linear]
+    for units in (CARTESIAN, JOINT, Units("cartesian", "mixed")):
+        assert [units.of_joints(unit) for unit in ("s", "1", "")] == ["s", "1", ""]
+    assert Units("cartesian", "mixed").of_joints("kg·m²/rad") == "SI"  # of no single joint
+
+
+@pytest.mark.parametrize(
+    ("joints", "said"), [("revolute", "N·m·s/rad"), ("prismatic", "N·s/m"), ("mixed", "N·m·s/rad and N·s/m")]
+)
+def test_fields_of_the_joints_have_the_units_of_the_joints(joints: JointKinds, said: str) -> None:
+    for section in ("truth", "declared"):
+        assert unit_in(Units("cartesian", joints), f"{section}.viscous", "N·m·s/rad") == said
+    assert label_in(Units("cartesian", joints), "sensor.moment_bias", "bias [N·m]") == "bias [N·m]"
+
+
+def test_a_label_without_a_unit_stays() -> None:
+    assert label_in(Units("joint", "prismatic"), "target_model.K_m", "K_m 1") == "K_m 1"
+    assert label_in(Units("joint", "prismatic"), "declared.coulomb", "Coulomb [N·m]") == "Coulomb [N]"
+    assert label_in(Units("joint", "mixed"), "truth.viscous", "viscous [N·m·s]") == "viscous [N·m·s, N·s]"
+
+
+def test_numbers_of_joints_of_one_kind_have_their_unit_once() -> None:
+    assert listed(["1", "2"], "N·m", (False, False)) == "1, 2 N·m"
+    assert listed(["1", "2"], "N·m", (True, True)) == "1, 2 N"
+    assert listed(["1", "2"], "N·m", (True, False)) == "1 N, 2 N·m"
