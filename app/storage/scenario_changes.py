@@ -24,7 +24,8 @@ class ScenarioChange:
     after: Scenario
 
     def lines(self) -> list[str]:
-        """Lines such as "from t = 0.2 s: contact.K_e = 20000.0": one for each field, with values as in TOML."""
+        """Lines such as "from t = 0.2 s: contact.K_e = 20000.0": one for each field, with values as in TOML, and the
+        instant to the last bit, as the rows have it."""
         if self.before.blend.planned and self.after == after_blend(self.before):
             return [f"from t = {self.t!r} s: {BLENDED}"]
         changed = differences(self.before, self.after)

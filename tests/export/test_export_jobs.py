@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 import re
 import struct
 import subprocess
@@ -415,10 +416,11 @@ def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path
     scenario = loop.system.scenario
     with (tmp_path / "run.npz").open("wb") as file:
         write_npz(table(scenario, loop.recording), file)
+    swapped = loop.recording.epochs[-1].t  # told to the last bit, as the rows have it
     changes = [
         "from t = 0.1 s: truth.payload_mass = 3.0",
         "from t = 0.2 s: contact.K_e = 20000.0",  # 30000 was in force for no row
-        'from t = 0.3 s: controller.law = "computed-torque"',
+        f'from t = {swapped!r} s: controller.law = "computed-torque"',
     ]
     with np.load(tmp_path / "run.npz") as saved:
         assert saved["epochs"] == pytest.approx([0.0, 0.1, 0.2, 0.2, 0.3])
@@ -426,6 +428,7 @@ def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path
         assert saved["changes"].tolist() == changes
     assert told_in_csv(loop.recording, scenario) == (begun, changes)
     assert told_in_csv(loop.recording, scenario, 0.25) == (loop.recording.epochs[3].scenario, changes[2:])
+    np.testing.assert_array_equal(played_again(begun, changes, 0.4).recording.rows(), loop.recording.rows())
     assert read_npz(tmp_path / "run.npz")[0] == scenario
     files = {}
     for name, recording in (("run", loop.recording), ("file", read_npz(tmp_path / "run.npz")[1])):
@@ -434,6 +437,17 @@ def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path
         files[name] = path.read_bytes()
     assert files["file"] == files["run"]
     assert "Changed at t = 0.1, 0.2, 0.3 s" in letters_of(files["file"])
+
+
+def played_again(begun: Scenario, changes: list[str], until: float) -> ClosedLoop:
+    """A run with the changes that a file tells."""
+    loop = ClosedLoop.begin(begun, 3000, memory=kept_memory())
+    for line in changes:
+        t, path, value = re.fullmatch(r"from t = (\S+) s: (\S+) = (.*)", line).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        run_to(loop, float(t))
+        loop.edit(edited(loop.system.scenario, path, json.loads(value)))
+    run_to(loop, until)
+    return loop
 
 
 def told_in_csv(recording: Recording, scenario: Scenario, since: float = 0.0) -> tuple[Scenario, list[str]]:

@@ -117,7 +117,7 @@ def _note(snapshot: Snapshot, window: float, over: Over) -> str:
     if not snapshot.pinned:
         return (
             f"Pin up to {PINS} runs; then change something, and press reset (R): it runs again beside the pinned run, "
-            "which ends where it was pinned. Each has dashes of its own in the plots, a colour of its own in the scene, "
+            "which ends where it was pinned. Each has dashes of its own in the plots, a colour of its own in the scene "
             "and a column in a table here. A fork pins what it leaves, an edit a run that has stopped."
         )
     return f"{_behind(snapshot)}{_over(snapshot, window, over)}"
