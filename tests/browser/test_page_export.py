@@ -32,8 +32,6 @@ def taken(session: PageSession, button: str, folder: Path) -> Path:
 
 def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: PageSession, tmp_path: Path):
     session.wait(lambda now: now.t > 1.0)
-    session.runner.post(Pin())
-    session.wait(lambda now: len(now.pinned) == 1)
     before = session.now
     session.tab("Export")
     session.choose("Figure of", "Overview")  # all plots take their time
@@ -49,13 +47,16 @@ def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: 
     svg = taken(session, "SVG", tmp_path).read_bytes()
     assert "tracking error" in letters_of(svg)
     assert "hybrid mode" in letters_of(svg)
-    assert letters_of(svg).count(before.pinned[0].title) >= 3  # in the legends of errors, force and ‖s‖
     assert float(re.findall(r'height="([0-9.]+)pt"', svg.decode())[0]) == pytest.approx(321.0 / 25.4 * 72.0, rel=1e-4)
     assert session.now.phase == "running"
     assert session.now.t > before.t
     session.runner.post(Pause())
     session.wait(lambda now: now.phase == "paused")
     type_over(height, "")
+    session.runner.post(Pin())
+    session.wait(lambda now: len(now.pinned) == 1)
+    beside = letters_of(taken(session, "SVG", tmp_path).read_bytes())
+    assert beside.count(session.now.pinned[0].title) == 4  # in the legends of errors, force and ‖s‖, and in the caption
     session.choose("Figure of", "all plots")
     with np.load(taken(session, "NPZ", tmp_path)) as saved:
         rows = session.now.recording.signals(("q",), saved["t"][0], saved["t"][-1])
