@@ -10,11 +10,10 @@ import viser
 
 from app.dashboard.panels import PANELS, Panel
 from app.dashboard.panels.robustness import RobustnessPanel
-from app.dashboard.plots.charts import PinnedChart
 from app.dashboard.plots.dock import Plots, Shown
+from app.dashboard.plots.pinned_runs import PinnedChart
 from app.dashboard.scene.tool_drag import Hand
 from app.dashboard.scene.view import SceneView
-from app.dashboard.theme.colors import RUNS
 from app.dashboard.transport.repeated_inputs import RepeatedInputs
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.transport.widget_lock import WidgetLock
@@ -252,10 +251,7 @@ class PageContent:
 
     def _plot(self, snapshot: Snapshot, now: float) -> None:
         whatif, looked_at = self._whatif, self._visible_parts.tabs(self._server.get_clients())
-        pinned = tuple(
-            PinnedChart(p.title, p.recording, p.system.units, p.system.coordinates, color=RUNS[p.place])
-            for p in snapshot.pinned
-        )
+        pinned = tuple(map(PinnedChart.of, snapshot.pinned))
         shown = Shown(snapshot.t, self._viewing.window, pinned, whatif.outlook, whatif.horizon)
         began = time.thread_time()
         self._plots.show(snapshot, shown, looked_at)

@@ -6,10 +6,12 @@ A job describes a file; `ExportJobs.made` starts `app.workers.export` for it and
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import re
 import subprocess
 import tempfile
 import threading
+import unicodedata
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from multiprocessing import Pipe
@@ -27,6 +29,7 @@ from app.storage.recording_files import RecordingTable, Tell
 PATIENCE = 2.0  # s in which the process may end by itself
 LONGEST_NAME, LONGEST_CONTENT = 60, 150  # letters of a part of a file's name
 PLAYBACK_LIMIT = 25e6  # bytes
+_DIGEST = 9  # letters, with a dash, that stand for the rest of a name that is cut
 
 
 class ExportError(RuntimeError):
@@ -98,8 +101,25 @@ def file_name(scenario_name: str, t: float, extension: str, content: str = "") -
 
 
 def plain_name(text: str, longest: int = LONGEST_NAME) -> str:
-    """Part of a file name from a text: letters, digits and dashes only, and not too long."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", text)[:longest].strip("-")
+    """Part of a file name from a text: letters, digits and dashes only, and not too long. Symbols are spelled, as they
+    can be typed: of ψ₁ and τ₁ nothing but dashes would be left."""
+    spelled = "".join(map(_spelled, re.sub(r"(?:‖|\|\|)(.+?)(?:‖|\|\|)", r" norm \1 ", text)))
+    name = re.sub(r"[^A-Za-z0-9_-]+", "-", spelled).strip("-")
+    if len(name) <= longest:
+        return name
+    # what is cut off may be all that tells two names apart
+    return f"{name[: longest - _DIGEST].strip('-')}-{hashlib.sha256(name.encode()).hexdigest()[: _DIGEST - 1]}"
+
+
+def _spelled(letter: str) -> str:
+    """Greek letter in letters, an index with its underscore, another symbol as the letter that it is like (ℓ, ᵀ)."""
+    name = unicodedata.name(letter, "")
+    if greek := re.fullmatch(r"GREEK (SMALL|CAPITAL) LETTER (\w+)", name):
+        word = greek[2].replace("LAMDA", "LAMBDA")  # Unicode's spelling
+        return word.lower() if greek[1] == "SMALL" else word.capitalize()
+    if name.startswith("SUBSCRIPT") and letter.isdigit():
+        return f"_{unicodedata.digit(letter)}"
+    return unicodedata.normalize("NFKC", letter)
 
 
 class ExportJobs:

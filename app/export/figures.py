@@ -25,7 +25,9 @@ class Curve:
     x, y: (N,) in the units of the chart's labels.
     width: of the line, pt; 0 for dots alone.
     listed: whether the curve is in the legend.
-    dotted: whether each point has a dot."""
+    dotted: whether each point has a dot.
+    dashes: widths of the line, of line and gap in turn, in place of those of a dashed curve.
+    repeats: of a curve of another run, the names of the legend's other entries that it belongs to."""
 
     name: str
     color: Rgb
@@ -35,6 +37,8 @@ class Curve:
     width: float = 1.0
     listed: bool = True
     dotted: bool = False
+    dashes: tuple[float, ...] = ()
+    repeats: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,10 @@ UNIT = 0.12  # in, from the left edge to the middle of a unit's upright text
 X_LABEL = 0.16  # in
 ROW = 0.125  # in, of a title, of a row of the legend, of a line of the caption
 HANDLE, APART = 0.2, 0.1  # in, of an entry of the legend: its line, and the space to the next entry
+LONGER = 1.7  # times as long is the line of an entry with dashes of its own, which show then
 SMALL, TITLE = 6.5 / TYPE, 7.5 / TYPE  # factors of the type's size
 BINS = 600  # of a curve, of which each keeps its smallest and its largest value
+DASHED = (4.0, 2.0)  # widths of the line
 FEW = 3  # lines that differ in grey well enough without different dashes
 DASHES: tuple[Any, ...] = (
     "-",
@@ -135,12 +137,16 @@ class Sheet:
         for number, curve in enumerate(chart.curves):
             if not curve.listed:
                 continue
-            wide = self._factor * HANDLE + width_of(curve.name, self._small)
+            wide = self._handle(curve) + width_of(curve.name, self._small)
             if x and x + wide > self._inside:
                 row, x = row + 1, 0.0
             entries.append(_Entry(number, row, x))
             x += wide + self._factor * APART
         return entries
+
+    def _handle(self, curve: Curve) -> float:
+        """Width of a curve's line in the legend, with the space behind it, in."""
+        return self._factor * HANDLE * (LONGER if curve.dashes else 1.0)
 
     def _draw(self, canvas: Canvas, chart: FigureChart, left: float, bottom: float, labelled: bool) -> None:
         wide, high = self._width, self._height
@@ -165,13 +171,14 @@ class Sheet:
         rows = max((entry.row + 1 for entry in entries), default=0)
         for entry in entries:
             x, y = left + entry.x, top + (rows - entry.row - 0.7) * row
-            ends = np.array([x, x + 0.75 * self._factor * HANDLE]) / self._width
+            curve, handle = chart.curves[entry.number], self._handle(chart.curves[entry.number])
+            ends = np.array([x, x + handle - 0.25 * self._factor * HANDLE]) / self._width
             line = np.full(2, y + 0.28 * row) / self._height
             look = looks[entry.number]
             if any(entry.number in (area.upper, area.lower) for area in chart.areas):
                 look = {**look, "linewidth": 0.35 * self._small, "alpha": 0.6, "solid_capstyle": "butt"}
             canvas.add_artist(Line2D(ends, line, transform=canvas.transFigure, **look))
-            write(canvas, x + self._factor * HANDLE, y, chart.curves[entry.number].name, self._small)
+            write(canvas, x + handle, y, curve.name, self._small)
         lines = self._title(chart)
         for number, line in enumerate(lines):
             y = top + (rows + len(lines) - 1 - number + 0.35) * row
@@ -195,21 +202,27 @@ def _labelled(chart: FigureChart, following: FigureChart | None) -> bool:
 
 def looks_of(chart: FigureChart) -> list[dict[str, Any]]:
     """Look of each curve, as keyword arguments of matplotlib. Where many lines are solid on the page, their dashes
-    differ on paper."""
+    differ on paper, unless dashes tell runs apart."""
     inks = inks_of(chart)
     solid = dict.fromkeys(curve.color for curve in chart.curves if curve.width > 0 and not curve.dashed)
-    dashes = dict(zip(solid if len(solid) > FEW and not chart.areas else (), cycle(DASHES), strict=False))
+    alike = len(solid) > FEW and not chart.areas and not any(curve.dashes for curve in chart.curves)
+    dashes = dict(zip(solid if alike else (), cycle(DASHES), strict=False))
     return [
         {
             "color": inks.get(curve.color, "0.5"),
             "linewidth": curve.width,
-            "linestyle": (0, (4.0, 2.0)) if curve.dashed else dashes.get(curve.color, "-"),
+            "linestyle": _pattern(curve) or dashes.get(curve.color, "-"),
             "marker": "o" if curve.dotted else "",
             "markersize": 2.4,
             "markeredgewidth": 0.0,
         }
         for curve in chart.curves
     ]
+
+
+def _pattern(curve: Curve) -> tuple[float, tuple[float, ...]] | None:
+    """Line style of a curve with dashes of its own, None for another one."""
+    return (0.0, curve.dashes or DASHED) if curve.dashes or curve.dashed else None
 
 
 def _stretches(curve: Curve) -> Iterator[tuple[np.ndarray, np.ndarray]]:

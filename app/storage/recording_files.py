@@ -1,4 +1,5 @@
-"""Recordings as files: CSV for any program, NPZ for numpy. Both hold units and the scenario."""
+"""Recordings as files: CSV for any program, NPZ for numpy. Both hold units and the scenario, and where it was changed
+during the run, which one held from when."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,6 +26,7 @@ from app.simulation.recording import Epoch, Recording
 from app.simulation.signals import SIGNALS, columns_of
 from app.storage.epoch_bytes import from_bytes, to_bytes
 from app.storage.joint_kinds import slides_of
+from app.storage.scenario_changes import ScenarioChange, changes_of
 
 LINES = 512  # of a CSV, between two looks at how far it has got
 LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 14 min at 1 kHz with six joints; the page keeps ten in full
@@ -50,6 +53,7 @@ class TooLarge(ValueError):
 @dataclass(frozen=True)
 class RecordingTable:
     """A stretch of a recording of an arm with n joints.
+    scenario: of its last row.
     units: in its task space; slides: whether each joint is prismatic.
     pieces: its `length` rows, oldest first, as `Recording.pieces` gives them.
     seconds: its duration.
@@ -64,19 +68,33 @@ class RecordingTable:
     pieces: Iterable[np.ndarray]
     epochs: tuple[Epoch, ...] = ()
 
+    @cached_property
+    def changes(self) -> tuple[ScenarioChange, ...]:
+        """Changes of the scenario between the rows, none where they are not known."""
+        return changes_of(self.epochs)
+
+    @property
+    def first_scenario(self) -> Scenario:
+        """Scenario of the first row."""
+        return self.changes[0].before if self.changes else self.scenario
+
 
 def table(
     scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf
 ) -> RecordingTable:
-    """Table of the rows of this stretch of time, s, without copying them."""
+    """Table of the rows of this stretch of time, s, without copying them.
+
+    scenario: of the last row, as far as the recording itself does not tell it: a run can have been edited since.
+    """
     pieces = recording.pieces(t_from, t_to)
     seconds = float(pieces[-1][-1, 0] - pieces[0][0, 0]) if pieces else 0.0
     epochs = _epochs_of(recording, float(pieces[0][0, 0]), float(pieces[-1][-1, 0])) if pieces else ()
-    length, slides = sum(len(piece) for piece in pieces), slides_of(scenario)
+    ran = epochs[-1].scenario if epochs else scenario
+    length, slides = sum(len(piece) for piece in pieces), slides_of(ran)
     if len(slides) != recording.n:  # the arm's URDF is gone, or another one has taken its place
         slides = recording.n * (False,)
-    units = Units(scenario.task_space.kind, kinds_of(slides))
-    return RecordingTable(scenario, recording.n, length, seconds, units, slides, pieces, epochs)
+    units = Units(ran.task_space.kind, kinds_of(slides))
+    return RecordingTable(ran, recording.n, length, seconds, units, slides, pieces, epochs)
 
 
 def _epochs_of(recording: Recording, first: float, last: float) -> tuple[Epoch, ...]:
@@ -91,11 +109,13 @@ def _silent(share: float) -> None:
 
 
 def write_csv(data: RecordingTable, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent) -> None:
-    """Write a recording as CSV: the scenario as comment lines, a line of names with units, a line per row.
+    """Write a recording as CSV: the scenario as comment lines, a line of names with units, a line per row. Where the
+    scenario was changed on the way, the comment lines hold that of the first row, and the changes as TOML's comments.
 
     Numbers read back to the very same bits. Raises TooLarge when the file would have more than `limit` bytes.
     """
-    file.write("".join(f"# {line}\n" for line in to_toml(data.scenario).rstrip("\n").split("\n")).encode())
+    scenario = to_toml(data.first_scenario).rstrip("\n").split("\n")
+    file.write("".join(f"# {line}\n" for line in (*_told_before(data), *scenario)).encode())
     file.write((",".join(csv_header(data)) + "\n").encode())
     begin, done = file.tell(), 0
     for piece in data.pieces:
@@ -106,6 +126,18 @@ def write_csv(data: RecordingTable, file: BinaryIO, limit: float = math.inf, tel
             done += len(rows)
             _keep_to(limit, begin + (file.tell() - begin) * data.length / done, data.seconds)
             tell(done / data.length)
+
+
+def _told_before(data: RecordingTable) -> list[str]:
+    """Lines on the changes of the scenario, which TOML takes as comments; none where there was no change."""
+    if not data.changes:
+        return []
+    return [
+        "# The scenario was changed during this run. The one below is that of the first row; of the others:",
+        *(f"# {line}" for change in data.changes for line in change.lines()),
+        "# To play such a run again: docs/export.md.",
+        "",
+    ]
 
 
 def csv_header(data: RecordingTable) -> list[str]:
@@ -124,7 +156,8 @@ def write_npz(
 ) -> None:
     """Write a recording as NPZ: named signals, (N,) or (N, width), with `units`, `docs` and `scenario` (TOML, of
     the last row) beside them; and, where they are known, `epochs` (k,), the instants (s) from which on the run had
-    other conditions, and `conditions`, which `epoch_bytes` reads.
+    other conditions, and `conditions`, which `epoch_bytes` reads. Where the scenario was changed on the way, there are
+    also `first_scenario` (TOML, of the first row) and `changes`, lines of text.
 
     Needs memory for one signal, beside that of the pieces. level: of compression, 0 to 9. Raises TooLarge as
     `write_csv` does.
@@ -140,6 +173,9 @@ def write_npz(
     if data.epochs:
         about["epochs"] = np.array([epoch.t for epoch in data.epochs])
         about["conditions"] = np.frombuffer(to_bytes(data.epochs), dtype=np.uint8)
+    if data.changes:
+        about["first_scenario"] = np.array(to_toml(data.first_scenario))
+        about["changes"] = np.array([line for change in data.changes for line in change.lines()])
     # level 6 takes three times as long for 1 % less
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=level) as archive:
         for name, values in about.items():

@@ -130,12 +130,24 @@ const written = (at) => {
   while (digits < 8 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6 * step * 10 ** digits) digits++;
   return at.map((v) => `${+v.toFixed(digits)}`);
 };
+// In the legend a pinned run has a piece of its line, and hides all its lines, which come behind the one that is listed.
+const ofRun = (series) => /vs-run/.test(series?.class ?? ""), unlisted = (series) => /vs-unlisted/.test(series?.class ?? "");
+const piece = (marker, dash) => {
+  let at = 0;
+  const parts = dash.map((length, i) => `${i % 2 ? "transparent" : marker.style.borderColor} ${at}px ${(at += length)}px`);
+  marker.style.backgroundImage = `repeating-linear-gradient(90deg, ${parts.join(", ")})`;
+};
+const together = (plot) => queueMicrotask(() => plot.series.forEach((first, i) => {
+  for (let k = i + 1; ofRun(first) && unlisted(plot.series[k]); k++)
+    if (plot.series[k].show !== first.show) plot.setSeries(k, { show: first.show });
+}));
 const listed = new WeakSet();
 const enlist = (entry) => {
   const { chart } = entry;
   if (listed.has(chart)) return entry;
   listed.add(chart);
   (chart.hooks.draw ??= []).push(dim, follow);
+  (chart.hooks.setSeries ??= []).push(together);
   for (const series of chart.series) series.gaps = gaps;
   ranged(chart.scales.y);
   chart.axes[0].space = () => 40; // px: three numbers in a narrow dock, too
@@ -165,9 +177,11 @@ setInterval(() => {
     if (stands(chart) && (!chart.axes[0]._splits || crowded(chart))) chart.setSize({ width: chart.width, height: chart.height });
     follow(chart);
     const markers = chart.root.querySelectorAll(".u-legend .u-marker");
-    chart.series.forEach(({ dash, width, fill }, i) => {
-      markers[i]?.toggleAttribute("data-dashed", !!dash); // as its line
+    chart.series.forEach((series, i) => {
+      const { dash, width, fill } = series;
+      markers[i]?.toggleAttribute("data-dashed", !!dash && !ofRun(series)); // as its line
       markers[i]?.toggleAttribute("data-shading", !!fill && !width);
+      if (markers[i] && ofRun(series)) piece(markers[i], dash);
     });
   }
 }, 400);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -13,8 +14,9 @@ from playwright.sync_api import Browser, Page, expect
 
 from app.dashboard.page import Dashboard
 from app.dashboard.plots.charts import ChartLine, Drawing, Setup
+from app.dashboard.plots.pinned_runs import RunLook, lines_of_run
 from app.dashboard.plots.plot_table import TABS
-from app.dashboard.theme.colors import RUNS, css
+from app.dashboard.theme.colors import RUN_DASHES, RUNS, css
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause
 from app.session.runner import Runner
@@ -206,7 +208,8 @@ def drawings() -> Iterator[tuple[str, Drawing]]:
 def alike(one: ChartLine, other: ChartLine) -> bool:
     """Whether only colour tells two lines apart."""
     thin, wide = sorted((one.width, other.width))  # without width it is a filled area
-    return (one.dashed, one.backdrop) == (other.dashed, other.backdrop) and wide <= WIDER * thin
+    look = one.dashed, one.dashes, one.backdrop
+    return look == (other.dashed, other.dashes, other.backdrop) and wide <= WIDER * thin
 
 
 def test_lines_stay_apart_for_the_colour_blind_in_both_themes(browser: Browser):
@@ -220,10 +223,13 @@ def test_lines_stay_apart_for_the_colour_blind_in_both_themes(browser: Browser):
         return shown.filter(sight) if sight else shown
 
     near = []
-    pinned = Drawing("pinned runs", [ChartLine(f"run {i}", color, lambda _: None) for i, color in enumerate(RUNS)])  # pyright: ignore[reportArgumentType]
+    runs = [RunLook(f"run {i}", color, dashes) for i, (color, dashes) in enumerate(zip(RUNS, RUN_DASHES, strict=True))]
+    pinned = Drawing("pinned runs", [ChartLine(run.name, run.color, lambda _: None) for run in runs])  # pyright: ignore[reportArgumentType]
     for title, drawing in (*drawings(), ("Pinned", pinned)):
         listed = [line for line in drawing.lines if line.listed]
-        for one, other in combinations(listed, 2):
+        behind = [replace(line, name=" ".join(line.repeats)) for run in runs for line in lines_of_run(listed, run)]
+        drawn = [line for line in behind if not (line.listed and len(line.repeats) > 1)]  # without the legend's entries
+        for one, other in combinations([*listed, *drawn], 2):
             if not alike(one, other):
                 continue
             for theme in ("dark", "light"):

@@ -13,7 +13,7 @@ from playwright.sync_api import Page, expect
 
 from app.dashboard.page import Dashboard
 from app.scenario.data import edited, from_toml, shipped, to_toml
-from app.session.commands import Pause
+from app.session.commands import Pause, Pin
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from drivers.pages import PATIENCE, VIEWPORT, PageSession, type_over
@@ -53,6 +53,10 @@ def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: 
     session.runner.post(Pause())
     session.wait(lambda now: now.phase == "paused")
     type_over(height, "")
+    session.runner.post(Pin())
+    session.wait(lambda now: len(now.pinned) == 1)
+    beside = letters_of(taken(session, "SVG", tmp_path).read_bytes())
+    assert beside.count(session.now.pinned[0].title) == 4  # in the legends of errors, force and ‖s‖, and in the caption
     session.choose("Figure of", "all plots")
     with np.load(taken(session, "NPZ", tmp_path)) as saved:
         rows = session.now.recording.signals(("q",), saved["t"][0], saved["t"][-1])

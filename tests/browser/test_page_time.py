@@ -1,11 +1,13 @@
 """Looking back, forking and pinning, as a person would."""
 
+import re
+
 import numpy as np
 import pytest
 from playwright.sync_api import expect
 
 from app.session.commands import Edit
-from drivers.pages import PATIENCE, PageSession
+from drivers.pages import PATIENCE, SHOWN, PageSession
 
 
 def press(session: PageSession, button: str) -> None:
@@ -89,7 +91,15 @@ def test_runs_are_pinned_compared_and_forgotten(session: PageSession):
     table.get_by_role("columnheader", name=f"run {number}", exact=True).wait_for()
     session.enter(f"run {number}", "<b>soft</b>")
     table.get_by_role("columnheader", name="<b>soft</b>", exact=True).wait_for()
-    session.page.locator(".u-series", has_text="<b>soft</b>").first.wait_for()
+    entry = session.page.locator(".u-series", has_text="<b>soft</b>").first
+    expect(entry.locator(".u-marker")).to_have_attribute("style", re.compile("repeating-linear-gradient"))
+    shown = f"{SHOWN}[0].series.filter((line) => line.dash?.length === 2 && line.dash[0] === 2 && line.show).length"
+    lines = session.page.evaluate(shown)
+    assert lines > 4  # the entry, and the coordinates that are solid in the present run
+    entry.locator("th").click()
+    session.page.wait_for_function(f"{shown} === 0")
+    entry.locator("th").click()
+    session.page.wait_for_function(f"{shown} === {lines}")
     session.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     session.page.get_by_role("button", name="Copy the table").click()
     session.page.get_by_text("Copied", exact=True).wait_for()

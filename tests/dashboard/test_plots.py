@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pinocchio as pin
@@ -15,17 +17,20 @@ from app.analysis.spectrum import amplitude_spectrum, variation_rate
 from app.analysis.steady_force import steady_force_error
 from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.chart_frames import Frame
-from app.dashboard.plots.charts import BUCKETS, ChartLine, PinnedChart, Setup
-from app.dashboard.plots.dock import _laid
+from app.dashboard.plots.chart_widget import MOST_SERIES
+from app.dashboard.plots.charts import BUCKETS, ChartLine, Setup
 from app.dashboard.plots.law_drawings import needed_stack, torque_stack
 from app.dashboard.plots.line_values import column
-from app.dashboard.plots.paper_figures import figure_of, plots_of
+from app.dashboard.plots.paper_figures import figure_of, plots_of, with_series
+from app.dashboard.plots.pinned_runs import PinnedChart, compared_lines, laid_on, lines_of_run
 from app.dashboard.plots.plot_table import TABS
 from app.scenario.data import edited, load, shipped
 from app.scenario.schema import Scenario
 from app.session.arm_band import Band
 from app.session.snapshot import snapshot_of
+from app.session.timeline import Pinned
 from app.simulation.closed_loop import ClosedLoop
+from app.storage.session_index import PINS
 from controllers.reaching import lyapunov_bound
 
 
@@ -305,12 +310,14 @@ def test_every_plot_has_finite_lines_of_one_length(name: str):
         assert any(drawing is not None for drawing in drawings)
         for drawing in filter(None, drawings):
             x, *lines = frame.courses(drawing.lines)
-            assert len(lines) == len(drawing.lines) + 2 * sum(line.compared for line in drawing.lines)
+            assert len(lines) == len(drawing.lines) + 2 * len(compared_lines(drawing.lines))
             assert all(len(line) == len(x) for line in lines), drawing.title
             pinned, drawn = lines[: -len(drawing.lines)], lines[-len(drawing.lines) :]
             assert all(np.isfinite(line).all() for line in drawn), drawing.title
             first, second = pinned[: len(pinned) // 2], pinned[len(pinned) // 2 :]
-            assert all(np.isfinite(line).any() for line in first), drawing.title  # with gaps beyond its end
+            entry = len(first) > 1  # in the legend alone
+            assert all(np.isfinite(line).any() for line in first[entry:]), drawing.title  # with gaps beyond its end
+            assert not entry or np.isnan(first[0]).all()
             assert all(np.isnan(line).all() for line in second), drawing.title  # that one is not pinned
             assert np.all(np.diff(x) >= 0)
             assert (x[0] >= -0.5, x[-1]) == (True, 0.0)
@@ -386,9 +393,7 @@ def test_bounds_are_drawn_only_where_something_is_promised() -> None:
 
 def test_of_a_pinned_run_in_other_coordinates_only_what_is_alike_is_drawn(hybrid: ClosedLoop) -> None:
     def laid(name: str) -> Mapping[str, np.ndarray]:
-        loop = ran(shipped()[name], 0.05)
-        pinned = PinnedChart("", loop.recording, loop.system.units, loop.system.coordinates)
-        signals = _laid(pinned, 0.0, 0.05, snapshot_of(hybrid))
+        signals = laid_on(PinnedChart.of(pinned_of(ran(shipped()[name], 0.05))), 0.0, 0.05, snapshot_of(hybrid))
         assert signals is not None
         return signals
 
@@ -399,6 +404,76 @@ def test_of_a_pinned_run_in_other_coordinates_only_what_is_alike_is_drawn(hybrid
         assert np.isfinite(elsewhere[name]).all() == known, name
     for name, known in (("e_r", False), ("s_norm", False), ("d", False), ("tau", True), ("t", True)):
         assert np.isfinite(joints[name]).all() == known, name
+
+
+def pinned_of(loop: ClosedLoop, place: int = 0, name: str = "") -> Pinned:
+    return Pinned(place + 1, loop.system, loop.recording, loop.t, name, place)
+
+
+def test_of_a_pinned_runs_line_both_coordinate_and_run_can_be_read(hybrid: ClosedLoop) -> None:
+    """The coordinate by its colour, the run by its dashes, which no other run and no line of the shown run has."""
+    runs = [PinnedChart.of(pinned_of(hybrid, place)).look for place in range(PINS)]
+    for plot in (plot for tab in TABS.values() for plot in tab.plots):
+        drawing = plot.draw(setup_of(hybrid))
+        compared = compared_lines(drawing.lines) if drawing else []
+        if drawing is None or not compared:
+            continue
+        patterns = [{line.series().get("dash") for line in drawing.lines}]
+        for run in runs:
+            lines = lines_of_run(drawing.lines, run)
+            assert [line.name for line in lines if line.listed] == [run.name]
+            if len(compared) == 1:
+                assert lines[0].color == run.color
+            else:
+                assert [line.color for line in lines[1:]] == [line.color for line in compared[1:]]
+                looks = [(line.color, line.dashes) for line in lines[1:]]
+                assert len(set(looks)) == len(looks)
+            patterns.append({line.dashes for line in lines})
+        assert not any(one & other for one, other in combinations(patterns, 2)), plot.name
+        bands = sum(len(line.band) for line in drawing.lines)
+        assert 1 + len(runs) * len(compared) + len(drawing.lines) + bands <= MOST_SERIES
+
+
+def test_a_figure_draws_pinned_runs_as_the_page_does(hybrid: ClosedLoop) -> None:
+    """With their names, and of a longer run what lies within the figure's time."""
+    soft = ran(edited(shipped()["ur5-hybrid"], "target_model.K_m", [0.0, *[500.0] * 5]), 0.6)
+    elsewhere = ran(shipped()["planar2r-semicircle"], 0.1)
+    runs = (pinned_of(soft, 0, "soft"), pinned_of(hybrid, 1), pinned_of(elsewhere, 2))
+    pinned, snapshot, setup = tuple(map(PinnedChart.of, runs)), snapshot_of(hybrid), setup_of(hybrid)
+    plots = plots_of(["tracking error", "bound of s", "torques"])
+    figure = figure_of(plots, snapshot, setup, 0.2, 0.8, pinned)
+    errors, sliding, torques = figure.charts
+    assert [curve.name for curve in errors.curves if curve.listed][:3] == ["soft", "run 2", setup_name(setup)]
+    _, *of_soft = [curve for curve in errors.curves if "soft" in (curve.name, *curve.repeats)]
+    rows = soft.recording.stretch(0.2, 0.8)
+    for i, curve in enumerate(of_soft):
+        np.testing.assert_array_equal(curve.x, rows["t"])
+        np.testing.assert_array_equal(curve.y, 1e3 * rows["e_r"][:, i])
+        own = next(c for c in errors.curves if c.listed and c.name == curve.repeats[0])
+        assert (curve.color, curve.dashes != own.dashes) == (own.color, True)
+    norms = {curve.name: curve for curve in sliding.curves}
+    assert sliding.logarithmic
+    assert list(norms) == ["soft", "run 2", "bound (20) + band", "‖s‖"]
+    np.testing.assert_array_equal(norms["soft"].y, np.maximum(1e3 * rows["s_norm"], 1e-2))
+    np.testing.assert_array_equal(norms["run 2"].y, norms["‖s‖"].y)
+    assert not any(curve.dashes for curve in torques.curves)  # which the page does not compare, either
+    assert re.search(r" soft: [^.:]*: 0, 500, 500, 500, 500, 500 N/m\. ", figure.caption)
+    assert "run 2: the same scenario. " in figure.caption
+    assert "run 3" not in figure.caption
+    chosen = with_series(figure, [setup_name(setup)])
+    assert [curve.repeats[:1] for curve in chosen.charts[0].curves if curve.dashes and not curve.listed] == [
+        (setup_name(setup),)
+    ] * 2
+    alone = figure_of(plots, snapshot, setup, 0.2, 0.8)
+    for chart, other in zip(figure.charts, alone.charts, strict=True):
+        assert [c.name for c in chart.curves if not c.dashes] == [c.name for c in other.curves]
+
+
+def setup_name(setup: Setup) -> str:
+    """Name of the first coordinate's line."""
+    drawing = plots_of(["tracking error"])[0].draw(setup)
+    assert drawing is not None
+    return drawing.lines[0].name
 
 
 def test_a_preview_goes_on_where_every_line_knows_what_lies_ahead(hybrid: ClosedLoop):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 import re
 import struct
 import subprocess
@@ -37,12 +38,13 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT
 from app.session import headless_run
+from app.session.changes import blending_to
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import BLOCK, Recording
 from app.storage.constants_store import kept_memory
-from app.storage.recording_files import TooLarge, read_npz, table, write_csv, write_npz
+from app.storage.recording_files import RecordingTable, TooLarge, read_npz, table, write_csv, write_npz
 from tests.support.svg import letters_of
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -332,6 +334,11 @@ def test_file_names_are_tame() -> None:
     assert file_name("../../etc/<pass wd>\n", 0.0, "csv") == "vsmrc-etc-pass-wd-0.00s.csv"
     assert file_name("Ä", 0.0, "csv") == "vsmrc-run-0.00s.csv"
     assert len(file_name("x" * 500, 1.0, "npz")) < 80
+    lines = ("α", "β", "ψ₁", "ψ₂", "τ₁", "ℓ·α", "‖residual‖", "residual", "x" * 200, "x" * 199 + "y")
+    names = [file_name("ur5-hybrid", 2.0, "svg", line) for line in lines]
+    assert len({name.casefold() for name in names}) == len(lines)
+    assert names[2] == file_name("ur5-hybrid", 2.0, "svg", "psi_1") == "vsmrc-ur5-hybrid-psi_1-2.00s.svg"
+    assert file_name("ur5-hybrid", 2.0, "svg", "||s||") == "vsmrc-ur5-hybrid-norm-s-2.00s.svg"
 
 
 def test_uploads_that_are_no_scenario_are_refused() -> None:
@@ -368,7 +375,10 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
     for name in ("vsmrc-ur5-hybrid-Overview-Sliding-0.50s.svg", "vsmrc-ur5-hybrid-0.50s.csv"):
         assert (again / name).read_bytes() == (first / name).read_bytes()
     for arguments, said in (
-        ((saved, "--start", "3", "--out", str(again)), "nothing recorded from 3 s to the end; allowed: within 0 to 0.499 s"),
+        (
+            (saved, "--start", "3", "--out", str(again)),
+            "nothing recorded from 3 s to the end; allowed: within 0 to 0.499 s",
+        ),
         ((saved, "--plots", "Overveiw", "--out", str(again)), "did you mean Overview?"),
         ((saved, "--to", "sgv", "--out", str(again)), "--to 'sgv'; allowed: svg, pdf, png, csv, npz, html, toml; did"),
         ((saved, "--width", "wide", "--out", str(again)), "--width 'wide'; allowed: a length such as 85mm"),
@@ -398,7 +408,8 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
 
 def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path: Path) -> None:
     """Bounds, V, perturbation and marks are those of each stretch's own conditions."""
-    loop = ClosedLoop.begin(edited(load("ur5-hybrid"), "truth.payload_mass", 1.0), 3000, memory=kept_memory())
+    begun = edited(load("ur5-hybrid"), "truth.payload_mass", 1.0)
+    loop = ClosedLoop.begin(begun, 3000, memory=kept_memory())
     for instant, path, value in (
         (0.1, "truth.payload_mass", 3.0),
         (0.2, "contact.K_e", 3e4),
@@ -411,8 +422,19 @@ def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path
     scenario = loop.system.scenario
     with (tmp_path / "run.npz").open("wb") as file:
         write_npz(table(scenario, loop.recording), file)
+    swapped = loop.recording.epochs[-1].t  # told to the last bit, as the rows have it
+    changes = [
+        "from t = 0.1 s: truth.payload_mass = 3.0",
+        "from t = 0.2 s: contact.K_e = 20000.0",  # 30000 was in force for no row
+        f'from t = {swapped!r} s: controller.law = "computed-torque"',
+    ]
     with np.load(tmp_path / "run.npz") as saved:
         assert saved["epochs"] == pytest.approx([0.0, 0.1, 0.2, 0.2, 0.3])
+        assert from_toml(str(saved["first_scenario"])) == begun
+        assert saved["changes"].tolist() == changes
+    assert told_in_csv(loop.recording, scenario) == (begun, changes)
+    assert told_in_csv(loop.recording, scenario, 0.25) == (loop.recording.epochs[3].scenario, changes[2:])
+    np.testing.assert_array_equal(played_again(begun, changes, 0.4).recording.rows(), loop.recording.rows())
     assert read_npz(tmp_path / "run.npz")[0] == scenario
     files = {}
     for name, recording in (("run", loop.recording), ("file", read_npz(tmp_path / "run.npz")[1])):
@@ -421,6 +443,50 @@ def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path
         files[name] = path.read_bytes()
     assert files["file"] == files["run"]
     assert "Changed at t = 0.1, 0.2, 0.3 s" in letters_of(files["file"])
+
+
+def played_again(begun: Scenario, changes: list[str], until: float) -> ClosedLoop:
+    """A run with the changes that a file tells."""
+    loop = ClosedLoop.begin(begun, 3000, memory=kept_memory())
+    for line in changes:
+        t, path, value = re.fullmatch(r"from t = (\S+) s: (\S+) = (.*)", line).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        run_to(loop, float(t))
+        loop.edit(edited(loop.system.scenario, path, json.loads(value)))
+    run_to(loop, until)
+    return loop
+
+
+def told_in_csv(recording: Recording, scenario: Scenario, since: float = 0.0) -> tuple[Scenario, list[str]]:
+    """Scenario in the comment lines of a CSV, and what they tell of its changes."""
+    file = io.BytesIO()
+    write_csv(table(scenario, recording, since), file)
+    comments = [line[2:] for line in file.getvalue().decode().splitlines() if line.startswith("# ")]
+    told = [line.removeprefix("# ") for line in comments if line.startswith("# from")]
+    return from_toml("\n".join(comments)), told
+
+
+def test_a_scenario_that_held_for_no_row_is_not_that_of_a_file() -> None:
+    """An edit of a paused run; and of a run in which nothing was changed the file is the same as before there was a
+    list of changes."""
+    loop = ClosedLoop.begin(load("ur5-hybrid"), 100, memory=kept_memory())
+    run_to(loop, 0.02)
+    whole, held = io.BytesIO(), loop.system.scenario
+    write_csv(RecordingTable(held, 6, 20, 0.02, loop.recording.pieces()), whole)
+    loop.edit(edited(held, "contact.K_e", 2e4))
+    again = io.BytesIO()
+    write_csv(table(loop.system.scenario, loop.recording), again)
+    assert again.getvalue() == whole.getvalue()
+
+
+def test_the_end_of_a_planned_blend_is_told() -> None:
+    planned = blending_to(
+        load("ur5-hybrid"), edited(load("ur5-hybrid"), "target_model.K_m", [0.0, *[900.0] * 5]), 0.02, 0.02
+    )
+    loop = ClosedLoop.begin(planned, 100, memory=kept_memory())
+    run_to(loop, 0.06)
+    first, changes = told_in_csv(loop.recording, loop.system.scenario)
+    assert first == planned
+    assert changes == ["from t = 0.04 s: the planned blend has ended, its model is the target model from here on"]
 
 
 def run_to(loop: ClosedLoop, t: float) -> None:

@@ -12,6 +12,7 @@ from PIL import Image
 
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.paper_figures import BESIDE_PLAYBACK, figure_of, plots_of, with_series
+from app.dashboard.plots.pinned_runs import PinnedChart
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.controls import Desk
@@ -74,7 +75,7 @@ class ExportPanel:
             "Figure",
             ("SVG", "PDF", "PNG"),
             self._on_figure,
-            "Plots and scenario on white, as shown now, without pinned runs.",
+            "Plots and scenario on white, as shown now, with the pinned runs.",
         )
         self._part = gui.add_dropdown("Part of the run", (SHOWN, WHOLE), hint="For the data and the 3-D playback.")
         self._buttons("Data", ("CSV", "NPZ"), self._on_data, "Every signal, every control period, in SI units.")
@@ -118,7 +119,8 @@ class ExportPanel:
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
-            figure = figure_of(plots, snapshot, setup, snapshot.t - viewing.window, snapshot.t)
+            pinned = tuple(map(PinnedChart.of, snapshot.pinned))
+            figure = figure_of(plots, snapshot, setup, snapshot.t - viewing.window, snapshot.t, pinned)
             return self._desk.export_jobs.made(FigureJob(with_series(figure, lines), form, options), tell)
 
         self._give(event, "Figure", form, make)

@@ -14,8 +14,7 @@ from app.dashboard.theme.colors import RUNS, css
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.field_words import field_in_words
-from app.scenario.data import differences
+from app.dashboard.widgets.field_words import differences_in_words
 from app.session.commands import Load, Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
 from app.session.timeline import Pinned
@@ -24,7 +23,6 @@ from app.storage.session_index import PINS
 Over = Literal["own", "same"]
 OVER: dict[str, Over] = {"each run's own last seconds": "own", "the same instants": "same"}
 _EVERY = 1.0  # s, between two updates of the metrics
-_TOLD = 4  # differences of a pinned run's scenario that are shown at most
 
 
 class RunsPanel:
@@ -119,8 +117,8 @@ def _note(snapshot: Snapshot, window: float, over: Over) -> str:
     if not snapshot.pinned:
         return (
             f"Pin up to {PINS} runs; then change something, and press reset (R): it runs again beside the pinned run, "
-            "which ends where it was pinned. Each has a colour of its own in the plots and the scene, and a column in "
-            "a table here. A fork pins what it leaves, an edit a run that has stopped."
+            "which ends where it was pinned. Each has dashes of its own in the plots, a colour of its own in the scene "
+            "and a column in a table here. A fork pins what it leaves, an edit a run that has stopped."
         )
     return f"{_behind(snapshot)}{_over(snapshot, window, over)}"
 
@@ -190,9 +188,6 @@ def _against(value: float | None, now: float | None) -> str:
 
 def _told(pinned: Pinned, snapshot: Snapshot) -> str:
     """Differences of the pinned run's scenario from the running one, as HTML."""
-    different = differences(snapshot.scenario, pinned.scenario)
-    parts = [field_in_words(path, theirs, pinned.system.units) for path, (_, theirs) in list(different.items())[:_TOLD]]
-    if len(different) > _TOLD:
-        parts.append(f"{len(different) - _TOLD} more")
-    what = "; ".join(parts) or "as now"
+    different = differences_in_words(snapshot.scenario, pinned.scenario, pinned.system.units)
+    what = different or "as now"
     return f'<div class="vs-note"><b>{escape(pinned.title)}</b> up to {pinned.t:.2f} s: {escape(what)}</div>'

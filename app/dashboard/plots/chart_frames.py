@@ -10,6 +10,7 @@ import numpy as np
 
 from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.charts import ChartLine, Signals
+from app.dashboard.plots.pinned_runs import compared_lines
 from app.session.arm_band import Band
 
 
@@ -93,8 +94,8 @@ class Frame:
         return before.continued(self.grid, self.recent.since, self.recent.rows, lines)
 
     def courses(self, lines: Sequence[ChartLine], course: DecimatedLines | None = None) -> tuple[np.ndarray, ...]:
-        """Data of a chart: x (N,) s from now, then values (N,) of each compared line of each pinned run, then of each
-        line, without gaps. course: of the lines up to now, None to compute it.
+        """Data of a chart: x (N,) s from now, then values (N,) of each of `compared_lines` of each pinned run, then of
+        each line, without gaps. course: of the lines up to now, None to compute it.
 
         The preview is included if every line has values ahead. Where a pinned run has no values, its line is nan.
         """
@@ -108,7 +109,7 @@ class Frame:
                 x.append(self.ahead)
                 columns.append(_bridged(future))
         shown = np.concatenate(columns)
-        compared = [line for line in lines if line.compared]
+        compared = compared_lines(lines)
         behind = [self._behind(pinned, compared, len(shown), begins) for pinned in self.pinned]
         return np.concatenate(x), *(column for block in (*behind, shown) for column in block.T)
 

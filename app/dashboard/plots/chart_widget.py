@@ -15,15 +15,16 @@ from app.dashboard.plots.charts import (
     MEDIAN,
     ChartLine,
     Drawing,
-    Label,
     Plot,
     Setup,
 )
+from app.dashboard.plots.pinned_runs import RunLook, lines_of_run
 from app.dashboard.theme.colors import css
 from app.dashboard.transport.plot_feed import PlotFeed
 
 _NOTHING = np.array([0.01, 0.02])  # x of a chart without lines; positive, as an axis may be logarithmic
-# Series of every chart: those of three pinned runs and the shown one with seven coordinates each, and backdrops. The
+# Series of every chart: those of three pinned runs and the shown one with seven coordinates each, a legend's entry of
+# each pinned run, and the edges of bands. The
 # number is fixed, since a page receives series and data in two messages, in either order, may draw between them, and
 # fails at a series without an array.
 MOST_SERIES = 48
@@ -59,7 +60,7 @@ class ChartWidget:
         """Set the height in pixels, without title and legend."""
         self._handle.height = pixels
 
-    def draw(self, setup: Setup, pinned: Sequence[Label], frame: Frame, *, whole: bool) -> None:
+    def draw(self, setup: Setup, pinned: Sequence[RunLook], frame: Frame, *, whole: bool) -> None:
         """Draw the data of a refresh. whole: send all points, since a page may have none of them yet."""
         self._follow(setup, pinned)
         drawing = self._drawing
@@ -80,26 +81,26 @@ class ChartWidget:
             raised = [np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)]
             self._feed.send(frame.now, x, raised)
 
-    def clear(self, setup: Setup, pinned: Sequence[Label]) -> None:
+    def clear(self, setup: Setup, pinned: Sequence[RunLook]) -> None:
         """Remove the lines; the legend is that of the lines to come."""
         self._follow(setup, pinned)
         self._feed.clear(_NOTHING)
         self._course = None
 
-    def _follow(self, setup: Setup, pinned: Sequence[Label]) -> None:
+    def _follow(self, setup: Setup, pinned: Sequence[RunLook]) -> None:
         if self._adapted != (setup, tuple(pinned)):
             self._adapted = (setup, tuple(pinned))
             self._adapt(self._plot.draw(setup), pinned)
 
-    def _adapt(self, drawing: Drawing | None, pinned: Sequence[Label]) -> None:
+    def _adapt(self, drawing: Drawing | None, pinned: Sequence[RunLook]) -> None:
         self._drawing, self._course = drawing, None
-        self._legend_rows = 0 if drawing is None else drawing.legend_rows(pinned)
+        self._legend_rows = 0 if drawing is None else drawing.legend_rows([run.name for run in pinned])
         if self._handle.visible != (drawing is not None):
             self._handle.visible = drawing is not None
         if drawing is None:
             return
-        compared = [line for line in drawing.lines if line.compared and not self._plot.spectral]
-        behind = [_of_pinned(line, label, listed=line is compared[0]) for label in pinned for line in compared]
+        runs = () if self._plot.spectral else pinned
+        behind = [line.series() for run in runs for line in lines_of_run(drawing.lines, run)]
         first = 1 + len(behind)
         floor = -np.inf if drawing.floor is None else drawing.floor
         banded = () if self._plot.spectral else tuple(line for line in drawing.lines if line.band)
@@ -128,14 +129,6 @@ class ChartWidget:
     @property
     def _axis(self) -> str:
         return "Hz" if self._plot.spectral else "t [s]"
-
-
-def _of_pinned(line: ChartLine, label: Label, *, listed: bool) -> uplot.Series:
-    """Look of a line of a pinned run: dotted; only the run's first line is in the legend."""
-    name, color = label
-    look = ChartLine(name if listed else "", color, line.values, width=1.3, listed=listed).series()
-    look["dash"] = (2.0, 3.0)
-    return look
 
 
 def _of_band(line: ChartLine) -> list[uplot.Series]:

@@ -15,18 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 from viser import uplot
 
-from app.dashboard.theme.colors import Rgb, css
+from app.dashboard.theme.colors import Dashes, Rgb, css
 from app.scenario.units import Units, unit_of_joint
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import law_of
-from app.simulation.recording import Recording
 from app.simulation.system import Coordinate
 
 Signals = Mapping[str, np.ndarray]
-Label = tuple[str, Rgb]  # name and colour of a pinned run
 BUCKETS = 120  # two points each: one per pixel or so of a plot on the dock, and no spike is lost
-GREY: Rgb = (140, 140, 140)
+DASHED: Dashes = (6.0, 4.0)  # px
 UNLISTED = "vs-unlisted"  # class of the lines that the legend leaves out
+OF_RUN = "vs-run"  # class of the lines of pinned runs that are in the legend
 MEDIAN = 0.5
 SPREAD = (0.0, 0.05, MEDIAN, 0.95, 1.0)  # quantiles of a band in a plot of one quantity
 REACH = (0.0, 1.0)  # quantiles of a band in a plot of many
@@ -95,7 +94,9 @@ class ChartLine:
     foreseen: whether the line has a meaning for the few instants of a preview.
     band: quantiles of true arms that are drawn around the preview, see `SPREAD` and `REACH`.
     backdrop: whether 0 and 1 are the plot's foot and head, whatever its axis; without width, the area below is filled.
-    listed: whether the line is in the legend."""
+    listed: whether the line is in the legend.
+    dashes: px, of line and gap in turn, in place of those of a dashed line.
+    repeats: of a line of a pinned run, the names of the legend's other entries that it belongs to."""
 
     name: str
     color: Rgb
@@ -108,17 +109,21 @@ class ChartLine:
     band: tuple[float, ...] = ()
     backdrop: bool = False
     listed: bool = True
+    dashes: Dashes = ()
+    repeats: tuple[str, ...] = ()
 
     def series(self) -> uplot.Series:
         look = uplot.Series(
             label=self.name, stroke=css(self.color, self.alpha), width=self.width, points={"show": False}
         )
-        if self.dashed:
-            look["dash"] = (6.0, 4.0)
+        if self.dashes or self.dashed:
+            look["dash"] = self.dashes or DASHED
         if self.backdrop:
             look["scale"] = "backdrop"
         if self.backdrop and not self.width:
             look["fill"] = css(self.color, self.alpha)
+        if self.dashes:
+            look["class"] = OF_RUN
         if not self.listed:
             look["class"] = UNLISTED
         return look
@@ -148,11 +153,11 @@ class Drawing:
     floor: float | None = None
     at_least: tuple[float, float] | None = None
 
-    def legend_rows(self, pinned: Sequence[Label]) -> int:
-        """Estimated number of rows of the chart's legend on the dock."""
+    def legend_rows(self, pinned: Sequence[str]) -> int:
+        """Estimated number of rows of the chart's legend on the dock. pinned: names of pinned runs."""
         compared = any(line.compared for line in self.lines)
         names = ["t [s]", *(line.name for line in self.lines if line.listed)]
-        names += [name for name, _ in pinned] if compared else []
+        names += pinned if compared else []
         return -(-sum(_ENTRY + _LETTER * len(name) for name in names) // _DOCK)
 
     def y_scale(self) -> uplot.Scale:
@@ -174,17 +179,3 @@ class Plot:
     name: str
     draw: Callable[[Setup], Drawing | None]
     spectral: bool = False
-
-
-@dataclass(frozen=True)
-class PinnedChart:
-    """Pinned run, drawn in one colour behind the shown run.
-    units, coordinates: of its task space.
-    start: instant (s) of the shown run at which the pinned run's zero is drawn."""
-
-    name: str
-    recording: Recording
-    units: Units
-    coordinates: tuple[Coordinate, ...]
-    start: float = 0.0
-    color: Rgb = GREY

@@ -15,8 +15,9 @@ from app.analysis.perturbation import PerturbationAnalysis
 from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.chart_frames import Frame, Recent
 from app.dashboard.plots.chart_widget import ChartWidget
-from app.dashboard.plots.charts import BUCKETS, Label, PinnedChart, Setup, Signals
+from app.dashboard.plots.charts import BUCKETS, Setup, Signals
 from app.dashboard.plots.law_drawings import LEAD
+from app.dashboard.plots.pinned_runs import PinnedChart, RunLook, laid_on
 from app.dashboard.plots.plot_table import TABS, Chooser, Tab
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.transport.visible_parts import VisibleParts
@@ -25,7 +26,6 @@ from app.dashboard.widgets.equation import symbol
 from app.session.preview import Outlook
 from app.session.snapshot import Snapshot
 from app.simulation.recording import Recording
-from app.simulation.signals import SIGNALS
 
 WINDOWS = {"0.5 s": 0.5, "2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
 WINDOW = "8 s"
@@ -79,7 +79,7 @@ class Plots:
     def show(self, snapshot: Snapshot, shown: Shown, looked_at: Collection[str]) -> None:
         """Draw the visible tabs, unless they are drawn already."""
         setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
-        pinned = tuple((p.name, p.color, id(p.recording), p.start) for p in shown.pinned)
+        pinned = tuple((p.look, id(p.recording)) for p in shown.pinned)
         ahead = shown.outlook
         band = None if ahead is None or ahead.band is None else (ahead.band.since, ahead.band.reach)
         outlook = None if ahead is None else (ahead.number, len(ahead.ahead), band)
@@ -107,7 +107,7 @@ class Plots:
         analysis = self._analysis
         known = _Later(lambda: _known(analysis, recording, grid, begin - LEAD, shown.now))
         recent = self._recent(snapshot, shown, grid, analysis)
-        pinned = [_laid(p, begin - LEAD, shown.now, snapshot) for p in shown.pinned]
+        pinned = [laid_on(p, begin - LEAD, shown.now, snapshot) for p in shown.pinned]
         if outlook is None:
             return Frame(shown.now, shown.window, grid, known, pinned, number=self._number, recent=recent)
         # a preview that begins the run anew is another run, to which the analysis does not apply
@@ -186,7 +186,7 @@ class _TabView:
             self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
         )
         for chart in self._charts:
-            chart.draw(setup, _labels(shown), frame, whole=whole)
+            chart.draw(setup, _looks(shown), frame, whole=whole)
         self._share()
 
     def clear(self, setup: Setup, shown: Shown) -> None:
@@ -194,7 +194,7 @@ class _TabView:
         with self._turn:
             self._show_choices(setup)
         for chart in self._charts:
-            chart.clear(setup, _labels(shown))
+            chart.clear(setup, _looks(shown))
         self._share()
 
     def _show_choices(self, setup: Setup) -> None:
@@ -217,8 +217,8 @@ class _TabView:
             chart.set_height(min(max(rest // max(len(rows), 1), LEAST), MOST))
 
 
-def _labels(shown: Shown) -> list[Label]:
-    return [(pinned.name, pinned.color) for pinned in shown.pinned]
+def _looks(shown: Shown) -> list[RunLook]:
+    return [pinned.look for pinned in shown.pinned]
 
 
 def _choices(chooser: Chooser, setup: Setup) -> tuple[str, ...]:
@@ -253,39 +253,3 @@ def _known(
 ) -> Signals:
     rows = recording.stretch(t_from, t_to)
     return analysis.recorded(rows, tuple(recording.epochs), grid.openings(rows["t"]))
-
-
-class _Laid(Mapping[str, np.ndarray]):
-    """Signals of a pinned run, with the times of the shown run. start: see `PinnedChart`.
-    others: signals that are not those of the shown run by the same names, and are not known therefore."""
-
-    def __init__(self, signals: Signals, start: float, others: Collection[str]) -> None:
-        self._signals, self._start, self._others = signals, start, others
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        values = self._signals[name]
-        if name in self._others:
-            return np.full_like(values, np.nan)
-        return values + self._start if name == "t" else values
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._signals)
-
-    def __len__(self) -> int:
-        return len(self._signals)
-
-
-def _laid(pinned: PinnedChart, t_from: float, t_to: float, snapshot: Snapshot) -> Signals | None:
-    """Signals of a pinned run in a stretch of the shown one; None for an arm with another number of joints. In a task
-    space with other units nothing that is measured in them can be compared, in other coordinates none of their
-    values."""
-    if pinned.recording.n != snapshot.recording.n:
-        return None
-    of_r = [signal for signal in SIGNALS if signal.of in ("r", "J_q")]
-    if pinned.units != snapshot.system.units:
-        others = {signal.name for signal in of_r}
-    elif pinned.coordinates != snapshot.coordinates:
-        others = {signal.name for signal in of_r if signal.width is None}
-    else:
-        others = set[str]()
-    return _Laid(pinned.recording.stretch(t_from - pinned.start, t_to - pinned.start), pinned.start, others)

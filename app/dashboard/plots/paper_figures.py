@@ -11,9 +11,11 @@ import numpy as np
 from app.analysis.perturbation import PerturbationAnalysis
 from app.analysis.spectrum import amplitude_spectrum
 from app.analysis.thinning import BucketGrid
-from app.dashboard.plots.charts import Drawing, Plot, Setup, Signals
+from app.dashboard.plots.charts import ChartLine, Drawing, Plot, Setup, Signals
+from app.dashboard.plots.pinned_runs import PinnedChart, RunLook, laid_on, lines_of_run
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.widgets.equation import symbol
+from app.dashboard.widgets.field_words import differences_in_words
 from app.export.figures import FREQUENCY, TIME, Curve, Figure, FigureChart, FilledArea
 from app.export.formats import ALL_PLOTS
 from app.scenario.caption import caption, promised
@@ -58,9 +60,12 @@ def _plain(name: str) -> str:
 
 
 def _chart_with(chart: FigureChart, chosen: set[str]) -> FigureChart:
-    """The chart with only the chosen lines and their areas; lines that bound such an area stay, but are not drawn."""
+    """The chart with only the chosen lines, those of pinned runs beside them, and their areas; lines that bound such an
+    area stay, but are not drawn."""
     curves = tuple(
-        curve if curve.name in chosen else replace(curve, listed=False, width=0.0, dotted=False)
+        curve
+        if chosen.intersection((curve.name, *curve.repeats))
+        else replace(curve, listed=False, width=0.0, dotted=False)
         for curve in chart.curves
     )
     areas = tuple(
@@ -73,17 +78,35 @@ def _chart_with(chart: FigureChart, chosen: set[str]) -> FigureChart:
     return replace(chart, curves=tuple(curve for curve in curves if curve.width > 0), areas=())
 
 
-def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: float, t_to: float) -> Figure:
-    """Figure of these plots over t_from <= t <= t_to (s), with the scenario in its caption. Raises ValueError when it
-    is empty."""
+def figure_of(
+    plots: Iterable[Plot],
+    snapshot: Snapshot,
+    setup: Setup,
+    t_from: float,
+    t_to: float,
+    pinned: Sequence[PinnedChart] = (),
+) -> Figure:
+    """Figure of these plots over t_from <= t <= t_to (s), with the scenario in its caption. pinned: runs that are drawn
+    behind. Raises ValueError when it is empty."""
     rows = snapshot.recording.stretch(t_from, t_to)
     t = rows["t"]
-    charts = tuple(chart for _, chart in _charts(plots, snapshot, setup, rows))
+    laid = ((run, laid_on(run, float(t[0]), float(t[-1]), snapshot)) for run in pinned if len(t))
+    there = [(run, signals) for run, signals in laid if signals is not None and len(signals["t"]) > 1]
+    charts = tuple(chart for _, chart in _charts(plots, snapshot, setup, rows, [(r.look, s) for r, s in there]))
     angles = [i for i, each in enumerate(snapshot.coordinates) if each.metres_per_radian is not None]
     system, span = snapshot.system, (float(t[0]), float(t[-1]))
     told = caption(snapshot.scenario, system.controller, snapshot.matrices, system.units, *span, angles)
     changed = _changes(snapshot.recording.epochs, float(t[0]), float(t[-1]))
-    return Figure(charts, f"{told} {changed}{promised(rows)}")
+    drawn = {curve.name for chart in charts for curve in chart.curves if curve.dashes and curve.listed}
+    behind = "".join(_told(run, snapshot) for run, _ in there if run.look.name in drawn)
+    return Figure(charts, f"{told} {changed}{behind}{promised(rows)}")
+
+
+def _told(run: PinnedChart, snapshot: Snapshot) -> str:
+    """Sentence, with a space behind it, on what is different in a pinned run."""
+    return (
+        f"{run.look.name}: {differences_in_words(snapshot.scenario, run.scenario, run.units) or 'the same scenario'}. "
+    )
 
 
 def _changes(epochs: Iterable[Epoch], t_from: float, t_to: float) -> str:
@@ -104,7 +127,11 @@ def plots_with_lines(snapshot: Snapshot, setup: Setup, t_from: float, t_to: floa
 
 
 def _charts(
-    plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, rows: Signals
+    plots: Iterable[Plot],
+    snapshot: Snapshot,
+    setup: Setup,
+    rows: Signals,
+    pinned: Sequence[tuple[RunLook, Signals]] = (),
 ) -> Iterator[tuple[Plot, FigureChart]]:
     """Those of these plots that have a line to draw, and their charts."""
     t = rows["t"]
@@ -115,34 +142,50 @@ def _charts(
     for plot in plots:
         if (drawing := plot.draw(setup)) is None:
             continue
-        chart = _chart(plot, drawing, known)
+        chart = _chart(plot, drawing, known, pinned)
         if any(np.isfinite(curve.y).any() for curve in chart.curves if curve.listed):
             yield plot, chart
 
 
-def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> FigureChart:
+def _chart(plot: Plot, drawing: Drawing, signals: Signals, pinned: Sequence[tuple[RunLook, Signals]]) -> FigureChart:
     title, unit = title_and_unit(drawing.title)
     # shades and marks of the page are its background; a line that only bounds a filled area has no width
     lines = [line for line in drawing.lines if not line.backdrop]
-    floor = -np.inf if drawing.floor is None else drawing.floor
-    courses = [_course(line.values(signals), signals["t"], spectral=plot.spectral) for line in lines]
-    curves = tuple(
-        Curve(
-            line.name,
-            line.color,
-            x,
-            np.maximum(y, floor),
-            line.dashed,
-            WIDTH * line.width,
-            line.listed and bool(np.isfinite(y).any()),
-        )
-        for line, (x, y) in zip(lines, courses, strict=True)
-    )
-    shift = len(drawing.lines) - len(lines)  # backdrops come first
-    areas = tuple(FilledArea(area.upper - shift, area.lower - shift, area.color) for area in drawing.areas)
+    own = [_curve(line, signals, drawing.floor, spectral=plot.spectral) for line in lines]
+    behind = [
+        curve
+        for look, theirs in (() if plot.spectral else pinned)
+        for curve in _behind([_curve(line, theirs, drawing.floor) for line in lines_of_run(drawing.lines, look)])
+    ]
+    shift = len(behind) - (len(drawing.lines) - len(lines))  # backdrops come first
+    areas = tuple(FilledArea(area.upper + shift, area.lower + shift, area.color) for area in drawing.areas)
     logarithmic = drawing.floor is not None
     x_label = FREQUENCY if plot.spectral else TIME
-    return FigureChart(title, unit, curves, areas, x_label, logarithmic, drawing.at_least, logarithmic_x=plot.spectral)
+    return FigureChart(
+        title, unit, (*behind, *own), areas, x_label, logarithmic, drawing.at_least, logarithmic_x=plot.spectral
+    )
+
+
+def _curve(line: ChartLine, signals: Signals, floor: float | None, *, spectral: bool = False) -> Curve:
+    x, y = _course(line.values(signals), signals["t"], spectral=spectral)
+    return Curve(
+        line.name,
+        line.color,
+        x,
+        y if floor is None else np.maximum(y, floor),
+        line.dashed,
+        WIDTH * line.width,
+        line.listed and bool(np.isfinite(y).any()),
+        dashes=tuple(length / line.width for length in line.dashes),
+        repeats=line.repeats,
+    )
+
+
+def _behind(curves: Sequence[Curve]) -> list[Curve]:
+    """Curves of a pinned run that has something to show in a chart, whose first one stands for it in the legend."""
+    if not any(np.isfinite(curve.y).any() for curve in curves):
+        return []
+    return [replace(curve, listed=number == 0) for number, curve in enumerate(curves)]
 
 
 def _course(values: np.ndarray, t: np.ndarray, *, spectral: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Rgb = tuple[int, int, int]
+Dashes = tuple[float, ...]
 Theme = Literal["dark", "light"]
 
 ACCENT: Rgb = (66, 135, 245)
@@ -19,6 +20,8 @@ GHOST: Rgb = (120, 165, 240)
 TIP: Rgb = (235, 60, 60)  # tool tip
 MODEL: Rgb = (240, 128, 110)  # spring and damper of the target model
 RUNS: tuple[Rgb, ...] = ((186, 145, 255), (120, 215, 215), (222, 184, 135))  # pinned runs, by their places
+# The same, px of line and gap in turn: unlike each other, and unlike the dashes of the shown run's lines.
+RUN_DASHES: tuple[Dashes, ...] = ((2.0, 3.0), (10.0, 3.0, 2.0, 3.0), (14.0, 5.0))
 BOUND: Rgb = (235, 80, 80)
 # viser derives shades of this colour; on a light page its links and buttons are two shades lighter
 BRAND: dict[Theme, Rgb] = {"dark": ACCENT, "light": (14, 66, 160)}

@@ -5,10 +5,13 @@ from __future__ import annotations
 import re
 
 from app.dashboard.widgets.matrix_text import written
+from app.scenario.data import differences
+from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.sweep.titles import said, title_of, unit_of
 
 LONGEST = 40  # letters of a value
+TOLD = 4  # differences of two scenarios
 FIRST = 3  # numbers of a list that is longer than that
 _PER_AXIS = ("target_model.", "controller.")  # fields with a number for each axis
 # a matrix of the target model as refusals name it, which may have the number of one of the paper's blocks
@@ -19,6 +22,15 @@ _BLOCKS = {"": "", "1": " of the pressed coordinates", "2": " of the free coordi
 def field_in_words(path: str, value: object, units: Units) -> str:
     """The field at a dotted path and its value in words, with the unit in a task space with these units."""
     return f"{title_of(path)}: {_value(path, value, units)}"
+
+
+def differences_in_words(scenario: Scenario, other: Scenario, units: Units) -> str:
+    """The first few fields in which another scenario differs, with its values, in words; "" where none does. units: in
+    the other one's task space."""
+    different = differences(scenario, other)
+    parts = [field_in_words(path, theirs, units) for path, (_, theirs) in list(different.items())[:TOLD]]
+    more = [f"{len(different) - TOLD} more"] if len(different) > TOLD else []
+    return "; ".join([*parts, *more])
 
 
 def _value(path: str, value: object, units: Units) -> str:
