@@ -227,7 +227,7 @@ def test_a_third_surface_beside_the_first_is_refused_by_its_own_name() -> None:
         assemble(corner)
 
 
-def test_what_is_too_stiff_does_not_depend_on_what_was_before() -> None:
+def test_stiffness_check_is_independent_of_the_previous_system() -> None:
     light = edited(edited(shipped()["ur5-hybrid"], "controller.period", 0.002), "truth.link_scaling", [0.5] + [1.0] * 5)
 
     def outcome(K_e: float, previous: System | None = None) -> tuple[str, System | None]:
