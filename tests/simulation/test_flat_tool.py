@@ -27,6 +27,7 @@ from tests.support.identities import (
     assert_acceleration_of_coordinates,
     assert_derivatives_of_coordinates,
     assert_properties_1_and_2,
+    assert_torque_is_force_in_task_space,
     derivative,
 )
 
@@ -71,13 +72,13 @@ def test_coordinates_of_a_flat_tool_obey_the_papers_identities(system: System) -
     assert_derivatives_of_coordinates(system, state)
     assert_acceleration_of_coordinates(system, state)
     assert_properties_1_and_2(system, state)
+    assert_torque_is_force_in_task_space(system, system.controller, state, np.random.default_rng(3))
 
 
 def test_tilts_are_those_of_the_tools_frame_alone(system: System) -> None:
     """n . e_i for its axes e_i."""
     q, q_dot, t = state_of(system, 1)
-    here = system.observe(q, q_dot, t)[1]
-    estimate, _ = system.observe(q, q_dot, t)
+    estimate, here = system.observe(q, q_dot, t)
     normal = system.surface.chart(estimate.p, t).G[0]
     np.testing.assert_allclose(here.r[1:3] / system.layout.l, (estimate.R.T @ normal)[:2], atol=1e-12)
     assert system.observe(system.q_0, q_dot, 0.0)[1].r[5] == pytest.approx(0.0, abs=1e-12)

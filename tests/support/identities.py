@@ -9,7 +9,6 @@ import numpy as np
 from app.simulation.system import System
 from controllers.controller import Controller
 from controllers.reference_estimates import FeedforwardModel
-from controllers.switching import Switching
 from controllers.task_space import TaskSpace
 from tests.support.arms import State, random_reference, unit_vector
 
@@ -101,7 +100,7 @@ def assert_torque_is_force_in_task_space(
     r_eq_dot = reference.r_d_dot - c.F_1 @ e_r - c.F_2 @ z
     r_eq_ddot = reference.r_d_ddot - c.F_1 @ e_r_dot - c.F_2 @ z_dot
     F_t = -H @ task.v_t_dot - C @ task.v_t
-    robust = law.K_s @ s + out.d * unit_vector(s, Switching(law.switching), law.layer)
+    robust = law.K_s @ s + out.d * unit_vector(s, law.switching, law.layer)
     T_r = H @ r_eq_ddot + C @ r_eq_dot + J_inv.T @ estimate.G_hat + F_t + F_r - robust
 
     np.testing.assert_allclose(out.tau, task.J_q.T @ T_r, atol=1e-9 * np.abs(out.tau).max())
