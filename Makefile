@@ -1,7 +1,7 @@
 # make run          install into .venv and open the dashboard; ARGS="--port 8090"
 # make test         install, compile kernels, find a browser, run all tests; ARGS="-k hybrid"
 # make test-fast    tests that take seconds, for the inner loop: no browser, no processes, no long simulations
-# make check        lint, format, types, import rules, whether every planted mistake fits the sources
+# make check        lint, format, types, import rules, whether planted mistakes fit the sources and their document
 # make bench        measure speed, pacing and memory, write docs/performance.md; ARGS="--quick", ARGS="--only step"
 # make evidence     every number and figure of docs/evidence.md anew
 # make soak         an hour in company, written to docs/reliability.md; ARGS="--minutes 10 --no-write"

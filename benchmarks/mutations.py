@@ -4,15 +4,17 @@ time.
     python -m benchmarks.mutations                     every row of mutations.toml, some three hours of two cores
     python -m benchmarks.mutations --only task_space   rows with this in their file or meaning
     python -m benchmarks.mutations --missing           rows without a verdict: goes on where another run was ended
-    python -m benchmarks.mutations --check             only whether every row still fits the sources
+    python -m benchmarks.mutations --write             only docs/mutations.md anew, after a row was edited
+    python -m benchmarks.mutations --check             only whether rows fit the sources, and the document the rows
 
-Each verdict is kept in mutations.json as soon as it is known, with its day; docs/mutations.md is written from them.
+Each verdict is kept in mutations.jsonl as soon as it is known, with its day, beside those of other rows. From them
+docs/mutations.md is written: a row without a verdict, or whose text has changed since, is "not run yet" there.
 
 A row is caught when a test fails, and survives when the tests of its own file and all of `TESTS` pass; `--tests` names
 others. There is a copy for each core, with a cache of compiled kernels of its own; in it every test file is tried
 without any mistake before it judges one. Before each row the kernels of every module that imports the changed one are
 removed from it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some
-survived, 2 a row does not fit the sources.
+survived, 2 a row does not fit the sources, or the document does not fit the rows.
 """
 
 from __future__ import annotations
@@ -45,6 +47,7 @@ FOLDERS = (*PACKAGES, "static", "tests", "benchmarks", "drivers")
 # quick tests, those that detect most come first: a row takes as long as the tests up to the first that fails
 TESTS = (
     "tests/simulation/test_independent.py",
+    "tests/controllers/test_switching.py",
     "tests/controllers/test_paper.py",
     "tests/controllers/test_mathematics.py",
     "tests/controllers/test_bounds.py",
@@ -53,17 +56,25 @@ TESTS = (
     "tests/simulation/test_responses.py::test_sampled_force_loop_diverges_where_its_factor_says",
     "tests/simulation/test_closed_forms.py::test_sampled_force_of_a_heavy_surface_diverges_where_its_factor_says",
     "tests/session/test_timeline.py",
+    "tests/session/test_pinned_runs.py",
+    "tests/session/test_account.py",
     "tests/simulation/test_step_resolution.py",
-    "tests/simulation/test_practice.py",
+    "tests/simulation/test_sampled_stability.py",
+    "tests/simulation/test_sampled_force_loop.py",
+    "tests/controllers/test_pd_gravity.py",
+    "tests/simulation/test_drives.py",
+    "tests/evidence/test_evidence_practice.py",
     "tests/kernels/test_kernels.py",
     "tests/simulation/test_domain.py",
     "tests/simulation/test_premises.py",
+    "tests/simulation/test_judged_loops.py",
+    "tests/simulation/test_reuse.py",
     "tests/simulation/test_task_coordinates.py",
 )
 PATIENCE = 1200.0  # s for one row
 PAGE = ROOT / "docs" / "mutations.md"
-KEPT = Path(__file__).with_suffix(".json")
-CAUGHT, SURVIVED = "caught", "SURVIVED"
+KEPT = Path(__file__).with_suffix(".jsonl")
+CAUGHT, SURVIVED, NOT_RUN = "caught", "SURVIVED", "not run yet"
 
 
 class Mutation(NamedTuple):
@@ -170,7 +181,7 @@ class Copy:
             file.write_text(sound, encoding="utf-8")
             os.utime(file, ns=(time, time))  # numba compares the file's time with the one that it noted beside a kernel
             shutil.rmtree(kernels)
-        failed = re.search(r"^(?:FAILED|ERROR) (?:tests/(?:\w+/)?)?(\S+)", done.stdout, re.MULTILINE)
+        failed = re.search(r"^(?:FAILED|ERROR) (?:tests/(?:\w+/)?)?(.+?)(?: - .*)?$", done.stdout, re.MULTILINE)
         return "" if done.returncode == 0 else failed[1] if failed else f"pytest ended with {done.returncode}"
 
     def _require_sound(self, tests: str) -> None:
@@ -213,39 +224,43 @@ def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> I
 
 
 def kept_verdicts() -> dict[Mutation, Verdict]:
-    """Verdicts of earlier runs on rows that are as they were, by row."""
-    kept = msgspec.json.decode(KEPT.read_bytes(), type=list[Verdict]) if KEPT.exists() else []
-    known = {verdict.mutation: verdict for verdict in kept}
-    return {row: known[row] for row in table() if row in known}
+    """Verdicts of earlier runs on rows whose text is as it was, by row."""
+    kept = msgspec.json.Decoder(Verdict).decode_lines(KEPT.read_bytes()) if KEPT.exists() else []
+    known = {verdict.mutation[:-1]: verdict for verdict in kept}  # which tests run first changes no verdict
+    return {row: known[row[:-1]] for row in table() if row[:-1] in known}
 
 
-def keep(found: dict[Mutation, Verdict]) -> None:
-    """Write mutations.json and docs/mutations.md."""
-    verdicts = [found[row] for row in table() if row in found]
-    text = msgspec.json.format(msgspec.json.encode(verdicts), indent=1) + b"\n"
+def keep(verdict: Verdict) -> None:
+    """Keep a verdict beside the others and write the document."""
+    found = kept_verdicts() | {verdict.mutation: verdict}
+    text = msgspec.json.Encoder().encode_lines([found[row] for row in table() if row in found])
     write_whole(KEPT, lambda file: file.write(text))
-    PAGE.write_text(page(verdicts), encoding="utf-8")
+    PAGE.write_text(page(), encoding="utf-8")
 
 
-def page(found: list[Verdict]) -> str:
-    """Text of docs/mutations.md."""
-    rows = [
-        (f"`{v.mutation.file}`", v.mutation.meaning, v.result, f"`{v.by}`" if v.by else "", str(v.day)) for v in found
-    ]
-    caught = sum(verdict.result == CAUGHT for verdict in found)
+def page() -> str:
+    """Text of docs/mutations.md: every row, with the verdict that is kept on it."""
+    rows, found = table(), kept_verdicts()
+    told = {row: (v.result, f"`{v.by}`" if v.by else "", str(v.day)) for row, v in found.items()}
+    cells = [(f"`{row.file}`", row.meaning, *told.get(row, (NOT_RUN, "", ""))) for row in rows]
+    caught = sum(verdict.result == CAUGHT for verdict in found.values())
     return f"""# Planted mistakes
 
-Written by `make mutations`: each row is a mistake of one line, planted alone in a copy of the tree, and the first test
-that failed because of it, on the day that is given. Of the {len(table())} lines in `benchmarks/mutations.toml`
-{len(found)} have been tried as they stand now, and {caught} of these were caught. A new row is one line in that file.
+Of {len(rows)} planted mistakes, **{len(rows) - len(found)} have not been run yet** as they stand now. The tests caught
+{caught} of the {len(found)} others.
 
-{Table(("file", "mistake", "", "by", "day"), rows).markdown()}
+Each row is a mistake of one line, planted alone in a copy of the tree, and the first test that failed because of it on
+the day that is given; code and tests may have changed since. The lines are those of `benchmarks/mutations.toml`;
+`make mutations ARGS="--missing"` runs those that have not been run.
+
+{Table(("file", "mistake", "", "by", "day"), cells).markdown()}
 """
 
 
 def main(
     only: tuple[str, ...] = (),
     missing: bool = False,
+    write: bool = False,
     check: bool = False,
     tests: tuple[str, ...] = TESTS,
     jobs: int = os.cpu_count() or 1,
@@ -255,24 +270,28 @@ def main(
     Args:
         only: rows with one of these in their file or meaning.
         missing: only rows on which no verdict is kept.
-        check: only see whether the rows fit the sources.
+        write: only write the document anew.
+        check: only see whether the rows fit the sources, and the document the rows.
         tests: what pytest is given; verdicts of other tests than these are not kept.
         jobs: how many at once; each takes a core and 3.7 GB.
     """
     wrong = misfits(table())
+    if write:
+        PAGE.write_text(page(), encoding="utf-8")
+    if check and PAGE.read_text(encoding="utf-8") != page():
+        wrong.append("docs/mutations.md does not fit mutations.toml: run python -m benchmarks.mutations --write")
     print("\n".join(wrong), file=sys.stderr, end="\n" if wrong else "")
-    if wrong or check:
+    if wrong or write or check:
         return 2 if wrong else 0
     known = kept_verdicts()
     rows = tuple(m for m in table() if not only or any(o in m.file or o in m.meaning for o in only))
     rows = tuple(m for m in rows if not (missing and m in known))
-    found: dict[Mutation, Verdict] = {}
-    for verdict in verdicts(rows, tests, jobs):
-        found[verdict.mutation] = verdict
-        print(f"{len(found):3d}/{len(rows)}  {verdict}", flush=True)
+    survived = 0
+    for number, verdict in enumerate(verdicts(rows, tests, jobs), start=1):
+        survived += verdict.result == SURVIVED
+        print(f"{number:3d}/{len(rows)}  {verdict}", flush=True)
         if tests == TESTS:
-            keep(known | found)
-    survived = sum(verdict.result == SURVIVED for verdict in found.values())
+            keep(verdict)
     print(f"{len(rows) - survived} of {len(rows)} caught, {survived} survived")
     return 1 if survived else 0
 

@@ -35,7 +35,9 @@ def shared() -> Iterator[Server]:
         yield server
 
 
-def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
+def test_watcher_cannot_steer_and_a_private_copy_recovers_from_a_crash(
+    shared: Server, open_page: Callable[..., Page]
+) -> None:
     refused, asked = list[str](), list[str]()
 
     def opened(url: str, **options) -> Page:

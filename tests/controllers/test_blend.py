@@ -235,7 +235,7 @@ def test_a_blend_that_begins_with_its_epoch_or_is_taken_back_is_told_by_it() -> 
     np.testing.assert_array_equal(later.recording.epochs[-1].model_at(later.t).B_m, later.system.controller.model.B_m)
 
 
-def test_a_way_on_from_before_a_blend_was_planned_is_not_told_as_blended() -> None:
+def test_fork_before_a_planned_blend_is_not_labelled_as_blended() -> None:
     line = Timeline(ClosedLoop.begin(shipped()["planar3r-hybrid"]))
     begun = line.loop.system.controller.model.B_m
     for _ in range(100):

@@ -10,13 +10,11 @@ import pinocchio as pin
 import pytest
 from scipy.linalg import expm
 
-from app.simulation.system import System
 from controllers.modes import MODES
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain, TargetModel, require_spd
-from controllers.task_space import TaskSpace
 from environments.acceleration import Arm, PlantWorkspace, accelerate_heavy
 from environments.contact import Contact, ContactKinematics, Contacts, Face, World
 from environments.coupled_surfaces import EnvironmentMatrices
@@ -39,8 +37,14 @@ from tests.support.arms import (
     random_state,
     unit_vector,
 )
+from tests.support.identities import (
+    assert_acceleration_of_coordinates,
+    assert_derivatives_of_coordinates,
+    assert_properties_1_and_2,
+    assert_torque_is_force_in_task_space,
+    inertia_and_coriolis,
+)
 
-STEP = 1e-5  # of central differences, rad and s
 FEEDBACK = ("none", "normal", "all")
 
 
@@ -55,61 +59,16 @@ class TestTaskSpace:
     """(3), (5) in every kind of coordinates."""
 
     def test_each_derivative_by_itself(self, robot: str, chart: str, random: np.random.Generator) -> None:
-        """J_q = dr/dq, v_t = dr/dt, and J_q_dot, v_t_dot are total derivatives along the motion."""
         system = charted(robot, chart)
-        q, q_dot, t = random_state(system, random)
-
-        def task(dq: np.ndarray, dt: float) -> TaskSpace:
-            return system.observe(q + dq, q_dot, t + dt)[1]
-
-        def differences(of: str, dq: np.ndarray, dt: float) -> np.ndarray:
-            return (getattr(task(dq, dt), of) - getattr(task(-dq, -dt), of)) / (2 * STEP)
-
-        here, still = task(0.0 * q, 0.0), 0.0 * q
-        J_q = np.stack([differences("r", h, 0.0) for h in STEP * np.eye(len(q))], axis=1)
-        np.testing.assert_allclose(here.J_q, J_q, atol=1e-8)
-        np.testing.assert_allclose(here.v_t, differences("r", still, STEP), atol=1e-8)
-        np.testing.assert_allclose(here.r_dot, differences("r", STEP * q_dot, STEP), atol=1e-8)
-        np.testing.assert_allclose(here.J_q_dot, differences("J_q", STEP * q_dot, STEP), atol=1e-7)
-        np.testing.assert_allclose(here.v_t_dot, differences("v_t", STEP * q_dot, STEP), atol=1e-7)
+        assert_derivatives_of_coordinates(system, random_state(system, random))
 
     def test_acceleration_along_a_smooth_curve(self, robot: str, chart: str, random: np.random.Generator) -> None:
-        """r_ddot = J_q q_ddot + J_q_dot q_dot + v_t_dot against second differences of r(q(t), t)."""
-        system, omega, h = charted(robot, chart), 3.0, 1e-3
-        q_0, swing, t = random_state(system, random)
-        swing = 0.2 * swing
-
-        def r(time: float) -> np.ndarray:
-            return system.observe(q_0 + swing * np.sin(omega * time), 0.0 * q_0, time)[1].r
-
-        q, q_dot = q_0 + swing * np.sin(omega * t), omega * swing * np.cos(omega * t)
-        q_ddot = -(omega**2) * swing * np.sin(omega * t)
-        task = system.observe(q, q_dot, t)[1]
-        r_ddot = task.J_q @ q_ddot + task.J_q_dot @ q_dot + task.v_t_dot
-        near, far = r(t + h) + r(t - h), r(t + 2 * h) + r(t - 2 * h)
-        np.testing.assert_allclose(r_ddot, (16 * near - far - 30 * r(t)) / (12 * h**2), atol=1e-6)
+        system = charted(robot, chart)
+        assert_acceleration_of_coordinates(system, random_state(system, random))
 
     def test_properties_1_and_2(self, robot: str, chart: str, random: np.random.Generator) -> None:
-        """H s.p.d.; H_dot - 2 C skew-symmetric."""
         system = charted(robot, chart)
-        q, q_dot, t = random_state(system, random)
-
-        def H(dt: float) -> np.ndarray:
-            estimate, task = system.observe(q + dt * q_dot, q_dot, t + dt)
-            return task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
-
-        near, far = H(STEP) - H(-STEP), H(2 * STEP) - H(-2 * STEP)
-        N = (8 * near - far) / (12 * STEP) - 2 * coriolis(system, q, q_dot, t)
-        np.testing.assert_allclose(H(0.0), H(0.0).T, atol=1e-10 * np.abs(H(0.0)).max())
-        assert np.linalg.eigvalsh(H(0.0))[0] > 0.0
-        np.testing.assert_allclose(N, -N.T, atol=1e-7 * np.abs(H(0.0)).max())
-
-
-def coriolis(system: System, q: np.ndarray, q_dot: np.ndarray, t: float) -> np.ndarray:
-    """C(r, r_dot, t) of (5), kg/s."""
-    estimate, task = system.observe(q, q_dot, t)
-    J_inv = task.J_q_inv
-    return J_inv.T @ (estimate.C_hat - estimate.M_hat @ J_inv @ task.J_q_dot) @ J_inv
+        assert_properties_1_and_2(system, random_state(system, random))
 
 
 def controlled(feedback: str, n: int) -> np.ndarray:
@@ -122,34 +81,10 @@ def controlled(feedback: str, n: int) -> np.ndarray:
 def test_law_in_joint_space_is_the_law_in_task_space(
     robot: str, chart: str, feedback: str, random: np.random.Generator
 ) -> None:
-    """(25) = J_q^T times (15), term by term, with z, s, r_eq from (9), (10), (16)."""
     system = charted(robot, chart)
     n, switching = system.robot.n, Switching(random.integers(4))
     law = random_law(random, n, switching, controlled(feedback, n))
-    q, q_dot, t = random_state(system, random)
-    estimate, task = system.observe(q, q_dot, t)
-    reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(6)
-    out = law.evaluate(z, reference, task, estimate, FeedforwardModel.at(estimate), q, q_dot, F)
-
-    c, J_inv, H = law.compensator, task.J_q_inv, task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
-    C = coriolis(system, q, q_dot, t)
-    e_r, e_r_dot = task.r - reference.r_d, task.r_dot - reference.r_d_dot
-    J = np.vstack([estimate.J_v, estimate.J_w])
-    F_r = J_inv.T @ J.T @ F
-    e_Fc = controlled(feedback, n) * (F_r - reference.F_cd)
-    z_dot = c.A @ z + c.K_pz @ e_r + c.K_vz @ e_r_dot + c.K_fz @ e_Fc
-    s = e_r_dot + c.F_1 @ e_r + c.F_2 @ z
-    r_eq_dot = reference.r_d_dot - c.F_1 @ e_r - c.F_2 @ z
-    r_eq_ddot = reference.r_d_ddot - c.F_1 @ e_r_dot - c.F_2 @ z_dot
-    F_t = -H @ task.v_t_dot - C @ task.v_t
-    robust = law.K_s @ s + out.d * unit_vector(s, int(switching), law.layer)
-    T_r = H @ r_eq_ddot + C @ r_eq_dot + J_inv.T @ estimate.G_hat + F_t + F_r - robust
-
-    np.testing.assert_allclose(out.tau, task.J_q.T @ T_r, atol=1e-9 * np.abs(out.tau).max())
-    for name, expected in (("e_r", e_r), ("e_r_dot", e_r_dot), ("e_Fc", e_Fc), ("z_dot", z_dot), ("s", s)):
-        np.testing.assert_allclose(getattr(out, name), expected, atol=1e-9, err_msg=name)
-    np.testing.assert_allclose(out.terms.force, J.T @ F, atol=1e-12)
-    np.testing.assert_allclose(z + 0.01 * out.z_dot, z + 0.01 * z_dot, atol=1e-12)
+    assert_torque_is_force_in_task_space(system, law, random_state(system, random), random)
 
 
 @pytest.mark.parametrize("kind", ["vsmrc", "computed-torque"])
@@ -168,8 +103,8 @@ def test_known_arm_obeys_the_target_model(robot: str, chart: str, kind: str, ran
     J = np.vstack([estimate.J_v, estimate.J_w])
     q_ddot = pin.aba(system.robot.model, system.robot.model.createData(), q, q_dot, out.tau - J.T @ F)
     e_r_ddot = task.J_q @ q_ddot + task.J_q_dot @ q_dot + task.v_t_dot - reference.r_d_ddot
-    H, C = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv, coriolis(system, q, q_dot, t)
-    s_dot = -np.linalg.solve(H, C @ out.s + law.K_s @ out.s + out.d * unit_vector(out.s, 1, law.layer))
+    H, C = inertia_and_coriolis(system, q, q_dot, t)
+    s_dot = -np.linalg.solve(H, C @ out.s + law.K_s @ out.s + out.d * unit_vector(out.s, law.switching, law.layer))
     reaching = law.model.M_m @ (s_dot - law.compensator.A @ out.s) if law.law.robust else np.zeros(n)
     residual = law.model.residual(out.e_r, out.e_r_dot, e_r_ddot, out.e_Fc)
     np.testing.assert_allclose(residual, reaching, atol=1e-8 * np.abs(e_r_ddot).max() * 30.0)
@@ -221,16 +156,6 @@ def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.
     near, far = (phi(t + h), phi(t - h)), (phi(t + 2 * h), phi(t - 2 * h))
     assert at.phi_dot == pytest.approx((8 * (near[0] - near[1]) - (far[0] - far[1])) / (12 * h), abs=1e-8)
     assert at.phi_ddot_bias == pytest.approx((16 * sum(near) - sum(far) - 30 * phi(t)) / (12 * h**2), abs=1e-6)
-
-
-@pytest.mark.parametrize("kind", [k for k in Switching if k is not Switching.DISCONTINUOUS])
-def test_smooth_switching_is_continuous(kind: Switching, random: np.random.Generator) -> None:
-    """Lipschitz with 1/layer, so that no step of s makes a larger step of the torque."""
-    layer = 0.02
-    for size in (1e-3, 0.02, 0.5):
-        s, step = size * random.standard_normal(4), 1e-4 * random.standard_normal(4)
-        change = np.linalg.norm(unit_vector(s + step, int(kind), layer) - unit_vector(s, int(kind), layer))
-        assert change <= np.linalg.norm(step) / layer * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize(("K_s", "epsilon"), [(20.0, 1.0), (300.0, 10.0)])

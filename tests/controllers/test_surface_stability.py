@@ -14,9 +14,16 @@ from app.scenario.schema import Scenario
 from app.session.changes import blending_to, in_mode
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.controller_builder import surfaces_met
 from controllers.blend import blended
-from controllers.surface_stability import SurfaceRange, passive, passive_throughout, unstable_surface
-from controllers.target_model import TargetModel
+from controllers.surface_stability import (
+    SurfaceRange,
+    passive,
+    passive_throughout,
+    require_stable_on,
+    unstable_surface,
+)
+from controllers.target_model import InvalidGain, TargetModel
 from tests.support.arms import random_spd
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("rough_constants")]  # long searches
@@ -173,9 +180,27 @@ def test_every_model_of_a_blend_is_judged_on_the_surfaces_too() -> None:
         assemble(blending_to(*ends, at=0.5, over=1.0))
 
 
-@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-hybrid-impedance", "ur5-motion", "ur5-impedance"])
-def test_what_k_f_the_modes_fix_at_zero_and_the_identity_are_admitted(name: str) -> None:
-    assemble(edited(shipped()[name], "contact.friction_viscous", 40.0))
+@pytest.mark.parametrize("name", ["ur5-hybrid-impedance", "ur5-impedance"])
+def test_shipped_models_are_stable_with_viscous_friction(name: str) -> None:
+    """They are not once K_f turns forces by 120 degrees."""
+    scenario = edited(shipped()[name], "contact.friction_viscous", 2000.0)
+    system = assemble(scenario)
+    model, surfaces = system.controller.model, surfaces_met(scenario, system.mode, system.layout)
+    assert surfaces is not None
+    assert surfaces.friction == 2000.0
+    assert unstable_surface(model, model, surfaces) is None
+    K_f, plane = model.K_f.copy(), slice(surfaces.first, surfaces.first + 2)
+    K_f[plane, plane] = [[-0.5, -np.sqrt(0.75)], [np.sqrt(0.75), -0.5]]
+    turned = TargetModel(model.M_m, model.B_m, model.K_m, K_f)
+    with pytest.raises(InvalidGain, match="unstable by itself, with a pole at"):
+        require_stable_on(turned, surfaces)
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-motion"])
+def test_models_that_feel_no_friction_need_no_search(name: str) -> None:
+    scenario = edited(shipped()[name], "contact.friction_viscous", 40.0)
+    system = assemble(scenario)
+    assert surfaces_met(scenario, system.mode, system.layout) is None
 
 
 def test_friction_along_the_surface_is_judged_where_the_tool_yields() -> None:

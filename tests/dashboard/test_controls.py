@@ -85,7 +85,7 @@ class Page:
         asyncio.run(widget.update(VISITOR))
 
 
-def test_a_text_that_was_accepted_follows_the_run_however_it_is_written() -> None:
+def test_accepted_text_shows_the_normalised_running_value() -> None:
     page = Page()
     before = page.snapshot().scenario
     field = TextField(page.desk, StatedBounds("declared.delta_G"), "δ_G")

@@ -89,7 +89,7 @@ def test_the_declared_set_ends_between_tiles_and_the_ring_is_at_the_present_sett
     assert theorem[1].count("M") == 2  # of point 4, at the lower right corner: its left and its upper edge
 
 
-def test_of_refused_runs_no_line_is_drawn_and_what_never_comes_is_said() -> None:
+def test_refused_runs_draw_no_boundary_and_missing_metrics_are_reported() -> None:
     refused = columns()["point"] == 0
     unknown = {name: np.where(refused, np.nan, 1.0) for name in ("declared", "gain_margin")}
     drawn = picture(SweepView("settling_time"), table=columns() | unknown | {"settling_time": np.full(24, np.inf)})

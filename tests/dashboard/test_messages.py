@@ -205,7 +205,7 @@ def test_a_complaint_stays_while_an_edit_from_before_it_is_carried_out(dashboard
     assert not shown(40.0)
 
 
-def test_of_the_tabs_that_a_page_reports_only_those_with_a_marker_count() -> None:
+def test_unknown_tab_names_reported_by_a_page_are_ignored() -> None:
     tabs = VisibleParts()
     tabs.marker_html("Some plots")
     tabs.panel_marker_html("controls: some")

@@ -391,7 +391,7 @@ def test_bounds_are_drawn_only_where_something_is_promised() -> None:
     assert np.isnan(drawn_bound.y[gap]).all()
 
 
-def test_of_a_pinned_run_in_other_coordinates_only_what_is_alike_is_drawn(hybrid: ClosedLoop) -> None:
+def test_pinned_run_in_other_coordinates_shows_only_shared_signals(hybrid: ClosedLoop) -> None:
     def laid(name: str) -> Mapping[str, np.ndarray]:
         signals = laid_on(PinnedChart.of(pinned_of(ran(shipped()[name], 0.05))), 0.0, 0.05, snapshot_of(hybrid))
         assert signals is not None

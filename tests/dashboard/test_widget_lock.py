@@ -12,7 +12,7 @@ from drivers.visitors import visiting
 from drivers.waiting import until
 
 
-def test_what_is_chosen_is_read_before_the_widget_shows_something_else() -> None:
+def test_callback_reads_the_page_value_before_redraw_overwrites_it() -> None:
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     widget_lock, over, heard = WidgetLock(server), threading.Event(), list[str]()

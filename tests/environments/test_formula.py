@@ -111,9 +111,9 @@ def test_what_is_refused(text: str, sentence: str) -> None:
 
 @given(st.one_of(st.text(max_size=60), st.text("xyzt()+-*/^., 0129episncohgqrtal", max_size=40)))
 @settings(max_examples=400, deadline=None)
-def test_whatever_is_typed_is_a_formula_or_a_formula_error(text: str) -> None:
+def test_whatever_is_typed_is_a_formula_of_finite_numbers_or_a_formula_error(text: str) -> None:
     with suppress(FormulaError):
-        bytecode_of(parse(text))
+        assert np.isfinite(bytecode_of(parse(text)).registers).all()
 
 
 def _texts() -> st.SearchStrategy[str]:

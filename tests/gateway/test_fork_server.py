@@ -80,7 +80,7 @@ control.send(b"1")  # too late
 """
 
 
-def test_what_cannot_be_forked_is_said_and_no_answer_is_taken_for_another_one_s(
+def test_failed_fork_is_reported_and_late_answers_are_discarded(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def start(_: str, file: str, **options: Any) -> subprocess.Popen[bytes]:

@@ -84,7 +84,7 @@ async def test_a_link_to_steer_opens_its_session_and_nothing_else() -> None:
 
 
 @in_a_loop
-async def test_links_that_are_taken_back_open_nothing_and_let_go_of_who_came_by_them() -> None:
+async def test_revoked_links_open_nothing_and_close_their_pages() -> None:
     tokens = Tokens()
     async with town(names=PUBLIC, tokens=tokens) as lab, asyncio.timeout(PATIENCE):
         came = f"vsmrc-token-{lab.port}={tokens.steer}"

@@ -125,7 +125,7 @@ def in_a_loop(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
 
 
 @in_a_loop
-async def test_who_comes_too_late_queues_moves_up_and_is_forgotten_when_gone() -> None:
+async def test_visitors_beyond_capacity_queue_and_expire() -> None:
     town = Town(places=2)
     a, b, c, d = (town.pool.new() for _ in range(4))
     assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "running", "waiting", "waiting"]
@@ -198,7 +198,7 @@ async def test_a_fall_is_told_and_mended_without_touching_the_others() -> None:
 
 
 @in_a_loop
-async def test_what_falls_again_and_again_is_given_up_and_begun_anew_on_request() -> None:
+async def test_session_that_crashes_three_times_fails_until_restarted() -> None:
     town = Town(places=1)
     session, waiting = town.pool.new(), town.pool.new()
     session.scenario = "falls"
@@ -272,7 +272,7 @@ async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() ->
     assert town.pool.named(kept.watch) is None is town.pool.watched(kept.name)
 
 
-def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_path: Path) -> None:
+def test_reopened_session_store_restores_sessions_and_links(tmp_path: Path) -> None:
     changed = to_toml(load("planar2r-semicircle"))
     links = list[tuple[str, str]]()
 

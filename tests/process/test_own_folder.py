@@ -133,7 +133,7 @@ def test_a_user_without_a_home_has_a_session_that_is_not_kept_and_no_uploads(
     assert file.stat().st_mtime_ns == before
 
 
-def test_what_a_killed_process_leaves_goes_with_the_next_start_and_nothing_else(tmp_path: Path) -> None:
+def test_temporary_folders_of_killed_processes_are_removed_at_start(tmp_path: Path) -> None:
     """Killed or alive, own or planted: only what nobody holds any more is removed."""
     environment = os.environ | {"XDG_CACHE_HOME": "/dev/null/none", "TMPDIR": str(tmp_path)}
     environment.pop("NUMBA_CACHE_DIR", None)

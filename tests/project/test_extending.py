@@ -359,3 +359,8 @@ def test_a_surface_is_a_formula() -> None:
     for _ in range(20):
         loop.step()
     assert loop.stopped is None
+    p, surface = loop.view().tool, loop.system.surface
+    x, _, z = p - surface.origin
+    along = np.linspace(x - 0.1, x + 0.1, 200_001)
+    distance = np.hypot(along - x, 0.01 * np.cos(5 * along) - z).min()
+    assert surface.chart(p, loop.t).g[0] == pytest.approx(-distance, abs=1e-9)  # phi < 0 outside of the solid

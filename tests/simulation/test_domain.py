@@ -259,7 +259,7 @@ def test_search_finds_the_known_extreme_and_nothing_outside(span: float, cut: fl
     assert highest * (1 - 1e-3) <= found <= highest * (1 + 1e-12)
 
 
-def test_the_same_is_found_again_and_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_constants_are_reproducible_and_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = shipped()["planar3r-hybrid"]
 
     def numbers(system: System) -> list[float]:
@@ -290,7 +290,7 @@ DEPENDED_ON = {
 }  # fmt: skip
 
 
-def test_a_shelf_is_trusted_only_where_it_is_sound(tmp_path: Path) -> None:
+def test_constants_store_rejects_damaged_files(tmp_path: Path) -> None:
     constants_store, numbers = ConstantsStore(tmp_path / "constants_store"), (0.353, 2.0)
     constants_store.write("a", numbers)
     constants_store.write("b", (3.0, 4.0))
@@ -316,7 +316,7 @@ def test_a_shelf_is_trusted_only_where_it_is_sound(tmp_path: Path) -> None:
     assert constants_store.read("a", 2) is None
 
 
-def test_a_disk_that_fails_is_nobody_s_business(tmp_path: Path) -> None:
+def test_constants_store_ignores_disk_errors(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     constants_store = ConstantsStore(tmp_path / "file" / "folder")
     assert Memory(constants_store).recall("a", 1, lambda: (2.0,)) == (2.0,)
@@ -327,7 +327,7 @@ def test_a_disk_that_fails_is_nobody_s_business(tmp_path: Path) -> None:
     assert constants_store.read("a", 1) is None
 
 
-def test_a_shelf_has_an_end(tmp_path: Path) -> None:
+def test_constants_store_evicts_half_when_full(tmp_path: Path) -> None:
     for k in range(KEPT):
         (tmp_path / f"{k}.json").touch()
     constants_store = ConstantsStore(tmp_path)

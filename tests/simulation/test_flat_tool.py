@@ -22,9 +22,16 @@ from controllers.reference_estimates import FeedforwardModel
 from environments.contact import FEET, face_radius
 from environments.surfaces.plane import Plane, Tilt
 from environments.surfaces.table import Surface
+from tests.support.arms import State
+from tests.support.identities import (
+    assert_acceleration_of_coordinates,
+    assert_derivatives_of_coordinates,
+    assert_properties_1_and_2,
+    assert_torque_is_force_in_task_space,
+    derivative,
+)
 
 ALIGN = "panda-align"
-STEP = 1e-5  # of differences, rad and s
 
 
 def changed(scenario: Scenario, **changes: object) -> Scenario:
@@ -41,15 +48,9 @@ def system() -> System:
     return assemble(changed(shipped()[ALIGN], surface__motion=motion, surface__tilt=tilt))
 
 
-def derivative(function, t: float = 0.0):
-    """Central difference, fourth order."""
-    near = function(t + STEP) - function(t - STEP)
-    return (8 * near - function(t + 2 * STEP) + function(t - 2 * STEP)) / (12 * STEP)
-
-
-def state_of(system: System, seed: int) -> tuple[np.ndarray, np.ndarray, float]:
+def state_of(system: System, seed: int) -> State:
     random, n = np.random.default_rng(seed), system.robot.n
-    return system.q_0 + random.uniform(-0.1, 0.1, n), random.uniform(-1.0, 1.0, n), random.uniform(0.1, 1.0)
+    return State(system.q_0 + random.uniform(-0.1, 0.1, n), random.uniform(-1.0, 1.0, n), random.uniform(0.1, 1.0))
 
 
 def test_a_plane_that_tilts_has_exact_derivatives_in_time() -> None:
@@ -65,22 +66,19 @@ def test_a_plane_that_tilts_has_exact_derivatives_in_time() -> None:
     np.testing.assert_allclose(plane.point(chart.g, t), p, atol=1e-12)
 
 
-def test_coordinates_and_their_derivatives(system: System) -> None:
-    """(3): r_dot = J_q q_dot + v_t, r_ddot = J_q q_ddot + J_q_dot q_dot + v_t_dot; the tilts are n . e_i, by the
-    tool's frame alone."""
-    (q, q_dot, t), q_ddot = state_of(system, 1), np.random.default_rng(2).uniform(-1.0, 1.0, system.robot.n)
+def test_coordinates_of_a_flat_tool_obey_the_papers_identities(system: System) -> None:
+    state = state_of(system, 1)
+    assert np.abs(system.observe(*state)[1].v_t[1:3]).max() > 1e-2
+    assert_derivatives_of_coordinates(system, state)
+    assert_acceleration_of_coordinates(system, state)
+    assert_properties_1_and_2(system, state)
+    assert_torque_is_force_in_task_space(system, system.controller, state, np.random.default_rng(3))
 
-    def task(h: float):
-        return system.observe(q + h * q_dot + 0.5 * h * h * q_ddot, q_dot + h * q_ddot, t + h)[1]
 
-    here = task(0.0)
-    np.testing.assert_allclose(derivative(lambda h: task(h).r), here.r_dot, atol=1e-8)
-    np.testing.assert_allclose(derivative(lambda h: task(h).J_q), here.J_q_dot, atol=1e-7)
-    r_ddot = here.J_q @ q_ddot + here.J_q_dot @ q_dot + here.v_t_dot
-    np.testing.assert_allclose(derivative(lambda h: task(h).r_dot), r_ddot, atol=1e-7)
-    assert np.abs(here.v_t[1:3]).max() > 1e-2
-
-    estimate, _ = system.observe(q, q_dot, t)
+def test_tilts_are_those_of_the_tools_frame_alone(system: System) -> None:
+    """n . e_i for its axes e_i."""
+    q, q_dot, t = state_of(system, 1)
+    estimate, here = system.observe(q, q_dot, t)
     normal = system.surface.chart(estimate.p, t).G[0]
     np.testing.assert_allclose(here.r[1:3] / system.layout.l, (estimate.R.T @ normal)[:2], atol=1e-12)
     assert system.observe(system.q_0, q_dot, 0.0)[1].r[5] == pytest.approx(0.0, abs=1e-12)

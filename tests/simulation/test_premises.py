@@ -6,7 +6,6 @@ import json
 import math
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -16,28 +15,17 @@ from app.dashboard.widgets.premise_table import premises_html
 from app.scenario.caption import promised
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError, UnboundedGain
-from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
-from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.controlled_arm import ControlledArm
-from app.simulation.sampled_stability import sampled_loop
-from app.simulation.stations import APART
 from controllers.bounds import inertia_spread
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise, periods_between_looks
 from tests.support.arms import random_spd
+from tests.support.cases import short
 
 pytestmark = pytest.mark.slow  # long or many simulations
-
-
-def changed(name: str, **fields: object) -> Scenario:
-    scenario = edited(shipped()[name], "simulation.duration", 0.3)
-    for path, value in fields.items():
-        scenario = edited(scenario, path.replace("__", "."), value)
-    return scenario
 
 
 @pytest.mark.parametrize(
@@ -59,7 +47,7 @@ def changed(name: str, **fields: object) -> Scenario:
     ],
 )
 def test_each_premise_that_fails_ends_the_promise(premise: str, name: str, fields: dict[str, object]) -> None:
-    loop, metrics = simulate(changed(name, **fields))
+    loop, metrics = simulate(short(name, **fields))
     finding = next(finding for finding in metrics.premises if finding.premise == premise)
     assert finding.failed is not None
     assert finding.margin is not None
@@ -77,7 +65,7 @@ def test_each_premise_that_fails_ends_the_promise(premise: str, name: str, field
 
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-motion", "planar3r-hybrid", "panda-hybrid", "ur5-hybrid-reaching"])
 def test_shipped_runs_hold_with_all_premises(name: str) -> None:
-    loop, metrics = simulate(changed(name))
+    loop, metrics = simulate(short(name))
     assert metrics.promise.verdict == "holds"
     assert metrics.promise.share == 1.0
     assert all(finding.holds and finding.failed is None for finding in metrics.premises)
@@ -88,7 +76,7 @@ def test_shipped_runs_hold_with_all_premises(name: str) -> None:
 
 def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:
     """A drive that is too weak for a moment; then V_0 is that of the instant when it is strong enough again."""
-    loop = ClosedLoop.begin(changed("ur5-hybrid"))
+    loop = ClosedLoop.begin(short("ur5-hybrid"))
     weak = edited(loop.system.scenario, "truth.link_scaling", 1.3)
     for _ in range(50):
         loop.step()
@@ -97,7 +85,7 @@ def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:
         loop.step()
     assert loop.standing.now.verdict == "nothing promised"
     assert "outside the declared set" in loop.standing.now.because
-    loop.edit(changed("ur5-hybrid"))
+    loop.edit(short("ur5-hybrid"))
     for _ in range(50):
         loop.step()
     assert loop.standing.now.verdict == "holds"
@@ -108,7 +96,7 @@ def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:
 
 def test_the_band_does_not_grow_with_the_gain_that_it_bounds() -> None:
     """While s is reached d is a quarter above what it is at rest; the band keeps to H and the layer."""
-    loop, _ = simulate(changed("ur5-hybrid-reaching"))
+    loop, _ = simulate(short("ur5-hybrid-reaching"))
     rows = loop.recording.signals(("d", "s_band"))
     assert rows["d"].max() > 1.25 * rows["d"].min()
     assert rows["s_band"].max() < 1.05 * rows["s_band"].min()
@@ -118,7 +106,7 @@ def test_the_band_does_not_grow_with_the_gain_that_it_bounds() -> None:
 
 def test_chattering_raises_d_but_not_the_band() -> None:
     """Under the discontinuous law the band is T d, with the d of the sliding surface."""
-    scenario = changed("ur5-motion-discontinuous", controller__bounds="paper", controller__period=0.0005)
+    scenario = short("ur5-motion-discontinuous", controller__bounds="paper", controller__period=0.0005)
     loop, metrics = simulate(scenario)
     rows = loop.recording.signals(("d", "s_band"), t_from=0.1)
     assert np.ptp(rows["d"]) > 0.05 * rows["d"].mean()
@@ -129,11 +117,11 @@ def test_chattering_raises_d_but_not_the_band() -> None:
 
 def test_a_promise_from_far_begins_where_s_is() -> None:
     """s is away from zero, under a premise that fails at first: what is promised later begins from the s of then."""
-    loop = ClosedLoop.begin(changed("ur5-hybrid-reaching", truth__link_scaling=1.3))
+    loop = ClosedLoop.begin(short("ur5-hybrid-reaching", truth__link_scaling=1.3))
     for _ in range(20):
         loop.step()
     assert math.isnan(loop.kept.bound)
-    loop.edit(changed("ur5-hybrid-reaching", controller__on_change="watch"))
+    loop.edit(short("ur5-hybrid-reaching", controller__on_change="watch"))
     for _ in range(2):
         loop.step()
     s = float(loop.recording.at(loop.t)["s_norm"][0])
@@ -148,9 +136,9 @@ def test_a_run_that_diverges_promises_nothing() -> None:
     with pytest.raises(
         ScenarioError, match=r"controller\.bounds: with 'paper' .* runs away .* controller\.period <= 0\.0"
     ):
-        ClosedLoop.begin(changed("ur5-motion", controller__bounds="paper", **fields))
+        ClosedLoop.begin(short("ur5-motion", controller__bounds="paper", **fields))
     thin = {"controller__gain": "constant", "controller__d": 2000.0}
-    loop, metrics = simulate(changed("ur5-motion", **thin, **fields))
+    loop, metrics = simulate(short("ur5-motion", **thin, **fields))
     assert metrics.promise.verdict == "nothing promised"
     assert loop.standing.now.verdict == "nothing promised"
 
@@ -158,11 +146,11 @@ def test_a_run_that_diverges_promises_nothing() -> None:
 @pytest.mark.parametrize("name", ["ur5-constrained", "ur5-wave-constrained"])
 def test_the_gain_of_7_on_a_rigid_surface_is_refused_for_its_cause(name: str) -> None:
     with pytest.raises(ScenarioError, match="raise each other"):
-        ClosedLoop.begin(changed(name, controller__bounds="paper"))
+        ClosedLoop.begin(short(name, controller__bounds="paper"))
 
 
 def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
-    loop = ClosedLoop.begin(changed("ur5-constrained"))
+    loop = ClosedLoop.begin(short("ur5-constrained"))
     for _ in range(20):
         loop.step()
     before = loop.state.copy()
@@ -177,11 +165,11 @@ def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
 
 def test_a_caption_says_what_was_promised() -> None:
     names = ("s_norm", "s_bound", "s_band")
-    loop = ClosedLoop.begin(changed("ur5-hybrid"))
+    loop = ClosedLoop.begin(short("ur5-hybrid"))
     for _ in range(50):
         loop.step()
     assert promised(loop.recording.signals(names)).endswith("holds throughout.")
-    loop.edit(changed("ur5-hybrid", truth__link_scaling=1.3))
+    loop.edit(short("ur5-hybrid", truth__link_scaling=1.3))
     for _ in range(150):
         loop.step()
     assert "holds in 25 % of the time" in promised(loop.recording.signals(names))
@@ -227,163 +215,9 @@ def test_the_band_is_what_one_period_of_the_worst_perturbation_leaves() -> None:
     assert (worst <= band).all()
 
 
-def judged_value(loop: ClosedLoop) -> float:
-    (found,) = [finding for finding in loop.standing.findings if finding.premise == "sampled_loop"]
-    assert found.value is not None
-    return found.value
-
-
-def test_the_sampled_loops_are_judged_along_the_way() -> None:
-    """At stations along the reference, once each however often they are passed, and where the arm is off it."""
-    loop = ClosedLoop.begin(edited(changed("ur5-motion"), "simulation.duration", 3.0))
-    seen: dict[int, float] = {}
-    for _ in range(3000):
-        loop.step()
-        judged = loop.state.judged
-        assert judged.station is not None
-        assert np.abs(loop.state.judged.q - loop.view().q).max() < 3 * APART
-        value = seen.setdefault(judged.station, judged_value(loop))
-        assert judged_value(loop) == value
-    assert len(seen) >= 4
-    assert value == sampled_loop(loop.system, judged.q, judged.t).premises[Premise.SAMPLED_LOOP]
-    assert len(set(seen.values())) == len(seen)
-    asked_late, fresh = loop.sampled, sampled_loop(loop.system, judged.q, judged.t)
-    assert asked_late is loop.sampled  # of all that is drawn of it, nothing is computed twice
-    assert asked_late.response is not None
-    assert fresh.response is not None
-    np.testing.assert_array_equal(asked_late.response.B, fresh.response.B)
-    np.testing.assert_array_equal(asked_late.sampled, fresh.sampled)
-
-    loop.edit(edited(loop.system.scenario, "truth.push", [0.0, 0.0, 4000.0]))
-    while loop.state.judged.station is not None and loop.t < 4.0:
-        loop.step()
-    assert np.abs(loop.state.judged.q - loop.view().q).max() <= APART
-
-
-def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
-    still = edited(changed("ur5-impedance"), "motion", {"kind": "hold"})
-    loop = ClosedLoop.begin(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
-    before = judged_value(loop)
-    while loop.t < 0.3:
-        loop.step()
-    judged = loop.state.judged
-    assert judged_value(loop) == sampled_loop(loop.system, judged.q, judged.t).premises[Premise.SAMPLED_LOOP]
-    assert judged_value(loop) != before
-
-
-@pytest.mark.parametrize("compiled", [False, True], ids=["pinocchio", "compiled"])
-def test_during_a_blend_the_sampled_loops_are_those_of_the_model_in_force(*, compiled: bool) -> None:
-    """The force loop of the model at the end diverges, and that is said as soon as the one in force does."""
-    still = edited(changed("ur5-constrained"), "motion", {"kind": "hold"})
-    blend = {"to": {"M_m": [2.0, *5 * [10.0]]}, "at": 0.0, "over": 4.0}
-    loop, begun, factors = ClosedLoop.begin(edited(still, "blend", blend)), 0.0, list[float]()
-    while loop.t < 3.9 and loop.stopped is None:
-        if compiled:
-            CompiledRun(loop).advance(20)
-        else:
-            for _ in range(20):
-                loop.advance()
-        judged = loop.state.judged
-        fresh = sampled_loop(loop.system, judged.q, judged.t)
-        value = loop.state.evaluation.part("table").value[Premise.FORCE_LOOP]
-        assert value == pytest.approx(fresh.premises[Premise.FORCE_LOOP], abs=0.15)
-        factors.append(fresh.force_factor)
-        if not begun and value >= 1.0:
-            begun = loop.t
-    assert factors[0] > 0.3
-    assert min(factors) < -1.0
-    assert 1.0 < begun < 3.0
-    failed = loop.state.evaluation.part("table").failed[Premise.FORCE_LOOP]
-    assert failed == pytest.approx(begun, abs=0.05)
-
-
-@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-corner", "ur5-constrained", "ur5-corner-rigid"])
-def test_sampled_loops_are_judged_anew_but_for_another_force(name: str) -> None:
-    """What is asked of the force changes no sampled loop, so that a slider that moves it need not wait for them."""
-    system = ClosedLoop.begin(changed(name)).system
-    pressed = assemble(edited(edited(system.scenario, "force.value", 17.0), "second.force.value", 9.0), system)
-    assert pressed.sampled_loops is system.sampled_loops
-    known = system.sampled_loops[0]
-    for other in (pressed, assemble(pressed.scenario)):
-        found = sampled_loop(other, other.stations.q[0], float(other.stations.t[0]))
-        np.testing.assert_array_equal(found.A, known.A)
-        np.testing.assert_equal(dict(found.premises), dict(known.premises))
-    for path, value in (
-        ("controller.K_s", 70.0),
-        ("contact.B_e", 3.0),
-        ("truth.link_scaling", 1.1),
-        ("sensor.delay", 0.002),
-        ("simulation.substeps", 2),
-        ("declared.link_scaling", 0.1),
-    ):
-        assert assemble(edited(system.scenario, path, value), system).sampled_loops == {}, path
-
-
-def test_the_plant_stays_where_nothing_of_it_is_changed() -> None:
-    system = assemble(changed("ur5-hybrid"))
-    for path, value in (("controller.K_s", 70.0), ("force.value", 17.0), ("motion.radius", 0.03)):
-        assert assemble(edited(system.scenario, path, value), system).plant is system.plant, path
-    for path, value in (
-        ("truth.payload_mass", 0.3),
-        ("contact.K_e", 2e4),
-        ("contact.unilateral", False),
-        ("simulation.integrator", "rk4"),
-        ("simulation.substeps", 2),
-        ("surface.normal", [0.1, 0.0, 1.0]),
-    ):
-        other = edited(system.scenario, path, value)
-        assert assemble(other, system).plant is not system.plant, path
-
-
-def test_the_controller_stays_where_it_is_told_of_no_change() -> None:
-    system, yielding = assemble(changed("ur5-hybrid")), assemble(changed("ur5-impedance"))
-    for path, value in (
-        ("truth.link_scaling", 1.1),
-        ("contact.K_e", 2e4),
-        ("force.value", 17.0),
-        ("sensor.delay", 0.002),
-    ):
-        assert assemble(edited(system.scenario, path, value), system).controller is system.controller, path
-    for before, path, value in (
-        (system, "controller.K_s", 70.0),
-        (system, "controller.K_e_hat", 2e4),
-        (system, "controller.A", -1.0),
-        (system, "declared.link_scaling", 0.1),
-        (system, "target_model.M_m", [12.0] * 6),
-        (system, "motion.radius", 0.03),
-        (system, "contact.kind", "mass-damper-spring"),
-        (yielding, "contact.K_e", 2e4),
-    ):
-        assert assemble(edited(before.scenario, path, value), before).controller is not before.controller, path
-
-
-def test_a_run_taken_up_before_a_blend_knows_nothing_of_the_model_within_it() -> None:
-    """As a timeline takes it up, with the system of the instant that is left."""
-    still = edited(changed("ur5-impedance"), "motion", {"kind": "hold"})
-    loop = ClosedLoop.begin(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
-    begun, station = loop.state.copy(), loop.state.judged.station
-    while loop.t < 0.1:
-        loop.step()
-    assert station is not None
-    within = loop.system.sampled_loops[station] = sampled_loop(loop.system, begun.judged.q, begun.judged.t)
-    again = ClosedLoop.resume(begun, previous=loop.system)
-    alone = sampled_loop(assemble(begun.scenario), begun.judged.q, begun.judged.t)
-    np.testing.assert_array_equal(again.sampled.sampled, alone.sampled)
-    assert np.abs(within.sampled - alone.sampled).max() > 0.1
-
-
-@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained"])
-def test_another_true_arm_has_the_settings_of_a_system_built_with_it(name: str) -> None:
-    loop = ClosedLoop.begin(edited(changed(name), "declared.delta_G", 30.0))
-    truth = msgspec.structs.replace(loop.system.scenario.truth, payload_mass=0.4, viscous=2.0, torque_limit=80.0)
-    twin = loop.with_truth(truth, 10, None)
-    built = ControlledArm(twin.system, twin.state).settings
-    assert twin.kernel_data[0].tobytes() == built.data.tobytes() != loop.kernel_data[0].tobytes()
-
-
 def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one() -> None:
     """The same arm at the same place, with the rates that make s zero, asks for nearly twice the gain of now."""
-    loop = ClosedLoop.begin(changed("ur5-hybrid-reaching", controller__switching="discontinuous"))
+    loop = ClosedLoop.begin(short("ur5-hybrid-reaching", controller__switching="discontinuous"))
     now = loop._arm.evaluated()
     loop.state.arm.views.q_dot[:] -= now.part("seen").task.J_q_inv @ now.part("output").s
     on_surface = loop._arm.evaluated().part("output")
@@ -395,7 +229,7 @@ def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one(
 
 
 def test_a_period_counts_once_however_often_the_loop_through_the_multiplier_asks_for_the_law() -> None:
-    loop, metrics = simulate(changed("ur5-constrained", sensor__ideal=True))
+    loop, metrics = simulate(short("ur5-constrained", sensor__ideal=True))
     assert loop.kept.periods == len(loop.recording.signals(("t",))["t"])
     assert metrics.promise.verdict == "holds"
     assert loop.recording.epochs[-1].reached == loop.kept.entered
@@ -405,7 +239,7 @@ def test_a_period_counts_once_however_often_the_loop_through_the_multiplier_asks
 
 
 def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_period() -> None:
-    loop = ClosedLoop.begin(edited(changed("ur5-motion"), "controller.law", "computed-torque"))
+    loop = ClosedLoop.begin(edited(short("ur5-motion"), "controller.law", "computed-torque"))
     for _ in range(5):
         loop.step()
     assert "law" in loop.standing.now.because
@@ -430,7 +264,7 @@ def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> No
 
 
 def test_before_the_first_period_nothing_is_promised() -> None:
-    sound = ClosedLoop.begin(changed("ur5-hybrid")).standing
+    sound = ClosedLoop.begin(short("ur5-hybrid")).standing
     assert (sound.now.verdict, sound.now.because) == ("nothing promised", "the next control period judges")
     assert (sound.run.verdict, sound.run.because) == ("nothing promised", "no control period has been computed")
     assert all(finding.holds for finding in sound.findings)
@@ -438,13 +272,13 @@ def test_before_the_first_period_nothing_is_promised() -> None:
         ({"controller__law": "computed-torque"}, "the law is not the robust one"),
         ({"truth__link_scaling": 1.3}, "the true arm is outside the declared set"),
     ):
-        standing = ClosedLoop.begin(changed("ur5-hybrid", **fields)).standing
+        standing = ClosedLoop.begin(short("ur5-hybrid", **fields)).standing
         assert said in standing.now.because
         assert [finding.holds for finding in standing.findings].count(False) == 1
 
 
 def test_a_layer_that_is_too_thin_leaves_no_promised_instant_and_one_that_is_mended_has_one() -> None:
-    loop = ClosedLoop.begin(changed("ur5-motion", controller__layer=0.001))
+    loop = ClosedLoop.begin(short("ur5-motion", controller__layer=0.001))
     assert loop.state.epoch.banded_by is None
     loop.advance()
     loop.edit(edited(loop.system.scenario, "controller.layer", 0.01))
@@ -457,10 +291,10 @@ def test_without_a_layer_the_robust_terms_have_a_limit_too() -> None:
     """From (λ_max(K_s) + ¼ λ_min(K_s)) T = 2 λ_min(H) on, s may grow each period, and (c) of docs/theory.md has no
     value."""
     given = {"controller__switching": "discontinuous", "controller__gain": "constant", "controller__d": 50.0}
-    watched = ClosedLoop.begin(changed("ur5-motion", **given)).state.evaluation.part("watched")
+    watched = ClosedLoop.begin(short("ur5-motion", **given)).state.evaluation.part("watched")
     limit = 2.0 * watched.low / 1.25e-3
     for share, holds in ((0.98, True), (1.02, False)):
-        loop = ClosedLoop.begin(changed("ur5-motion", **given, controller__K_s=[share * limit] * 6))
+        loop = ClosedLoop.begin(short("ur5-motion", **given, controller__K_s=[share * limit] * 6))
         table, watched = loop.state.evaluation.part("table"), loop.state.evaluation.part("watched")
         assert bool(table.now[Premise.LAYER]) is not holds
         assert np.isfinite(watched.radius) == holds
@@ -469,7 +303,7 @@ def test_without_a_layer_the_robust_terms_have_a_limit_too() -> None:
 def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> None:
     """M_hat - E is positive definite at some postures of Omega only."""
     given = {"declared__link_centre": 0.06, "controller__gain": "constant", "controller__d": 5.0}
-    system = ClosedLoop.begin(changed("planar3r-hybrid", **given)).system
+    system = ClosedLoop.begin(short("planar3r-hybrid", **given)).system
     random, found = np.random.default_rng(0), set[bool]()
     loop = ClosedLoop.begin(system.scenario)
     for _ in range(40):
@@ -484,7 +318,7 @@ def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> Non
         assert (evaluated.part("watched").low > 0.0) == definite
         assert (evaluated.part("table").value[Premise.LAYER] < np.inf) == definite
     assert found == {False, True}
-    doubted = ClosedLoop.begin(changed("ur5-hybrid"))
+    doubted = ClosedLoop.begin(short("ur5-hybrid"))
     doubted.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER] = np.inf
     with pytest.raises(
         UnboundedGain, match=r"declared\.link_scaling: .* no inertia is left .*; allowed: a smaller one"
@@ -494,7 +328,7 @@ def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> Non
 
 def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:
     """The formula is tried up to simulation.duration; later it is the root of a negative number."""
-    loop = ClosedLoop.begin(changed("ur5-motion", declared__delta_f="1 + sqrt(0.31 - t)", truth__disturbance=0.5))
+    loop = ClosedLoop.begin(short("ur5-motion", declared__delta_f="1 + sqrt(0.31 - t)", truth__disturbance=0.5))
     CompiledRun(loop).advance(300)
     assert loop.standing.run.verdict == "holds"
     CompiledRun(loop).advance(100)

@@ -1,27 +1,20 @@
-"""What is too stiff for the plant's step is refused, with a remedy that works; what sampling spoils is foretold."""
+"""What is too stiff for the plant's step is refused, with a remedy that works."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.linalg import expm
 
-from app.scenario.data import edited, shipped, with_values
+from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
-from app.scenario.schema import Scenario
-from app.session.changes import in_mode, on_robot
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.compiled_run import CompiledRun
-from app.simulation.period_map import PeriodMap, Posture
-from app.simulation.sampled_stability import force_factor, sampled_loop
 from app.simulation.system import System
-from controllers.premises import Premise
 from environments.contact import Contact
 from environments.contact_kinds import CONTACTS
 from environments.integrators import Integrator
@@ -36,17 +29,10 @@ from environments.step_resolution import (
     substeps_needed,
 )
 from tests.support.arms import arm
+from tests.support.pressing import H, changed, pressing, run
 from tests.support.surfaces import plane, to_third
 
 pytestmark = pytest.mark.slow  # long or many simulations
-
-H = 1e-3  # s
-
-
-def radius(system: System) -> float:
-    """Growth of a deviation per control period, on the surface if there is one."""
-    return sampled_loop(system, system.q_0, 0.0).premises[Premise.SAMPLED_LOOP]
-
 
 INTEGRATORS: tuple[Integrator, ...] = tuple(STEPS)
 
@@ -147,31 +133,6 @@ def test_plant_explodes_where_its_step_is_said_to(robot: str, cause: str, integr
     assert swing(1.03 * low) > 1e-2
 
 
-def changed(scenario: Scenario, **fields: Any) -> Scenario:
-    """Fields by their dotted paths, with "__" for the dot."""
-    for path, value in fields.items():
-        scenario = edited(scenario, path.replace("__", "."), value)
-    return scenario
-
-
-def pressing(robot: str, K_e: float, period: float, **fields: Any) -> Scenario:
-    """A known arm at rest on a plane that its tool just touches, pressing with 20 N."""
-    height = float(arm(robot).nominal.evaluate(arm(robot).q_0, np.zeros(arm(robot).robot.n)).p[2])
-    scenario = changed(
-        shipped()[f"{robot}-hybrid"], truth__link_scaling=1.0, declared__link_scaling=0.0, motion="hold",
-        contact__K_e=K_e, controller__period=period, surface__origin=[0.0, 0.0, height], simulation__duration=1.0,
-    )  # fmt: skip
-    return changed(scenario, **fields)
-
-
-def run(scenario: Scenario, duration: float) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario)
-    for _ in range(round(duration / scenario.controller.period)):
-        loop.step()
-        assert loop.stopped is None
-    return loop
-
-
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize(("robot", "K_e", "period"), [("planar3r", 1e6, 0.005), ("ur5", 1e6, 0.01)])
 def test_stiff_contact_is_refused_with_a_remedy(robot: str, K_e: float, period: float, integrator: str) -> None:
@@ -227,7 +188,7 @@ def test_a_third_surface_beside_the_first_is_refused_by_its_own_name() -> None:
         assemble(corner)
 
 
-def test_what_is_too_stiff_does_not_depend_on_what_was_before() -> None:
+def test_stiffness_check_is_independent_of_the_previous_system() -> None:
     light = edited(edited(shipped()["ur5-hybrid"], "controller.period", 0.002), "truth.link_scaling", [0.5] + [1.0] * 5)
 
     def outcome(K_e: float, previous: System | None = None) -> tuple[str, System | None]:
@@ -255,242 +216,6 @@ def test_a_loop_that_runs_goes_on_when_a_stiffness_is_refused() -> None:
     assert loop.system.scenario == gentle
     loop.step()
     assert loop.stopped is None
-
-
-@pytest.mark.parametrize(
-    ("robot", "fields"),
-    [
-        ("planar3r", {"contact__K_e": 1.6e6, "sensor__delay": 0.003}),
-        ("planar3r", {"contact__K_e": 2e6, "sensor__delay": 0.003, "simulation__integrator": "rk4"}),
-        ("planar3r", {"contact__K_e": 1.4e6, "sensor__delay": 0.003, "controller__law": "computed-torque"}),
-        ("planar3r", {"contact__K_e": 1e5, "controller__law": "pd-gravity", "simulation__substeps": 1}),
-        ("planar3r", {"contact__K_e": 1e6, "contact__B_e": 200.0, "sensor__delay": 0.006}),
-        ("planar3r", {"contact__K_e": 6e6, "sensor__cutoff": 30.0, "simulation__substeps": 4}),
-        ("ur5", {"contact__K_e": 1e5, "sensor__delay": 0.005}),
-        ("ur5", {"contact__K_e": 1e4, "controller__K_e_hat": 1e6}),
-    ],
-)
-def test_growth_on_the_surface_is_what_the_loop_does(robot: str, fields: dict[str, Any]) -> None:
-    """A deviation too small for anything but the linear, of the running loop: period for period as the radius says."""
-    # with the torque held exactly: so is it, nearly, in plant steps much shorter than the control period
-    fine = {"simulation__substeps": 8, "contact__unilateral": False}
-    scenario = pressing(robot, 1e4, H, **fine | fields)
-    system = assemble(scenario)
-    growth = radius(system)
-    f_nd = 1e-5 if growth > 1.0 else 10.0
-    loop = ClosedLoop.begin(edited(scenario, "force.value", f_nd))
-    for _ in range(round(math.log(1e5) / abs(math.log(growth)))):
-        loop.step()
-    error = np.abs(loop.recording.signals(("multiplier",))["multiplier"] - f_nd)
-    fifth = len(error) // 5
-    early, late = error[2 * fifth : 3 * fifth].max(), error[4 * fifth :].max()
-    assert math.log(late / early) / (2 * fifth) == pytest.approx(math.log(growth), rel=0.1)
-    assert (loop.warning is not None) == (growth > 1.0)
-    if growth > 1.0:
-        assert "the sampled loop swings up" in (loop.warning or "")
-        assert loop.standing.now.verdict == "nothing promised"
-
-
-LIMITS: dict[str, tuple[str, str, tuple[float, float], dict[str, Any]]] = {
-    "leapfrog": ("planar3r", "contact__K_e", (1e5, 2e6), {"sensor__delay": 0.004}),
-    "semi-implicit Euler": (
-        "planar3r", "contact__K_e", (1e5, 2e6),
-        {"sensor__delay": 0.004, "simulation__integrator": "semi-implicit-euler"},
-    ),
-    "RK4": ("planar3r", "contact__K_e", (1e5, 2e6), {"sensor__delay": 0.004, "simulation__integrator": "rk4"}),
-    "low-pass": ("planar3r", "contact__K_e", (1e5, 2e6), {"sensor__delay": 0.003, "sensor__cutoff": 200.0}),
-    "computed torque": (
-        "planar3r", "contact__K_e", (1e5, 2e6), {"sensor__delay": 0.004, "controller__law": "computed-torque"}
-    ),
-    "PD with gravity": ("planar3r", "target_model__B_m", (500.0, 20000.0), {"controller__law": "pd-gravity"}),
-    "surface with a mass": (
-        "planar3r", "contact__K_e", (1e5, 4e6),
-        {"contact__kind": "mass-damper-spring", "contact__M_e": 2.0, "sensor__delay": 0.006},
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", LIMITS)
-def test_runs_on_either_side_of_the_limit_diverge_and_do_not(case: str) -> None:
-    """The limit as the period's own Jacobian has it, found by bisection, for every law, sensor and integrator."""
-    robot, field, (low, high), fields = LIMITS[case]
-    n = arm(robot).robot.n
-
-    def at(value: float) -> Scenario:
-        given = [value] * n if field == "target_model__B_m" else value
-        return pressing(robot, 1e4, H, **{"contact__unilateral": False} | fields | {field: given})
-
-    assert radius(assemble(at(low))) < 1.0 < radius(assemble(at(high)))
-    for _ in range(8):
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if radius(assemble(at(middle))) > 1.0 else (middle, high)
-
-    def swing(value: float) -> float:
-        """Of the force around 1e-5 N, late over early: of a deviation too small for anything but the linear."""
-        loop = ClosedLoop.begin(edited(at(value), "force.value", 1e-5))
-        rate = abs(math.log(radius(loop.system)))
-        for _ in range(round(math.log(1e4) / rate)):
-            loop.step()
-        q_dot = loop.recording.signals(("q_dot",))["q_dot"]
-        fifth = len(q_dot) // 5
-        return float(np.abs(q_dot[4 * fifth :]).max() / np.abs(q_dot[fifth : 2 * fifth]).max())
-
-    assert swing(0.8 * low) < 0.5
-    assert swing(1.25 * high) > 2.0
-
-
-@pytest.mark.parametrize("kind", ["elastic", "mass-damper-spring"])
-@pytest.mark.parametrize("ideal", [False, True])
-def test_every_sensor_is_judged(kind: str, ideal: bool) -> None:
-    """An ideal sensor shows the force of now only where that depends on the torque: elsewhere it is as late as any."""
-    fields = {"sensor__delay": 0.004, "sensor__cutoff": 100.0, "sensor__ideal": ideal, "contact__kind": kind}
-    quick, late = (
-        assemble(pressing("planar3r", 1e5, H, **fields | {"contact__M_e": 2.0} | given))
-        for given in ({"sensor__delay": 0.0, "sensor__cutoff": 0.0}, {})
-    )
-    sees_delay = not (ideal and kind == "mass-damper-spring")
-    assert (abs(radius(late) - radius(quick)) > 1e-6) == sees_delay
-    size = len(PeriodMap(late, Posture.of(late, late.q_0, 0.0)).jacobian())
-    assert size == 3 * 3 + 3 * (1 + 4) + 3 * (kind == "mass-damper-spring" and not ideal)
-
-
-@pytest.mark.parametrize("M_m1", [5.0, 10.0, 30.0])
-def test_the_closed_form_of_the_force_loop_is_an_eigenvalue_of_the_period(M_m1: float) -> None:
-    scenario = changed(
-        shipped()["ur5-constrained"], controller__law="computed-torque", target_model={"M_m": [M_m1] + [12.0] * 5},
-        truth__link_scaling=1.0,
-    )  # fmt: skip
-    system = assemble(scenario)
-    at = Posture.of(system, system.q_0, 0.0)
-    values, factor = np.linalg.eigvals(PeriodMap(system, at).jacobian()), force_factor(system, at)
-    assert np.abs(values - factor).min() < 1e-4 * abs(factor)
-
-
-@pytest.mark.parametrize("M_m1", [2.5, 10.0])
-@pytest.mark.parametrize(("cutoff", "delay"), [(20.0, 0.0), (50.0, 0.003), (0.0, 0.003)])
-def test_a_low_pass_changes_the_factor_of_the_force_loop_and_a_delay_alone_does_not(
-    M_m1: float, cutoff: float, delay: float
-) -> None:
-    """A low-pass of gain g makes 1 - g (1 - f) of the factor f; behind a delay, too, it is the fastest of several
-    eigenvalues that belong to the force loop."""
-    without = changed(
-        shipped()["ur5-constrained"], controller__law="computed-torque", target_model={"M_m": [M_m1] + [12.0] * 5},
-        truth__link_scaling=1.0,
-    )  # fmt: skip
-    plain, system = assemble(without), assemble(changed(without, sensor={"cutoff": cutoff, "delay": delay}))
-    at = Posture.of(system, system.q_0, 0.0)
-    f, factor = force_factor(plain, at), force_factor(system, at)
-    if cutoff == 0.0:
-        assert factor == pytest.approx(f, rel=1e-12)
-        return
-    gain = 1.0 - math.exp(-2 * math.pi * cutoff * 0.001)
-    values = np.linalg.eigvals(PeriodMap(system, at).jacobian())
-    if delay == 0.0:
-        assert factor == pytest.approx(1.0 - gain * (1.0 - f), rel=1e-12)
-        assert np.abs(values - factor).min() < 1e-4 * abs(factor)
-    else:
-        z = values[np.abs(np.abs(values) - factor).argmin()]
-        assert z**3 * (z - 1.0 + gain) == pytest.approx(gain * f, rel=1e-2)
-
-
-def test_a_force_loop_that_a_low_pass_calms_is_not_said_to_diverge() -> None:
-    fields = {"controller__gain": "constant", "controller__d": 60.0, "truth__link_scaling": 1.0}
-    scenario = changed(shipped()["ur5-constrained"], target_model={"M_m": [2.5] + [10.0] * 5}, **fields)
-    factors = []
-    for cutoff in (0.0, 20.0):
-        loop = ClosedLoop.begin(changed(scenario, sensor={"cutoff": cutoff}))
-        for _ in range(400):
-            loop.advance()
-        last = loop.recording.at(loop.t)
-        settles = loop.stopped is None and abs(last["multiplier"][0] - last["F_cd"][0]) < 0.1
-        factors.append((loop.sampled.force_factor, settles, "force loop diverges" in (loop.warning or "")))
-    assert [(abs(factor) < 1.0, settles, said) for factor, settles, said in factors] == [
-        (False, False, True),
-        (True, True, False),
-    ]
-
-
-@pytest.mark.parametrize("law", ["pd-gravity", "computed-torque"])
-def test_estimates_along_the_reference_do_not_move_with_the_arm(law: str) -> None:
-    """G_hat(q_d) of Remark 3 does not follow q: with little stiffness gravity makes a deviation grow, as fast as the
-    period's map says."""
-    growth = {}
-    for estimates in ("online", "along-reference"):
-        scenario = with_values(
-            shipped()["ur5-joint"],
-            {
-                "controller.law": law, "controller.estimates": estimates, "motion": {"kind": "hold"}, "declared": {},
-                "truth": {},
-                "target_model.M_m": (1.0,) * 6, "target_model.B_m": (12.0,) * 6, "target_model.K_m": (2.0,) * 6,
-                "simulation.domain_radius": 0.6,
-            },
-        )  # fmt: skip
-        loop = ClosedLoop.begin(scenario)
-        loop.state.arm.views.q[1:3] += 1e-4
-        CompiledRun(loop).advance(3000)
-        away = np.linalg.norm(loop.recording.signals(("e_r",))["e_r"], axis=1)
-        growth[estimates] = radius(loop.system), math.log(away[2999] / away[2499]) / 500
-    assert growth["online"][0] < 1.0 < growth["along-reference"][0]
-    assert growth["online"][1] < 0.0
-    assert growth["along-reference"][1] == pytest.approx(math.log(growth["along-reference"][0]), rel=0.06)
-
-
-def test_growth_is_foretold_where_the_normal_is_oblique_to_every_coordinate() -> None:
-    """Impedance in Cartesian coordinates on an inclined plane: the multiplier acts on all of r."""
-    system, normal = arm("planar3r"), np.array([0.3, 0.0, -0.95])
-    normal /= np.linalg.norm(normal)
-    touched = system.nominal.evaluate(system.q_0, np.zeros(3)).p - 1e-12 * normal
-    loop = ClosedLoop.begin(
-        changed(
-            in_mode(pressing("planar3r", 1e4, H), "impedance"), contact__K_e=2e6, contact__unilateral=False,
-            sensor__delay=0.003, surface__origin=touched.tolist(), surface__normal=normal.tolist(),
-            simulation__substeps=8,
-        )
-    )  # fmt: skip
-    growth = radius(loop.system)
-    assert 1.05 < growth < 1.2
-    for _ in range(100):
-        loop.step()
-    change = np.abs(np.diff(loop.recording.signals(("multiplier",))["multiplier"]))
-    assert math.log(change[80:].max() / change[40:60].max()) / 40 == pytest.approx(math.log(growth), rel=0.1)
-    assert "the sampled loop swings up" in (loop.warning or "")
-
-
-@pytest.mark.parametrize("name", ["ur5-motion", "ur5-constrained", "ur5-hybrid", "ur5-impedance"])
-def test_shipped_loops_contract_in_free_motion_as_in_contact(name: str) -> None:
-    assert radius(assemble(shipped()[name])) < 1.0
-
-
-@pytest.mark.parametrize("switching", ["discontinuous", "saturation"])
-def test_the_motion_on_the_sliding_surface_is_judged_where_it_reads_a_contact(switching: str) -> None:
-    """With 0.1 s of delay the force swings between 0 and 46 N, under a law that chatters, too; of a delay that is too
-    long to be judged nothing is promised."""
-    base = edited(shipped()["ur5-hybrid"], "controller.switching", switching)
-    late = {delay: edited(base, "sensor.delay", delay) for delay in (0.02, 0.1, 0.101)}
-    assert radius(assemble(late[0.02])) < 1.0 < radius(assemble(late[0.1])) < 1.01
-    for delay in (0.1, 0.101):
-        loop = run(edited(late[delay], "declared.force_error", 60.0), 3.0)
-        force = loop.recording.signals(("multiplier",), t_from=2.0)["multiplier"]
-        assert force.min() == 0.0
-        assert force.max() > 40.0
-        assert loop.standing.run.verdict == "nothing promised"
-    assert radius(assemble(late[0.101])) == math.inf
-    assert "is not known: the force sensor is late" in loop.warning
-    assert math.isnan(radius(assemble(shipped()["ur5-motion-discontinuous"])))
-
-
-@pytest.mark.parametrize(("name", "arms"), [("ur5-motion", "ur10"), ("ur5-motion", "ur5")])
-def test_a_layer_too_thin_swings_up_in_free_motion_too(name: str, arms: str) -> None:
-    """Layer factors of 11 and 3.3 gave no warning where nothing was touched."""
-    scenario = edited(edited(on_robot(shipped()[name], arms), "controller.layer", 0.001), "truth.link_scaling", 1.1)
-    loop = run(scenario, 0.3)
-    findings = {finding.premise: finding for finding in loop.standing.findings}
-    assert not findings["layer"].holds
-    assert not findings["sampled_loop"].holds
-    assert findings["layer"].failed == 0.0
-    assert loop.standing.run.verdict == "nothing promised"
-    calm = run(shipped()[name], 0.3)
-    assert calm.standing.run.verdict == "holds"
 
 
 @pytest.mark.parametrize("mass", [4.0, 10.0, 20.0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from controllers.compensator import Compensator
 from controllers.control_law import Reference
 from controllers.controller import Controller
 from controllers.laws.table import LAWS
-from controllers.switching import Switching, unit_factor
+from controllers.switching import Switching
 from controllers.target_model import TargetModel
 from environments.acceleration import PlantState
 from environments.robots import CATALOGUE
@@ -26,11 +27,9 @@ from environments.surfaces.table import Surface
 from tests.support.surfaces import AT_REST, cylinder, formula, plane, sphere
 
 ROBOTS = tuple(CATALOGUE)
-# the surfaces move
-CHARTS = ("joint", "cartesian", "plane", "cylinder inside", "sphere outside", "typed wave", "corner")
 CERTAIN = Uncertainty(*10 * (0.0,))
 MOTION = SurfaceMotion(direction=(0.6, 0.0, 0.8), amplitude=0.03, frequency=1.7)
-
+TOWARDS, RADIUS = np.array([0.28, 0.0, -0.96]), 0.4  # m
 WAVE = "0.96*z - 0.28*x - 0.02*sin(7*(x + z) - 2*t) + 0.3*x^2"
 
 
@@ -50,19 +49,29 @@ def charted(robot: str, chart: str) -> System:
         return system
     if chart == "joint":
         return replace(system, layout=system.layout._replace(joint=True))
-    towards, radius, axis = np.array([0.28, 0.0, -0.96]), 0.4, np.array([0.0, 1.0, 0.0])
-    middle = system.nominal.evaluate(system.q_0, np.zeros(system.robot.n)).p + 0.03 * towards
-    if chart == "plane":
-        return replace(system, charted=plane(middle, towards, MOTION))
-    if chart == "cylinder inside":
-        return replace(system, charted=cylinder(middle - radius * towards, axis, towards, radius, "inside", MOTION))
-    if chart == "corner":
-        steep = plane(middle, np.array([0.8, 0.0, -0.6]), SurfaceMotion(direction=(1.0, 0.0, 0.0), amplitude=0.02))
-        hollow = cylinder(middle - radius * towards, axis, towards, radius, "inside", MOTION)
-        return replace(system, charted=Corner((steep, hollow), middle))
-    if chart == "typed wave":
-        return replace(system, charted=formula(WAVE, middle, towards, middle, MOTION))
-    return replace(system, charted=sphere(middle + radius * towards, -towards, radius, "outside", MOTION))
+    middle = system.nominal.evaluate(system.q_0, np.zeros(system.robot.n)).p + 0.03 * TOWARDS
+    return replace(system, charted=CHARTED[chart](middle))
+
+
+def _hollow(middle: np.ndarray) -> Surface:
+    axis = np.array([0.0, 1.0, 0.0])
+    return cylinder(middle - RADIUS * TOWARDS, axis, TOWARDS, RADIUS, "inside", MOTION)
+
+
+def _corner(middle: np.ndarray) -> Corner:
+    motion = SurfaceMotion(direction=(1.0, 0.0, 0.0), amplitude=0.02)
+    return Corner((plane(middle, np.array([0.8, 0.0, -0.6]), motion), _hollow(middle)), middle)
+
+
+# what is met at a place (3,) m, by chart; all surfaces move
+CHARTED: dict[str, Callable[[np.ndarray], Surface | Corner]] = {
+    "plane": lambda middle: plane(middle, TOWARDS, MOTION),
+    "cylinder inside": _hollow,
+    "sphere outside": lambda middle: sphere(middle + RADIUS * TOWARDS, -TOWARDS, RADIUS, "outside", MOTION),
+    "typed wave": lambda middle: formula(WAVE, middle, TOWARDS, middle, MOTION),
+    "corner": _corner,
+}
+CHARTS = ("joint", "cartesian", *CHARTED)
 
 
 def at_rest(surface: Surface | Corner) -> tuple[Surface, ...]:
@@ -119,6 +128,16 @@ def random_law(
     )
 
 
-def unit_vector(s: np.ndarray, kind: int, phi: float) -> np.ndarray:
-    """sigma(s) (n,), the smoothed s/||s||."""
-    return s * unit_factor(float(np.linalg.norm(s)), kind, phi)
+# eta(r, w) for r = ||s|| > 0 and a layer w, written without the product
+ETA: dict[Switching, Callable[[float, float], float]] = {
+    Switching.DISCONTINUOUS: lambda _r, _w: 1.0,
+    Switching.SATURATION: lambda r, w: min(1.0, r / w),
+    Switching.RATIONAL: lambda r, w: r / (r + w),
+    Switching.TANH: lambda r, w: float(np.tanh(r / w)),
+}
+
+
+def unit_vector(s: np.ndarray, kind: Switching, layer: float) -> np.ndarray:
+    """sigma(s) (n,) = eta(||s||) s/||s||, zero at s = 0."""
+    r = float(np.linalg.norm(s))
+    return s * ETA[kind](r, layer) / r if r > 0.0 else np.zeros_like(s)

@@ -37,6 +37,10 @@ SWEEP = Sweep(
     program=fingerprint(),
 )
 
+# 12 runs of 0.3 s
+ASKED = ("sweep", "planar3r-hybrid", "--vary", "contact.K_e=1e3:1e5:3:log", "--vary", "controller.K_s=20:80:2",
+         "--duration", "0.3", "--draw", "2", "--workers", "1")  # fmt: skip
+
 
 def timeless(metrics: RunMetrics) -> RunMetrics:
     return {name: value for name, value in metrics.items() if name != "wall_time"}
@@ -155,27 +159,30 @@ def test_a_sweep_on_two_processes_that_is_stopped_and_goes_on_has_every_row_once
         )
 
 
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the 12 runs of `ASKED`."""
+    folder = tmp_path_factory.mktemp("swept") / "sweep"
+    assert execute([*ASKED, "--out", str(folder)]) == 0
+    return folder
+
+
 @pytest.mark.slow
-def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = str(tmp_path / "sweep")
-    asked = ["sweep", "planar3r-hybrid", "--vary", "contact.K_e=1e3:1e5:3:log", "--vary", "controller.K_s=20:80:2",
-             "--duration", "0.3", "--draw", "2", "--workers", "1"]  # fmt: skip
-    assert execute([*asked, "--dry-run"]) == 0
+def test_the_command_runs_draws_and_repeats_a_row(
+    swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = str(swept)
+    assert execute([*ASKED, "--dry-run"]) == 0
     assert "12 runs of 3.6 s simulated time" in capsys.readouterr().out
-    assert execute([*asked, "--out", folder]) == 0
-    assert execute([*asked, "--out", folder]) == 0
+    assert execute([*ASKED, "--out", folder]) == 0
     said = capsys.readouterr().out
     assert "12 of 12 runs are there already" in said
     assert "0 runs" not in said
-    svg, png = tmp_path / "of.svg", tmp_path / "of.png"
-    assert execute(["sweep", "plot", folder, "--to", "png", "--out", str(svg)]) == 2
-    assert "allowed: a name that ends in .png" in capsys.readouterr().err
+    png = tmp_path / "of.png"
     assert execute(["sweep", "plot", folder, "--out", str(png)]) == 0  # the name says which form
     assert png.read_bytes().startswith(b"\x89PNG")
-    assert execute([*asked, "--out", "."]) == 2
-    assert "--out: no folder of its own" in capsys.readouterr().err
     assert execute(["sweep", f"{folder}/sweep.toml", "--out", str(tmp_path / "again"), "--workers", "1"]) == 0
-    _, columns = table_of(tmp_path / "sweep")
+    _, columns = table_of(swept)
     _, again = table_of(tmp_path / "again")
     assert columns["residual"].tolist() == again["residual"].tolist()
     for kind, over in (("map", ()), ("slices", ("controller.K_s",)), ("parallel", ())):
@@ -187,48 +194,60 @@ def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest
     metrics = msgspec.json.decode((tmp_path / "row" / "metrics.json").read_bytes())
     assert metrics["target_model_residual_tail"] == columns["residual"][7]
     assert metrics["engine"] == "compiled"
-    capsys.readouterr()
-    for arguments, sentence in (
-        ((*asked,), "no folder for the runs"),
-        ((*asked, "--out", folder, "--seed", "3"), "holds another sweep (seed 0 there, 3 here)"),
-        (("sweep", "plot", folder, "--of", "beauty"), "--of 'beauty'"),
-        (("sweep", "plot", folder, "--show", "share"), "allowed: share with --within"),
-        (("sweep", "plot", folder, "--over", "controller.layer"), "--over 'controller.layer'"),
-        (("run", "--from", folder, "--out", folder), "--from FOLDER --row N"),
-        (("run", "--from", folder, "--row", "12", "--out", folder), "row 12; allowed: 0 to 11"),
-        (("run", "--out", folder), "no scenario"),
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (ASKED, "no folder for the runs"),
+        ((*ASKED, "--out", "."), "--out: no folder of its own"),
+        ((*ASKED, "--out", "FOLDER", "--seed", "3"), "holds another sweep (seed 0 there, 3 here)"),
+        (("sweep", "plot", "FOLDER", "--to", "png", "--out", "FOLDER.svg"), "allowed: a name that ends in .png"),
+        (("sweep", "plot", "FOLDER", "--of", "beauty"), "--of 'beauty'"),
+        (("sweep", "plot", "FOLDER", "--show", "share"), "allowed: share with --within"),
+        (("sweep", "plot", "FOLDER", "--over", "controller.layer"), "--over 'controller.layer'"),
+        (("run", "--from", "FOLDER", "--out", "FOLDER"), "--from FOLDER --row N"),
+        (("run", "--from", "FOLDER", "--row", "12", "--out", "FOLDER"), "row 12; allowed: 0 to 11"),
+        (("run", "--out", "FOLDER"), "no scenario"),
         # also options that are typed with the value that they have without
         (
-            ("run", "--from", folder, "--row", "7", "--engine", "pinocchio", "--out", folder),
+            ("run", "--from", "FOLDER", "--row", "7", "--engine", "pinocchio", "--out", "FOLDER"),
             "the same run again, as it",
         ),
-        (("sweep", f"{folder}/sweep.toml", "--draw", "0", "--dry-run"), "is the whole question"),
-        (("sweep", f"{folder}/sweep.toml", "--no-corners", "--dry-run"), "is the whole question"),
-        (("sweep", f"{folder}/sweep.toml", "--engine", "compiled", "--dry-run"), "is the whole question"),
-        (("sweep", f"{folder}/sweep.toml", "--until", "0.1", "--dry-run"), "is the whole question"),
+        (("sweep", "FOLDER/sweep.toml", "--draw", "0", "--dry-run"), "is the whole question"),
+        (("sweep", "FOLDER/sweep.toml", "--no-corners", "--dry-run"), "is the whole question"),
+        (("sweep", "FOLDER/sweep.toml", "--engine", "compiled", "--dry-run"), "is the whole question"),
+        (("sweep", "FOLDER/sweep.toml", "--until", "0.1", "--dry-run"), "is the whole question"),
         # and those that would have no effect
-        ((*asked, "--set", "truth.payload_mass=1", "--dry-run"), "--set truth.payload_mass: it is drawn for each true"),
+        ((*ASKED, "--set", "truth.payload_mass=1", "--dry-run"), "--set truth.payload_mass: it is drawn for each true"),
         (
-            (*asked, "--set", "contact.K_e=1e4", "--dry-run"),
+            (*ASKED, "--set", "contact.K_e=1e4", "--dry-run"),
             "--set contact.K_e: it is varied, too; allowed: one of both",
         ),
         (
-            (*asked, "--vary", "simulation.duration=1,2", "--dry-run"),
+            (*ASKED, "--vary", "simulation.duration=1,2", "--dry-run"),
             "--duration 0.3: simulation.duration is varied, too",
         ),
-        ((*asked, "--until", "0", "--dry-run"), "--until 0; allowed: more than 0 s, at most the duration of the runs"),
-        ((*asked, "--until", "1", "--dry-run"), "until: 1 s; allowed: at most 0.3 s"),
+        ((*ASKED, "--until", "0", "--dry-run"), "--until 0; allowed: more than 0 s, at most the duration of the runs"),
+        ((*ASKED, "--until", "1", "--dry-run"), "until: 1 s; allowed: at most 0.3 s"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1:nan:3", "--dry-run"), "allowed: finite numbers"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1:2:1000000000", "--dry-run"), "allowed: 2 to 100000"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K=1:2:3", "--dry-run"), "contact.K: no such field"),
         (
-            ("tune", "planar3r-hybrid", "--move", "controller.K_s=5:90", "--for", "residual", "--out", folder),
+            ("tune", "planar3r-hybrid", "--move", "controller.K_s=5:90", "--for", "residual", "--out", "FOLDER"),
             "holds runs of something else (no tune.toml)",
         ),
-    ):
-        assert execute(list(arguments)) == 2, arguments
-        assert sentence in (said := capsys.readouterr().err)
-        assert said.count("\n") == 1, said
+    ],
+)
+def test_options_that_make_no_sense_are_refused_in_one_sentence(
+    swept: Path, arguments: tuple[str, ...], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """FOLDER is that of a sweep which has run."""
+    assert execute([argument.replace("FOLDER", str(swept)) for argument in arguments]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
 
 
 def test_a_full_disk_is_one_sentence_and_what_is_there_stays(

@@ -21,6 +21,8 @@ UNDECLARED = edited(shipped()["planar3r-hybrid"], "declared", {})
 
 def test_one_arm_that_the_search_does_not_see_needs_no_bounds() -> None:
     require_sound(msgspec.structs.replace(TUNING, scenario=UNDECLARED, draw=0, unseen=1))
+    with pytest.raises(ScenarioError, match="--unseen 2: true arms that are all alike"):
+        require_sound(msgspec.structs.replace(TUNING, scenario=UNDECLARED, draw=0, unseen=2))
 
 
 def test_a_gain_that_moves_is_a_range() -> None:
