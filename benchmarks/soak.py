@@ -192,10 +192,11 @@ def page(readings: list[Reading], failures: list[str], errors: list[str], client
 
 Written by `python -m benchmarks.soak --minutes {last.minute:g} --clients {clients}`. {described}
 
-{clients} visitors at a time, {last.visits} visits in {last.minute:g} minutes: they drag, type, change mode and arm,
-pause, reset, pin and leave, some in the middle of a drag without a word. Judged by the quietest readings of the second
-half: {growth}. {broken}. Steps are fewer than 1000 a second while somebody has paused or a run has ended; a change of
-arm or mode, which is built between two steps, makes the steps after it late, and they are made up for.
+{clients} visitors at a time made {last.visits} visits in {last.minute:g} minutes.
+They drag, type, change mode and arm, pause, reset, pin and leave, some of them in the middle of a drag.
+The quietest readings of the second half show: {growth}. {broken}.
+There are fewer than 1000 steps a second while somebody has paused or a run has ended.
+A change of arm or mode takes place between two steps. The steps after it are late, and the loop catches up.
 
 {Table(header, rows).markdown()}
 

@@ -134,10 +134,12 @@ def page(
 Written by `python -m benchmarks.soak_shared --minutes {last.minute:g} --sessions {sessions} --clients {clients}`.
 {described}
 
-{sessions} sessions of `vsmrc serve --shared`, each watched by a page that stays; {clients} visitors at a time,
-{last.visits} visits in {last.minute:g} minutes, each with one of the sessions: they do what those below do. Judged by
-the quietest readings of the second half: {growth}. {broken}. Memory is the proportional share of the processes,
-previews with their sessions. What a session has recorded grows for twenty simulated minutes and no further.
+{sessions} sessions of `vsmrc serve --shared` ran, each watched by a page that stayed open.
+{clients} visitors at a time made {last.visits} visits in {last.minute:g} minutes.
+Each visitor used one of the sessions, like the visitors in the next section.
+The quietest readings of the second half show: {growth}. {broken}.
+Memory is the proportional share of the processes. Previews count with their sessions.
+The recording of a session grows for twenty simulated minutes and then stays constant.
 
 {Table(header, rows).markdown()}
 """

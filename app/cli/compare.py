@@ -27,14 +27,14 @@ def compare(
     use: Files = (),
     settings: Settings = (),
 ) -> int:
-    """Simulate scenarios and put their metrics side by side, as the tab Runs does with pinned runs.
+    """Simulate scenarios and print their metrics side by side, as the page's tab Runs does with pinned runs.
 
     Args:
         scenarios: shipped scenarios or .toml files
-        last: how much of the end counts, in s, instead of the whole run
-        duration: simulated time in s, instead of the scenarios'
-        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
-        use: a file with a law, surface or trajectory of your own (docs/extending.md)
+        last: compute the metrics only over this many seconds at the end, instead of over the whole run
+        duration: simulated time in s; by default the duration that each scenario sets
+        engine: pinocchio, or compiled, which is faster; their results differ by rounding (docs/command-line.md)
+        use: file with your own control law, surface or trajectory (docs/extending.md)
     """
     from app.analysis.metrics import ACCOUNT_METRICS, account
     from app.session import headless_run

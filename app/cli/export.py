@@ -60,23 +60,25 @@ def export(
     use: Files = (),
     settings: Settings = (),
 ) -> int:
-    """Make what the page's Export tab makes, from a recording or a scenario, which is simulated first.
+    """Make figures, data files and a 3-D playback, like the page's tab Export. The input is a recording, or a scenario,
+    which is then simulated first.
 
     Args:
-        run: a recording.npz of `vsmrc run` or of the page, a shipped scenario or a .toml file
+        run: a recording.npz from `vsmrc run` or from the page, a shipped scenario, or a .toml file
         out: folder for the files
-        to: svg, pdf, png: figures; csv, npz: data; html: 3-D playback; toml: scenario
-        plots: what a figure shows: plots by their names, tabs of the page by their titles (docs/export.md), or all
-        series: only these lines, by their names in the legends; psi_1 is ψ₁
-        width: of a figure: single (85 mm) or double (180 mm) column, or a length such as 120mm or 5in
-        height: of a figure, such as 60mm, instead of what its plots need
-        type_size: of a figure's text, pt
-        letters: (a), (b), … before the titles of the plots
-        caption: the scenario's numbers below the figure
-        start: first instant, s
-        end: last instant, s
-        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
-        use: a file with a law, surface or trajectory of your own (docs/extending.md)
+        to: kinds of files: svg, pdf, png for figures; csv, npz for data; html for the 3-D playback; toml for the
+            scenario
+        plots: plots to draw: names of plots, titles of the page's plot tabs (docs/export.md), or all
+        series: draw only these lines; use their names in the legends; type psi_1 for ψ₁
+        width: width of a figure: single (column, 85 mm), double (180 mm), or a length such as 120mm or 5in
+        height: height of a figure, such as 60mm; by default as much as its plots need
+        type_size: size of the text in a figure, pt
+        letters: put (a), (b), … before the titles of the plots
+        caption: print the numbers of the scenario below the figure
+        start: start of the exported time range, s
+        end: end of the exported time range, s
+        engine: pinocchio, or compiled, which is faster; their results differ by rounding (docs/command-line.md)
+        use: file with your own control law, surface or trajectory (docs/extending.md)
     """
     from app.dashboard.export import ExportedStretch, FigureChoice, write
     from app.dashboard.plots.paper_figures import plots_of

@@ -17,13 +17,13 @@ def figures(
     thin: int = 1,
     engine: EngineOption = None,
 ) -> int:
-    """Compute the evidence anew: evidence.md with every figure and number of docs/evidence.md, on all cores.
+    """Recompute the evidence on all cores. Writes evidence.md with every figure and number of docs/evidence.md.
 
     Args:
         out: folder for the files
-        only: sections, by name, instead of all
-        thin: one in so many of the cases, to look quickly
-        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
+        only: names of the sections to compute; by default all sections
+        thin: for a quick look, compute only every N-th case
+        engine: pinocchio, or compiled, which is faster; their results differ by rounding (docs/command-line.md)
     """
     from app.evidence.make import make
     from app.evidence.sections import SECTIONS

@@ -20,13 +20,13 @@ def lesson(
     *,
     figures: Path | None = None,
 ) -> int:
-    """List the lessons, check them, or play one without a screen.
+    """List the lessons, check them, or simulate their runs without a screen.
 
     Args:
-        action: list; check: play the runs, score the reference answers and the planted wrong ones, read the texts; run:
-            play the runs and show what they measure
-        lessons: shipped lessons, by name, or lesson.md files; for check, all shipped ones without a name
-        figures: folder for an SVG of each run, for run
+        action: list: show all lessons; check: test a lesson: simulate its runs, score its reference answers and its
+            wrong answers, and check its texts; run: simulate the runs and print what they measure
+        lessons: names of shipped lessons, or lesson.md files; check without a name checks all shipped lessons
+        figures: with run: folder for an SVG figure of each run
     """
     from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure
     from app.export.printing import render

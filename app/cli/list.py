@@ -7,7 +7,7 @@ from app.scenario.data import shipped
 
 
 def list_() -> int:
-    """Show the robots and the scenarios."""
+    """List the robots and the shipped scenarios."""
     from environments.robots import CATALOGUE
 
     print("robots")

@@ -26,7 +26,9 @@ Value = TypeVar("Value")
 Files = Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE.py")]
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
-    tyro.conf.arg(name="set", metavar="KEY=VALUE", help="change fields, e.g. --set force.value=30 contact.K_e=2e4"),
+    tyro.conf.arg(
+        name="set", metavar="KEY=VALUE", help="change scenario fields, e.g. --set force.value=30 contact.K_e=2e4"
+    ),
 ]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 LONGEST_NAME = 200  # letters of a scenario's name

@@ -37,18 +37,20 @@ def response(
     use: Files = (),
     settings: Settings = (),
 ) -> int:
-    """Compare the impedance that the tool has with that of the target model, and find the force loop's margins: writes
-    response.svg and response.csv, and force_loop.csv where the contact's force is fed back.
+    """Compare the impedance of the tool with that of the target model over frequency, and compute the stability
+    margins of the force loop. Writes response.svg and response.csv. Also writes force_loop.csv if the controller feeds
+    back the contact force.
 
     Args:
         scenario: a shipped scenario or a .toml file
         out: folder for the files
-        at: the instant of the run whose posture is looked at, s
-        measure: frequencies, Hz, at which whole runs under a sinusoidal push measure it, too
-        chirp: lowest and highest frequency, Hz, of a push that sweeps from one to the other and measures it between
-        newtons: size of that push along each axis, N
-        newton_metres: size of that push about each axis, N·m
-        use: a file with a law, surface or trajectory of your own (docs/extending.md)
+        at: instant of the run at which the loop is linearised, s
+        measure: also measure the impedance at these frequencies, Hz, by simulating sinusoidal pushes
+        chirp: also measure the impedance by simulating a push whose frequency sweeps from the first value to the
+            second, Hz
+        newtons: amplitude of these pushes along each axis, N
+        newton_metres: amplitude of these pushes about each axis, N·m
+        use: file with your own control law, surface or trajectory (docs/extending.md)
     """
     from app.scenario.caption import title_of
     from app.session.push_measurement import Chirp, PushExperiment

@@ -52,20 +52,20 @@ def run(
     use: Files = (),
     settings: Settings = (),
 ) -> int:
-    """Simulate a scenario without a screen; writes recording.npz, metrics.json and scenario.toml.
+    """Simulate a scenario without a screen. Writes recording.npz, metrics.json and scenario.toml.
 
     Args:
         scenario: a shipped scenario (see `vsmrc list`) or a .toml file
         out: folder for the files
-        from_: a folder of `vsmrc sweep`, in place of a scenario: the same run again
-        row: number of that run
-        duration: simulated time in s, instead of the scenario's
-        blend_to: go over to the target model of this scenario; see also the fields of `blend`
-        blend_at: when that begins, s
-        blend_over: how long it takes, s
-        strict: end with status 4 when what the theorem promises is broken, 5 when it promises nothing
-        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
-        use: a file with a law, surface or trajectory of your own (docs/extending.md)
+        from_: repeat a run of a sweep: the folder of the sweep, instead of a scenario
+        row: number of the run of that sweep
+        duration: simulated time in s; by default the duration that the scenario sets
+        blend_to: change gradually to the target model of this scenario; see also the fields of `blend`
+        blend_at: when this change starts, s
+        blend_over: how long this change takes, s
+        strict: exit with status 4 if the theorem's promise was broken, with 5 if nothing was promised
+        engine: pinocchio, or compiled, which is faster; their results differ by rounding (docs/command-line.md)
+        use: file with your own control law, surface or trajectory (docs/extending.md)
     """
     from app.session import headless_run
     from app.storage.constants_store import kept_memory

@@ -60,30 +60,35 @@ def serve(
     use: Files = (),
     settings: Settings = (),
 ) -> int:
-    """Open the dashboard, for yourself or for an audience.
+    """Start the dashboard server, for yourself or for an audience.
 
     Args:
-        scenario: a shipped scenario or a .toml file to begin with
-        host: address to listen at; only this machine can reach 127.0.0.1, another one needs the link with the token
-        port: port to listen at
-        theme: how the page looks at first; T changes it there
-        fps: pictures of the scene per second; without a graphics card, few leave more to the loop
-        state_dir: folder that keeps scenarios and pinned runs for the next start, instead of ~/.local/state/vsmrc-lab,
-            and for an audience (--shared, --class, --host, --origin, a given token, or --token always), whose sessions
-            else end with the server
-        stateless: keep nothing
-        log_level: what is logged; by default warnings, and what is of interest afterwards to the file, too
-        log_file: a file to log to as well
-        shared: a session for every visitor, each in a process of its own, with links to watch and to steer it
-        token: ask for a token: unless only your own programs can come (auto), always, or never, as a proxy asks
-        token_file: where the token to steer is, which else is VSMRC_TOKEN of the environment or made at the start
-        origin: public addresses behind a proxy, such as https://lab.example.org
-        max_sessions: with --shared, how many run at once, instead of what this machine holds; the others queue
-        per_address: with --shared, how many of them one address may have, instead of all but a quarter
-        copies: with --shared, whether who watches may take a private copy of the session
-        classes: let the lessons of a session ask a class, which answers on its phones by a link or QR code
-        idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
-        use: a file with a law, surface or trajectory of your own (docs/extending.md); it runs as your program
+        scenario: the first scenario: the name of a shipped one, or a .toml file
+        host: address to listen on. With 127.0.0.1, only programs on this machine can connect. With any other address,
+            visitors need the link with the token.
+        port: port to listen on
+        theme: theme of the page at the start; the key T switches it on the page
+        fps: frames per second of the 3-D scene; fewer frames leave more computing time to the control loop
+        state_dir: folder in which the server saves scenarios and pinned runs for its next start; by default
+            ~/.local/state/vsmrc-lab. A server for an audience (--shared, --class, --host, --origin, a given token, or
+            --token always) saves nothing unless you name a folder.
+        stateless: save nothing
+        log_level: lowest level that is logged; by default warning on the terminal and info in the log file
+        log_file: also write the log to this file
+        shared: give every visitor a separate session in its own process, with one link to control it and one to watch
+        token: whether visitors must show a token. auto: yes, if anyone but your own programs can connect; always: yes;
+            never: no, for a proxy that does the sign-in.
+        token_file: file that contains the token for control; without it, the token comes from the environment variable
+            VSMRC_TOKEN, or the server generates one
+        origin: public addresses of the server behind a proxy, such as https://lab.example.org
+        max_sessions: with --shared: how many sessions run at once; further visitors wait in a queue. By default two per
+            core.
+        per_address: with --shared: how many of these sessions one address may have; by default three quarters of them
+        copies: with --shared: whether a visitor who watches a session may take a private copy of it
+        classes: let a lecturer put the questions of a lesson to a class; students answer on their phones by a link or
+            QR code
+        idle_minutes: with --shared: close a session after so many minutes without a viewer; its link reopens it
+        use: file with your own control law, surface or trajectory (docs/extending.md); it runs with your rights
     """
     chosen_theme: Theme = one_of("--theme", theme, THEMES)
     asking: Token = one_of("--token", token, TOKENS)

@@ -68,25 +68,27 @@ def sweep(
     dry_run: bool = False,
     settings: Settings = (),
 ) -> int:
-    """Simulate a scenario with many settings and true arms, on all cores; the same command goes on where it was
-    stopped. `vsmrc sweep plot FOLDER` draws what was found.
+    """Simulate a scenario with many settings and many true arms, on all cores. If you stop the sweep, the same command
+    continues it. `vsmrc sweep plot FOLDER` draws the results.
 
     Args:
-        scenario: a shipped scenario, a .toml file, or a sweep.toml
-        vary: PATH=LOW:HIGH:COUNT, with :log behind for even steps of the logarithm, or PATH=VALUE,VALUE; PATH=LOW:HIGH
-            for a design other than the grid
-        design: the grid of all values, or so many points by a Latin hypercube or Sobol's sequence
-        points: of such a design
-        draw: true arms drawn inside the declared set, the same at every point
-        corners: draw them at its corners
-        seed: of arms and points
+        scenario: a shipped scenario, a .toml file, or the sweep.toml of an earlier sweep
+        vary: field to vary and its values: PATH=LOW:HIGH:COUNT (add :log for logarithmic steps) or PATH=VALUE,VALUE.
+            With --design latin or sobol: PATH=LOW:HIGH.
+        design: grid: all combinations of the values; latin: points of a Latin hypercube; sobol: points of a Sobol
+            sequence
+        points: with --design latin or sobol: number of points
+        draw: number of true arms, drawn at random inside the declared set; every point gets the same arms
+        corners: draw these arms at the corners of the declared set
+        seed: seed of the random arms and points
         out: folder for the runs
-        duration: simulated time of each run in s, instead of the scenario's
-        until: when each run ends, s, before its duration, for which its constants are computed all the same
-        engine: compiled, or pinocchio, whose digits differ by rounding
-        workers: processes, instead of one for each core
+        duration: simulated time of each run in s; by default the duration that the scenario sets
+        until: end each run at this time, s, before its duration; the controller's constants are still computed for the
+            whole duration
+        engine: compiled or pinocchio; their results differ by rounding
+        workers: number of processes; by default one for each core
         scheduler: tcp://HOST:PORT of a Dask scheduler, whose workers compute the runs (docs/scale.md)
-        dry_run: only say what it would take
+        dry_run: do not run the sweep; only estimate its time and disk space
     """
     from app.sweep import question
     from app.sweep.cluster import Cluster

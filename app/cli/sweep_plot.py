@@ -28,17 +28,17 @@ def sweep_plot(
     to: Annotated[str | None, tyro.conf.arg(metavar="{svg,pdf,png}")] = None,
     out: Path | None = None,
 ) -> int:
-    """Draw what a sweep has found, also one that is not done.
+    """Draw the results of a sweep. The sweep need not be finished.
 
     Args:
-        folder: of the sweep
-        of: the metric (docs/sweeps.md)
-        within: a limit in SI units: the share of arms that keep it is shown
-        show: what is shown of the arms of a point
-        over: the fields that are the axes
-        kind: the chart
-        to: form of the file, by default that of its name, or svg
-        out: the file, by default one in the folder that is named after the metric
+        folder: folder of the sweep
+        of: metric to draw (docs/sweeps.md)
+        within: limit in SI units; the chart shows the share of the arms that keep it
+        show: which value to show for the arms of a point
+        over: fields for the axes
+        kind: kind of chart
+        to: file format; by default the format that the file's name says, or svg
+        out: file to write; by default a file in the folder of the sweep, named after the metric
     """
     from app.process.atomic_write import write_whole
     from app.sweep import charts, points

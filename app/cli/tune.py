@@ -42,22 +42,25 @@ def tune(
     dry_run: bool = False,
     settings: Settings = (),
 ) -> int:
-    """Search for better gains of a scenario, judged by the worst of many true arms, and try them on arms that the
-    search has not seen; the same command goes on where it was stopped.
+    """Search for better gains of a scenario. The worst of many true arms decides how good a candidate is. At the end,
+    the best gains are tested on new arms that the search did not use. If you stop the search, the same command
+    continues it.
 
     Args:
-        scenario: a shipped scenario or a .toml file, whose gains are to be beaten
-        move: gain that may move, PATH=LOW:HIGH, with :log behind where its logarithm is to be drawn evenly
-        aims: metric that counts, the smaller the better (docs/tuning.md); two give a front
-        draw: true arms drawn inside the declared set, the same for every candidate; 0: the scenario's own one
-        budget: candidates besides the scenario's own gains
-        unseen: further true arms, on which the own gains and those that are offered are compared
-        seed: of arms and search: the same seed gives the same answer, with any number of processes
-        out: folder for the runs, the scenarios that are offered, and a figure
-        duration: simulated time of each run in s, instead of the scenario's
-        until: when each run ends, s, before its duration, for which its constants are computed all the same
-        workers: processes, instead of one for each core
-        dry_run: only say what it would take
+        scenario: a shipped scenario or a .toml file; the search tries to beat its gains
+        move: gain to search over, PATH=LOW:HIGH; add :log to search on a logarithmic scale
+        aims: metric to minimise (docs/tuning.md); with two metrics the result is a Pareto front
+        draw: number of true arms, drawn at random inside the declared set, the same for every candidate; 0: use the
+            scenario's own true arm
+        budget: number of candidates, not counting the scenario's own gains
+        unseen: number of new true arms for the final test, which compares the best gains with the scenario's own
+        seed: seed of the random arms and the search; the same seed gives the same result with any number of processes
+        out: folder for the runs, the best scenarios, and a figure
+        duration: simulated time of each run in s; by default the duration that the scenario sets
+        until: end each run at this time, s, before its duration; the controller's constants are still computed for the
+            whole duration
+        workers: number of processes; by default one for each core
+        dry_run: do not run the search; only estimate its time and disk space
     """
     from app.sweep.question import require_not_drawn
     from app.tune import question, running
