@@ -204,21 +204,21 @@ class PremiseWatch:
             return
         if chatter == np.inf:
             raise UnboundedGain(
-                f"{self._largest_doubt()}: with what is declared no inertia is left at this posture, M_hat - E of (6) "
-                "is not positive definite, so no gain by (17) suffices; allowed: a smaller one"
+                f"{self._largest_doubt()}: the declared errors leave no inertia at this posture (M_hat - E of (6) is "
+                "not positive definite), so no gain by (17) suffices; allowed: a smaller value"
             )
         others = "bounds = 'tight', " if controller.bounds == "paper" else ""
         others += f"controller.gain = 'constant', or a smaller {self._largest_doubt()}"
         if chatter >= 1.0:
             raise UnboundedGain(
-                f"{lead} the gain (17) runs away at this control period, "
-                f"chattering feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H)), allowed below 1; "
+                f"{lead} the gain (17) runs away at this control period: "
+                f"chattering feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H), must be below 1); "
                 f"allowed: controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
             )
         if force >= 1.0:
             raise UnboundedGain(
-                f"{lead} the gain (17) and the force on the surface raise each "
-                f"other, by {force:.3g} of each change, allowed below 1, and no control period helps; allowed: {others}"
+                f"{lead} the gain (17) and the force on the surface raise each other: {force:.3g} of each change "
+                f"comes back (must be below 1), and no control period helps; allowed: {others}"
             )
 
     def _largest_doubt(self) -> str:

@@ -487,7 +487,7 @@ def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> Non
     doubted = ClosedLoop.begin(changed("ur5-hybrid"))
     doubted.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER] = np.inf
     with pytest.raises(
-        UnboundedGain, match=r"declared\.link_scaling: .* no inertia is left .*; allowed: a smaller one"
+        UnboundedGain, match=r"declared\.link_scaling: .* leave no inertia .*; allowed: a smaller value"
     ):
         doubted._watch.require_bounded_gain((np.nan, np.nan))
 
