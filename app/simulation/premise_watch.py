@@ -141,7 +141,7 @@ class PremiseWatch:
         duration = self.system.scenario.simulation.duration
         if self._state.t <= duration:
             return ""
-        return f" for the first {duration:g} s of the path (simulation.duration); allowed: a longer one"
+        return f" for the first {duration:g} s of the path (simulation.duration); allowed: a longer duration"
 
     @property
     def sampled(self) -> RespondingLoop:
@@ -271,9 +271,8 @@ class PremiseWatch:
             rate = self.system.units.rate
             self.left(
                 rules.bound_violation,
-                f"‖s‖ = {1e3 * evaluation.output.s_norm:.4g} {rate} is over its bound (20), "
-                f"{1e3 * (evaluation.kept.bound + evaluation.kept.band):.4g} {rate} with the band of sampling and "
-                "layer, though all premises hold",
+                f"‖s‖ = {1e3 * evaluation.output.s_norm:.4g} {rate} is over (20) plus the band of sampling and layer, "
+                f"{1e3 * (evaluation.kept.bound + evaluation.kept.band):.4g} {rate}, though all premises hold",
             )
 
     def left(self, choice: str, reason: str) -> None:
@@ -313,7 +312,7 @@ def losses(system: System, holding: Holding) -> str:
 def _saturation(tau: np.ndarray, applied: np.ndarray) -> str:
     worst = int(np.argmax(np.abs(tau - applied)))
     return (
-        f"the drive of joint {worst + 1} saturates, the law asks for {tau[worst]:.4g} N·m "
+        f"the drive of joint {worst + 1} saturates: the law asks for {tau[worst]:.4g} N·m "
         f"and gets {applied[worst]:.4g} N·m"
     )
 

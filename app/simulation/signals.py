@@ -64,7 +64,7 @@ class Row(NamedTuple):
     tau_linear: Annotated[Vector, Signal("N·m", "-J_q^T K_s s, (25)")]
     tau_switching: Annotated[Vector, Signal("N·m", "-J_q^T d sigma(s), (25)")]
     tau: Annotated[Vector, Signal("N·m", "torque that the law asks of the drives, the sum of its terms (25)")]
-    tau_applied: Annotated[Vector, Signal("N·m", "what the drives make of it: tau, within truth.torque_limit")]
+    tau_applied: Annotated[Vector, Signal("N·m", "torque that the drives apply: tau, within truth.torque_limit")]
     q_eq_ddot: Annotated[Vector, Signal("rad/s^2", "joint acceleration that the law prescribes, (25)")]
     needed: Annotated[
         Vector, Signal("N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon", "N·m", 6)
@@ -79,10 +79,12 @@ class Row(NamedTuple):
     s_bound: Annotated[
         Number, Signal("m/s", "bound of ‖s‖ by the theorem, (20); none where nothing is promised", "rad/s")
     ]
-    s_band: Annotated[Number, Signal("m/s", "what sampling and the boundary layer add to the bound (20)", "rad/s")]
-    V_band: Annotated[Number, Signal("J", "what they add to sqrt(V) of (24), squared")]
+    s_band: Annotated[
+        Number, Signal("m/s", "band: the part that sampling and boundary layer add to the bound (20)", "rad/s")
+    ]
+    V_band: Annotated[Number, Signal("J", "bound of V in the band: V stays below it")]
     held_error: Annotated[
-        Number, Signal("N", "what (25) without its robust terms changed within the period before", "N·m")
+        Number, Signal("N", "change of (25) without its robust terms within the period before", "N·m")
     ]
     sigma_min: Annotated[Number, Signal("m", "smallest singular value of J_q, at most 3 % too small", "1")]
     residual: Annotated[Vector, Signal("N", "left side of (8) minus its right side", "N·m")]

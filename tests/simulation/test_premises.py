@@ -411,7 +411,7 @@ def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_peri
     assert "law" in loop.standing.now.because
     loop.edit(edited(loop.system.scenario, "controller.law", "vsmrc"))
     waiting = loop.standing
-    assert (waiting.now.verdict, waiting.reason) == ("nothing promised", "judged with the next control period")
+    assert (waiting.now.verdict, waiting.reason) == ("nothing promised", "judged in the next control period")
     assert "law is not" not in waiting.now.because
     loop.step()
     assert loop.standing.now.verdict == "holds"
@@ -431,7 +431,8 @@ def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> No
 
 def test_before_the_first_period_nothing_is_promised() -> None:
     sound = ClosedLoop.begin(changed("ur5-hybrid")).standing
-    assert (sound.now.verdict, sound.now.because) == ("nothing promised", "the next control period judges")
+    said = (sound.now.verdict, sound.now.because)
+    assert said == ("nothing promised", "the run is judged in the next control period")
     assert (sound.run.verdict, sound.run.because) == ("nothing promised", "no control period has been computed")
     assert all(finding.holds for finding in sound.findings)
     for fields, said in (
