@@ -143,19 +143,19 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
     delta_M: Annotated[
         StatedBound,
         field(
-            "bound of ‖ΔM‖, replaces that of links, rotors, payload: a number or formula in away = ‖q − q(0)‖", "kg·m²"
+            "bound of ‖ΔM‖; replaces that of links, rotors, payload: a number or formula in away = ‖q − q(0)‖", "kg·m²"
         ),
     ] = None
     delta_C: Annotated[
         StatedBound,
-        field("bound of ‖ΔC‖, replaces that of links, payload: a number or formula in away, speed = ‖q̇‖", "kg·m²/s"),
+        field("bound of ‖ΔC‖; replaces that of links, payload: a number or formula in away, speed = ‖q̇‖", "kg·m²/s"),
     ] = None
     delta_G: Annotated[
-        StatedBound, field("bound of ‖ΔG‖, replaces that of links, payload: a number or formula in away", "N·m")
+        StatedBound, field("bound of ‖ΔG‖; replaces that of links, payload: a number or formula in away", "N·m")
     ] = None
     delta_f: Annotated[
         StatedBound,
-        field("bound of ‖f̃‖, replaces that of friction, disturbance: a number or formula in speed, t", "N·m"),
+        field("bound of ‖f̃‖; replaces that of friction, disturbance: a number or formula in speed, t", "N·m"),
     ] = None
     least_inertia: Annotated[
         float, field("where δ_M is stated: M is at least this share of M_hat, for k_r′", "1", gt=0, le=1)
@@ -217,23 +217,24 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
     F_1: Annotated[Matrix | float, field("sliding gain on e_r (10): diagonal", "1/s")] = 10.0
     F_2: Annotated[Matrix | float, field("sliding gain on z (10): diagonal, nonsingular", "1")] = 1.0
     K_s: Annotated[Matrix | float, field("gain of the linear reaching term (15), s.p.d.", "N·s/m")] = 100.0
-    gain: Annotated[Literal["theorem", "constant"], field("d by (17), or a constant", "")] = "theorem"
+    gain: Annotated[Literal["theorem", "constant"], field("gain d: by (17), or a constant", "")] = "theorem"
     d: Annotated[float, field("the constant d", "N", gt=0, le=1e5)] = 30.0
     epsilon: Annotated[float, field("margin of the gain d in (17)", "N", gt=0, le=1e4)] = 2.0
     bounds: Annotated[
-        Literal["tight", "paper"], field("error bounds computed in task space (tight), or by (7)", "")
+        Literal["tight", "paper"], field("error bounds: computed in task space (tight), or by (7)", "")
     ] = "tight"
     switching: Annotated[
         Literal["discontinuous", "saturation", "rational", "tanh"], field("s/||s||, or a smooth version of it", "")
     ] = "saturation"
     layer: Annotated[float, field("boundary layer: within it the switching is smooth", "m/s", gt=0, le=10)] = 0.01
-    z_0: Annotated[Vector | None, field("z at the start, with on_change = watch; default: zeros", "m/s")] = None
+    z_0: Annotated[Vector | None, field("z at the start; only with on_change = watch; default: zeros", "m/s")] = None
     on_change: Annotated[
         Literal["remove", "watch"],
         field("z at the start and on changes: set so that s = 0 (Remark 2), or kept", ""),
     ] = "remove"
     estimates: Annotated[
-        Literal["online", "along-reference"], field("M, C, G computed at q, or in advance along r_d (Remark 3)", "")
+        Literal["online", "along-reference"],
+        field("estimates of M, C, G: at q, or in advance along r_d (Remark 3)", ""),
     ] = "online"
     period: Annotated[float, field("control period", "s", ge=1e-5, le=0.05)] = 0.001
     K_e_hat: Annotated[float, field("estimated stiffness of the surface (33)", "N/m", gt=0, le=1e9)] = 10000.0
@@ -304,7 +305,9 @@ class FaceSection(Section, frozen=True, forbid_unknown_fields=True):
     """Face of the tool: flat, it touches a plane as a whole and is aligned with it by controlled moments, with a
     rotational stiffness beside K_e of (32) and K_e_hat of (33)."""
 
-    flat: Annotated[bool, field("the tool touches with a flat face, not with a point", "", Widget("flat tool"))] = False
+    flat: Annotated[bool, field("flat face; the tool touches with it, not with a point", "", Widget("flat tool"))] = (
+        False
+    )
     normal: Annotated[Vector3, field("direction out of the face, in the tool frame", "1", Widget("face normal"))] = (
         0.0,
         0.0,
@@ -325,7 +328,7 @@ class ShiftSection(Section, frozen=True, forbid_unknown_fields=True):
     """Shift of the desired motion as a whole; a change is made smoothly, so that r_d keeps two derivatives."""
 
     by: Annotated[Vector, field("shift along x, y, z or the tangents", "m")] = (0.0,)
-    duration: Annotated[float, field("duration of the shift, from the start or the change on", "s", gt=0, le=60)] = 1.0
+    duration: Annotated[float, field("duration of the shift; from the start or the change on", "s", gt=0, le=60)] = 1.0
 
 
 class Simulation(Section, frozen=True, forbid_unknown_fields=True):
