@@ -207,7 +207,7 @@ def _said(question: SweepQuestion, points: Points, k: int, number: float, naming
     if points.stopped[k] and not naming.share:
         return f"{where}: a run stopped or was refused"
     if points.never[k]:
-        return f"{where}: {naming.title}: some arm does not get there{_unpromised(points, k)}"
+        return f"{where}: {naming.title}: no value on some arm{_unpromised(points, k)}"
     if math.isnan(number):
         return f"{where}: no figure"
     if naming.share:
