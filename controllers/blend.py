@@ -96,7 +96,7 @@ class BlendCertificate:
         imaginary = f" ± {pole.imag:.3g}j" if pole.imag > 1e-6 * abs(pole) else ""
         where = f"at α = {alpha:.3g} a pole at {pole.real:.3g}{imaginary} 1/s".replace("-", "−")
         return {
-            "theorem 4": f"certified by Theorem 4, however fast; the rightmost pole: {where}",
+            "theorem 4": f"certified by Theorem 4, however fast the blend; the rightmost pole: {where}",
             "eigenvalues": f"certified by eigenvalues, each model on the way by itself; the rightmost pole: {where}",
             "nothing": f"refused: {where}",
         }[self.by]

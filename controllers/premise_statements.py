@@ -34,85 +34,93 @@ STATEMENTS: dict[Premise, Statement] = {
         "true arm inside the declared set",
         "≤",
         "",
-        "the true arm is outside the declared set, {value} inequalities violated",
-        "number of inequalities between truth and declaration that are violated; the bounds (6) are for that set",
+        "the true arm is outside the declared set: it violates {value} declared bounds",
+        "number of declared bounds that the true arm violates; the bounds (6) hold inside the declared set only",
     ),
     Premise.DOMAIN: Statement(
         "q in Ω",
         "≤",
         "joints",
-        "q has left Ω: {value} {unit} from the postures along the reference, allowed {limit} {unit}",
+        "q has left Ω: it is {value} {unit} from the postures along the reference (at most {limit} {unit})",
         "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it",
     ),
     Premise.REGULAR: Statement(
-        "σ_min(J_q)", "≥", "J_q", "J_q is nearly singular: σ_min {value}, allowed from {limit}", "Ω ends where J_q does"
+        "σ_min(J_q)",
+        "≥",
+        "J_q",
+        "J_q is nearly singular: σ_min = {value} (must be at least {limit})",
+        "J_q is singular nowhere in Ω",
     ),
     Premise.DRIVES: Statement(
         "torque of the drives",
         "≤",
         "",
         "a drive saturates: the law asks for {value} times its limit",
-        "largest ratio of a commanded torque to its drive's limit; what is cut off is missing in (25)",
+        "largest ratio of a commanded torque to its drive's limit; a torque that is cut off is missing in (25)",
     ),
     Premise.GAIN: Statement(
-        "d covers (17)", "≤", "r", "the gain d = {limit} {unit} is below what (17) asks for, {value} {unit}", "(17)"
+        "d covers (17)",
+        "≤",
+        "r",
+        "the gain d = {limit} {unit} is below the {value} {unit} that (17) requires",
+        "(17) requires this d",
     ),
     Premise.HELD: Statement(
         "held over a period",
         "≤",
         "r",
-        "within one period the model's torque and the force change by {value} {unit}, allowed {limit} {unit}",
-        "what (25) without its robust terms changes from one sample to the next, in task space: over the period the "
-        "torque is constant; a quarter of ε and of K_s s, and the declared error of the force sensor, are kept for it",
+        "within one period the model's torque and the force change by {value} {unit} (at most {limit} {unit})",
+        "change of (25) without its robust terms from one sample to the next, in task space, while the torque is held; "
+        "a quarter of ε and of K_s s, and the declared error of the force sensor, are reserved for it",
     ),
     Premise.LAYER: Statement(
         "robust terms, sampled",
         "<",
         "",
-        "K_s and the boundary layer are too stiff for the control period: (K_s + d/s_b)T/H = {value}, allowed below 2",
-        "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), without d/s_b where there is no layer: from 2 on one period "
-        "makes s larger; infinite where M̂ less its declared errors is not positive definite",
+        "K_s and the boundary layer are too stiff for the control period: (K_s + d/s_b)T/H = {value} (must be below 2)",
+        "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), without d/s_b where there is no layer; from 2 on one period "
+        "can make s larger; infinite where M̂ minus its declared error is not positive definite",
     ),
     Premise.GAIN_BY_CHATTER: Statement(
         "d fed back by chattering",
         "<",
         "",
-        "the gain (17) runs away: chattering in ė_r raises d by {value} of itself each period, allowed below 1",
+        "the gain (17) runs away: chattering in ė_r raises d by {value} of itself each period (must be below 1)",
         "δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H): d by (17) grows with r̈_eq, which chatters with ė_r",
     ),
     Premise.GAIN_BY_FORCE: Statement(
         "d fed back by the force",
         "<",
         "",
-        "the gain (17) and the contact force raise each other: by {value} of the change, allowed below 1",
-        "against a rigid or heavy surface the force depends on the torque, d by (17) on the force; from 1 on that loop "
-        "has no solution, at any control period",
+        "the gain (17) and the contact force raise each other: {value} of each change comes back (must be below 1)",
+        "against a rigid or heavy surface the force depends on the torque, and d by (17) depends on the force; below 1 "
+        "this loop has exactly one solution, at any control period",
     ),
     Premise.FORCE_LOOP: Statement(
         "force loop, sampled",
         "<",
         "",
-        "the sampled force loop diverges: its factor is {value}, allowed below 1; raise M_m along the normal, or set "
+        "the sampled force loop diverges: its factor is {value} (must be below 1); raise M_m along the normal, or set "
         "sensor.ideal",
-        "what one sample makes of an error in the force that is fed back, with what d by (17) adds",
+        "factor by which one sample multiplies an error of the fed-back force, plus the part that d by (17) adds",
     ),
     Premise.SAMPLED_LOOP: Statement(
         "closed loop, sampled",
         "<",
         "",
-        "the sampled loop swings up: a deviation grows {value} times each control period, allowed below 1",
-        "largest growth of a small deviation over one control period with the torque held, for the model in force and "
-        "the posture of now; under the discontinuous law, on the sliding surface s = 0 and where it reads a contact's "
-        "force; infinite, for not known, where such a reading is late by more than 100 periods",
-        unknown="whether the sampled loop swings up is not known: the force sensor is late by more than 100 control "
+        "the sampled loop is unstable: each control period multiplies a deviation by {value} (must be below 1)",
+        "largest growth of a small deviation over one control period with the torque held, for the present model and "
+        "posture; under the discontinuous law that of the motion on s = 0, where the law reads a contact's force; "
+        "infinite (not known) where such a reading is late by more than 100 periods",
+        unknown="whether the sampled loop is stable is not known: the force sensor is late by more than 100 control "
         "periods (sensor.delay)",
     ),
     Premise.CONTACT: Statement(
         "contact kept, no impact",
         "≤",
         "",
-        "contact with a rigid surface is missing, or a surface with a mass has just been met: {value} of them",
-        "number of rigid surfaces that the tool was off in the period before, and of surfaces with a mass that it has "
-        "just met; (39) takes contact for granted, and an impact is a force without a bound",
+        "contact with a rigid surface is missing, or a surface with a mass has just been met ({value} surfaces)",
+        "number of rigid surfaces that the tool did not touch in the period before, and of surfaces with a mass that "
+        "it has just met; (39) assumes contact, and an impact is a force without a bound",
     ),
 }

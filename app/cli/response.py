@@ -113,7 +113,7 @@ def _tell(seen: RespondingLoop, predicted: PushResponse, points: list[Measured],
             f"{pole.sampled_omega:.4g} 1/s, damping {pole.sampled_zeta:.3g}"
         )
     if math.isfinite(seen.force_factor):
-        print(f"force loop: a sample multiplies an error by {seen.force_factor:.3g}; allowed below 1 in size")
+        print(f"force loop: a sample multiplies an error by {seen.force_factor:.3g}; its size must be below 1")
     if seen.force_loop is not None:
         print(force_margin.told(seen.force_loop))
 

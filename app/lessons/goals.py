@@ -37,10 +37,10 @@ def judged(step: LessonStep, system: System, recording: Recording, end: float, *
     half = 0.5 * system.scenario.controller.period
     begun, *later = recording.epochs
     if on_the_way := [epoch.t for epoch in later if epoch.t < goal.seconds - half]:
-        return GoalResult(f"Changed at t = {on_the_way[0]:.1f} s: try it anew. It is {when}.")
+        return GoalResult(f"Changed at t = {on_the_way[0]:.1f} s: try it again. It is {when}.")
     if end < goal.seconds - half:
         if stopped:
-            return GoalResult(f"The run has stopped before t = {goal.seconds:g} s: try it anew.")
+            return GoalResult(f"The run has stopped before t = {goal.seconds:g} s: try it again.")
         return GoalResult(f"It is {when}: another {goal.seconds - end:.1f} s to go.")
     if not _is_of(step, begun.scenario):  # the run of an earlier step, of which the last rows are still to come
         return GoalResult(f"It is {when}.")

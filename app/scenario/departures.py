@@ -87,7 +87,7 @@ MOVING = (
 def undrawn(declared: Declared) -> str:
     """Reason for which no true arms can be drawn from the declared set, in words; "" where they can."""
     if stated := next((name for name in STATED_IN if getattr(declared, name) is not None), None):
-        return f"declared.{stated} is stated, and which arms are within it is not known before their runs"
+        return f"declared.{stated} is stated, and only its run shows whether an arm is within it"
     return "" if any(getattr(declared, name) for name in MOVING) else "nothing is declared to be uncertain"
 
 

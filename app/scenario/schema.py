@@ -28,7 +28,7 @@ class RobotSection(Section, frozen=True, forbid_unknown_fields=True):
     """The arm."""
 
     name: Annotated[Name, field("row of the catalogue", "")] = "ur5"
-    urdf: Annotated[Text | None, field("any URDF instead, by path", "")] = None
+    urdf: Annotated[Text | None, field("path of a URDF to use instead", "")] = None
     tool_frame: Annotated[
         Name | None, field("frame of the tool; default: the catalogue's, or the last one of the arm", "")
     ] = None
@@ -60,10 +60,10 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     coulomb: Annotated[float, field("Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
     viscous: Annotated[float, field("viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
     disturbance: Annotated[float, field("norm of a disturbance torque", "N·m", ge=0, le=200)] = 0.0
-    disturbance_frequency: Annotated[float, field("its frequency", "Hz", ge=0, le=100)] = 0.5
+    disturbance_frequency: Annotated[float, field("frequency of that torque", "Hz", ge=0, le=100)] = 0.5
     torque_limit: Annotated[
         float | Vector,
-        field("what the drives give at most: a factor on the URDF's limits, 0 for no limit, or N·m (N) per joint", "1"),
+        field("largest torque of the drives: a factor on the URDF's limits, 0 for none, or N·m (N) per joint", "1"),
     ] = 0.0
     push: Annotated[Vector3, field("a force on the tool, world axes", "N", Widget("x, y, z"))] = (0.0, 0.0, 0.0)
     push_moment: Annotated[Vector3, field("a moment on the tool, world axes", "N·m", Widget("moment x, y, z"))] = (
@@ -71,12 +71,12 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
         0.0,
         0.0,
     )
-    push_start: Annotated[float, field("when it begins", "s", Widget("from t ="), ge=0, le=36000)] = 1.0
-    push_duration: Annotated[float, field("how long it acts", "s", decades("lasts", 0.05, 5), ge=0, le=36000)] = 1.0
+    push_start: Annotated[float, field("start of the push", "s", Widget("from t ="), ge=0, le=36000)] = 1.0
+    push_duration: Annotated[float, field("duration of the push", "s", decades("lasts", 0.05, 5), ge=0, le=36000)] = 1.0
     push_every: Annotated[
         float,
         field(
-            "after how long it comes again, 0 for never; no pause where it lasts longer",
+            "time until the push comes again, 0 for never; no pause if the push lasts longer",
             "s",
             decades("again every", 0.5, 20, zero=True),
             ge=0,
@@ -86,7 +86,7 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     push_frequency: Annotated[
         float,
         field(
-            "frequency of a sinusoidal push, of which `push` and `push_moment` are amplitudes; 0 for a constant one",
+            "frequency of a sinusoidal push with the amplitudes `push` and `push_moment`; 0 for a constant push",
             "Hz",
             decades("sine at", 0.1, 50, zero=True),
             ge=0,
@@ -96,7 +96,7 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     push_sweep_to: Annotated[
         float,
         field(
-            "frequency to which a sinusoidal push sweeps while it lasts (a chirp); 0 for one that stays",
+            "frequency to which a sinusoidal push sweeps while it lasts (a chirp); 0 for a constant frequency",
             "Hz",
             decades("sweeps to", 0.1, 100, zero=True),
             ge=0,
@@ -122,7 +122,7 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
     link_scaling: Annotated[float, field("links' inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
     rotor_scaling: Annotated[float, field("rotors' inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
     link_centre: Annotated[
-        float, field("links' centres of mass within this of where they are believed", "m", ge=0, le=1)
+        float, field("largest distance of a link's centre of mass from its believed place", "m", ge=0, le=1)
     ] = 0.0
     link_shape: Annotated[
         float,
@@ -131,28 +131,30 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
         ),
     ] = 0.0
     payload_mass: Annotated[float, field("largest payload", "kg", ge=0, le=50)] = 0.0
-    payload_offset: Annotated[float, field("its largest distance from the tool point", "m", ge=0, le=1)] = 0.0
+    payload_offset: Annotated[float, field("largest distance of the payload from the tool point", "m", ge=0, le=1)] = (
+        0.0
+    )
     coulomb: Annotated[float, field("largest Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
     viscous: Annotated[float, field("largest viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
     disturbance: Annotated[float, field("largest norm of the disturbance torque", "N·m", ge=0, le=200)] = 0.0
     force_error: Annotated[float, field("largest error of the force sensor", "N", ge=0, le=100)] = 0.0
-    moment_error: Annotated[float, field("largest error of its moments", "N·m", ge=0, le=10)] = 0.0
+    moment_error: Annotated[float, field("largest error of the sensor's moments", "N·m", ge=0, le=10)] = 0.0
     delta_M: Annotated[
         StatedBound,
         field(
-            "‖ΔM‖ at most, in place of what links, rotors and payload give: a number, or of away = ‖q − q(0)‖", "kg·m²"
+            "bound of ‖ΔM‖; replaces that of links, rotors, payload: a number or formula in away = ‖q − q(0)‖", "kg·m²"
         ),
     ] = None
     delta_C: Annotated[
         StatedBound,
-        field("‖ΔC‖ at most, in place of what links and payload give: a number, or of away, speed = ‖q̇‖", "kg·m²/s"),
+        field("bound of ‖ΔC‖; replaces that of links, payload: a number or formula in away, speed = ‖q̇‖", "kg·m²/s"),
     ] = None
     delta_G: Annotated[
-        StatedBound, field("‖ΔG‖ at most, in place of what links and payload give: a number, or of away", "N·m")
+        StatedBound, field("bound of ‖ΔG‖; replaces that of links, payload: a number or formula in away", "N·m")
     ] = None
     delta_f: Annotated[
         StatedBound,
-        field("‖f̃‖ at most, in place of what friction and disturbance give: a number, or of speed, t", "N·m"),
+        field("bound of ‖f̃‖; replaces that of friction, disturbance: a number or formula in speed, t", "N·m"),
     ] = None
     least_inertia: Annotated[
         float, field("where δ_M is stated: M is at least this share of M_hat, for k_r′", "1", gt=0, le=1)
@@ -166,7 +168,7 @@ class TaskSpaceSection(Section, frozen=True, forbid_unknown_fields=True):
         "cartesian"
     )
     characteristic_length: Annotated[
-        float, field("characteristic length: makes radians metres, since r holds ℓ·angle", "m", ge=0.001, le=10)
+        float, field("characteristic length: turns radians into metres, since r contains ℓ·angle", "m", ge=0.001, le=10)
     ] = 0.15
     axes: Annotated[
         Vector3, field("rotation vector of Cartesian coordinates against the world", "rad", Widget("axes turned by"))
@@ -192,8 +194,8 @@ class BlendSection(Section, frozen=True, forbid_unknown_fields=True):
     to: Annotated[TargetModelSection, field("the model at its end; a missing matrix is that of target_model", "")] = (
         msgspec.field(default_factory=TargetModelSection)
     )
-    at: Annotated[float, field("when it begins", "s", ge=0, le=36000)] = 0.0
-    over: Annotated[float, field("how long it takes", "s", gt=0, le=3600)] = 2.0
+    at: Annotated[float, field("start of the blend", "s", ge=0, le=36000)] = 0.0
+    over: Annotated[float, field("duration of the blend", "s", gt=0, le=3600)] = 2.0
 
     @property
     def planned(self) -> bool:
@@ -205,7 +207,7 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
 
     law: Annotated[
         Name,
-        field("vsmrc, the paper's; without a robust term: computed-torque, pd-gravity; or of a file of one's own", ""),
+        field("vsmrc (the paper's); computed-torque, pd-gravity (no robust term); or a law of your own file", ""),
     ] = "vsmrc"
     own: Annotated[
         dict[Name, dict[Name, float]] | None, field("parameters of laws of your own, by law and name", "")
@@ -214,21 +216,24 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
     F_1: Annotated[Matrix | float, field("sliding gain on e_r (10): diagonal", "1/s")] = 10.0
     F_2: Annotated[Matrix | float, field("sliding gain on z (10): diagonal, nonsingular", "1")] = 1.0
     K_s: Annotated[Matrix | float, field("gain of the linear reaching term (15), s.p.d.", "N·s/m")] = 100.0
-    gain: Annotated[Literal["theorem", "constant"], field("d by (17), or a constant", "")] = "theorem"
+    gain: Annotated[Literal["theorem", "constant"], field("gain d: by (17), or a constant", "")] = "theorem"
     d: Annotated[float, field("the constant d", "N", gt=0, le=1e5)] = 30.0
     epsilon: Annotated[float, field("margin of the gain d in (17)", "N", gt=0, le=1e4)] = 2.0
-    bounds: Annotated[Literal["tight", "paper"], field("error bounds in task space, or as in (7)", "")] = "tight"
+    bounds: Annotated[
+        Literal["tight", "paper"], field("error bounds: computed in task space (tight), or by (7)", "")
+    ] = "tight"
     switching: Annotated[
         Literal["discontinuous", "saturation", "rational", "tanh"], field("s/||s||, or a smooth version of it", "")
     ] = "saturation"
     layer: Annotated[float, field("boundary layer: within it the switching is smooth", "m/s", gt=0, le=10)] = 0.01
-    z_0: Annotated[Vector | None, field("z at the start where it is kept; default: zeros", "m/s")] = None
+    z_0: Annotated[Vector | None, field("z at the start; only with on_change = watch; default: zeros", "m/s")] = None
     on_change: Annotated[
         Literal["remove", "watch"],
-        field("z at the start and on changes: s = 0 (Remark 2), or kept, s is reached", ""),
+        field("z at the start and on changes: set so that s = 0 (Remark 2), or kept", ""),
     ] = "remove"
     estimates: Annotated[
-        Literal["online", "along-reference"], field("M, C, G at q, or beforehand along r_d (Remark 3)", "")
+        Literal["online", "along-reference"],
+        field("estimates of M, C, G: at q, or in advance along r_d (Remark 3)", ""),
     ] = "online"
     period: Annotated[float, field("control period", "s", ge=1e-5, le=0.05)] = 0.001
     K_e_hat: Annotated[float, field("estimated stiffness of the surface (33)", "N/m", gt=0, le=1e9)] = 10000.0
@@ -237,11 +242,11 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
 class ContactSection(Section, frozen=True, forbid_unknown_fields=True):
     """Contact between the tool and the surface."""
 
-    kind: Annotated[ContactName, field("nothing, (32), (28), or (39)", "")] = "free"
+    kind: Annotated[ContactName, field("no surface, elastic (32), mass-damper-spring (28), or rigid (39)", "")] = "free"
     K_e: Annotated[float, field("stiffness of the surface", "N/m", ge=0, le=1e7)] = 10000.0
     B_e: Annotated[float, field("damping of the surface", "N·s/m", ge=0, le=1e5)] = 0.0
     M_e: Annotated[float, field("mass of the surface", "kg", ge=0, le=1e4)] = 0.0
-    unilateral: Annotated[bool, field("pushes only, as real surfaces do", "")] = True
+    unilateral: Annotated[bool, field("the surface only pushes, as real ones do", "")] = True
     friction_coulomb: Annotated[float, field("friction coefficient", "1", ge=0, le=2)] = 0.0
     friction_viscous: Annotated[float, field("viscous friction along the surface", "N·s/m", ge=0, le=1e4)] = 0.0
 
@@ -299,7 +304,9 @@ class FaceSection(Section, frozen=True, forbid_unknown_fields=True):
     """Face of the tool: flat, it touches a plane as a whole and is aligned with it by controlled moments, with a
     rotational stiffness beside K_e of (32) and K_e_hat of (33)."""
 
-    flat: Annotated[bool, field("a flat face touches, not a point", "", Widget("flat tool"))] = False
+    flat: Annotated[bool, field("flat face; the tool touches with it, not with a point", "", Widget("flat tool"))] = (
+        False
+    )
     normal: Annotated[Vector3, field("direction out of the face, in the tool frame", "1", Widget("face normal"))] = (
         0.0,
         0.0,
@@ -319,26 +326,30 @@ class FaceSection(Section, frozen=True, forbid_unknown_fields=True):
 class ShiftSection(Section, frozen=True, forbid_unknown_fields=True):
     """Shift of the desired motion as a whole; a change is made smoothly, so that r_d keeps two derivatives."""
 
-    by: Annotated[Vector, field("by how much, along x, y, z or the tangents", "m")] = (0.0,)
-    duration: Annotated[float, field("time that the move takes, from the start or the change on", "s", gt=0, le=60)] = (
-        1.0
-    )
+    by: Annotated[Vector, field("shift along x, y, z or the tangents", "m")] = (0.0,)
+    duration: Annotated[float, field("duration of the shift; from the start or the change on", "s", gt=0, le=60)] = 1.0
 
 
 class Simulation(Section, frozen=True, forbid_unknown_fields=True):
     """Computation of the run, and its end."""
 
     duration: Annotated[float, field("simulated time of a headless run", "s", gt=0, le=36000)] = 10.0
-    seed: Annotated[int, field("of the sensor's noise", "", ge=0, le=2**63 - 1)] = 0
-    integrator: Annotated[Literal["leapfrog", "semi-implicit-euler", "rk4"], field("of the plant", "")] = "leapfrog"
-    substeps: Annotated[int, field("plant steps in a control period", "", ge=1, le=1000)] = 1
-    domain_radius: Annotated[float, field("Omega: postures within this of the reference", "rad", gt=0, le=3)] = 0.15
+    seed: Annotated[int, field("seed of the sensor's noise", "", ge=0, le=2**63 - 1)] = 0
+    integrator: Annotated[Literal["leapfrog", "semi-implicit-euler", "rk4"], field("integrator of the plant", "")] = (
+        "leapfrog"
+    )
+    substeps: Annotated[int, field("integration steps per control period", "", ge=1, le=1000)] = 1
+    domain_radius: Annotated[
+        float, field("radius of Omega: distance of its postures from the reference", "rad", gt=0, le=3)
+    ] = 0.15
     sigma_min: Annotated[float, field("J_q counts as singular below this singular value", "m", ge=0, le=1)] = 0.01
     leaving_domain: Annotated[
         Literal["stop", "flag"],
-        field("singular J_q, joints faster than 20 rad/s (or m/s), or a rigid surface lost", ""),
+        field("on a singular J_q, joints over 20 rad/s (m/s), or a lost rigid surface: stop or flag", ""),
     ] = "stop"
-    bound_violation: Annotated[Literal["stop", "flag"], field("||s|| over its envelope (20)", "")] = "flag"
+    bound_violation: Annotated[
+        Literal["stop", "flag"], field("when ||s|| is over its bound (20): stop or flag", "")
+    ] = "flag"
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
@@ -348,7 +359,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     title: Name = ""
     mode: Annotated[
         Literal["motion", "impedance", "hybrid", "hybrid-impedance", "constrained"],
-        field("which application of section IV", ""),
+        field("mode: one of the applications of section IV", ""),
     ] = "motion"
     robot: RobotSection = msgspec.field(default_factory=RobotSection)
     truth: TruthSection = msgspec.field(default_factory=TruthSection)

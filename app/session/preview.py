@@ -178,7 +178,7 @@ class Foresight:
             self._loop.edit(_pushed(self._loop.system, self._loop.t + BEGINS, self._push))
         self._start, self._rows, self._points = self._loop.t, rows, _points(rows)
         self._obstacle = (
-            obstacle(self._loop) if engine == "compiled" else "they come once the run of this combination is compiled"
+            obstacle(self._loop) if engine == "compiled" else "it appears once this arm and contact are compiled"
         )
         self._run = CompiledRun(self._loop) if self._obstacle is None else None
         self.stretch = BandStretch.beyond(question.state.t, self._loop.state.copy(), rows, self._points)

@@ -225,7 +225,7 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
         raise ScenarioError(f"blend.to: {error}") from error
     if not certificate.stable:
         raise ScenarioError(
-            f"blend.to: {certificate.sentence}; allowed: a model to which the way has its poles left of 0"
+            f"blend.to: {certificate.sentence}; allowed: a model with all poles left of 0 on the whole way to it"
         )
     return ModelBlend(start, end, scenario.blend.at, scenario.blend.over, certificate)
 
@@ -267,7 +267,7 @@ def _require_passive(start: TargetModel, end: TargetModel, scenario: Scenario, m
     if not passive_throughout(start, end, mode.m()):
         which = "target_model" if start is end else "a model on the way"
         raise InvalidGain(
-            f"{which}: not passive with its K_f, which {where} is not enough to be stable; allowed: K_f^-1 M_m, "
+            f"{which}: not passive with its K_f, so {where} it may be unstable; allowed: K_f^-1 M_m, "
             "K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a multiple of the identity"
         )
 

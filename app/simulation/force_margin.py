@@ -116,7 +116,7 @@ class ForceLoop(SampledFrequencies):
 def told(loop: ForceLoop) -> str:
     """Sentence on the margins."""
     if loop.margins is None:
-        return "force loop: not stable as it is, so without margins"
+        return "force loop: unstable, so it has no margins"
     return "force loop: " + ", ".join(f"{name} margin {words}" for name, words in in_words(loop.margins, loop.period))
 
 

@@ -143,7 +143,7 @@ class PremiseWatch:
         duration = self.system.scenario.simulation.duration
         if self._state.t <= duration:
             return ""
-        return f" for the first {duration:g} s of the path (simulation.duration); allowed: a longer one"
+        return f" for the first {duration:g} s of the path (simulation.duration); allowed: a longer duration"
 
     @property
     def sampled(self) -> RespondingLoop:
@@ -206,21 +206,21 @@ class PremiseWatch:
             return
         if chatter == np.inf:
             raise UnboundedGain(
-                f"{self._largest_doubt()}: with what is declared no inertia is left at this posture, M_hat - E of (6) "
-                "is not positive definite, so no gain by (17) suffices; allowed: a smaller one"
+                f"{self._largest_doubt()}: the declared errors leave no inertia at this posture (M_hat - E of (6) is "
+                "not positive definite), so no gain by (17) suffices; allowed: a smaller value"
             )
         others = "bounds = 'tight', " if controller.bounds == "paper" else ""
         others += f"controller.gain = 'constant', or a smaller {self._largest_doubt()}"
         if chatter >= 1.0:
             raise UnboundedGain(
-                f"{lead} the gain (17) runs away at this control period, "
-                f"chattering feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H)), allowed below 1; "
+                f"{lead} the gain (17) runs away at this control period: "
+                f"chattering feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H), must be below 1); "
                 f"allowed: controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
             )
         if force >= 1.0:
             raise UnboundedGain(
-                f"{lead} the gain (17) and the force on the surface raise each "
-                f"other, by {force:.3g} of each change, allowed below 1, and no control period helps; allowed: {others}"
+                f"{lead} the gain (17) and the force on the surface raise each other: {force:.3g} of each change "
+                f"comes back (must be below 1), and no control period helps; allowed: {others}"
             )
 
     def _largest_doubt(self) -> str:
@@ -275,9 +275,8 @@ class PremiseWatch:
             rate = self.system.units.rate
             self.left(
                 rules.bound_violation,
-                f"‖s‖ = {1e3 * evaluation.output.s_norm:.4g} {rate} is over its bound (20), "
-                f"{1e3 * (evaluation.kept.bound + evaluation.kept.band):.4g} {rate} with the band of sampling and "
-                "layer, though all premises hold",
+                f"‖s‖ = {1e3 * evaluation.output.s_norm:.4g} {rate} is over (20) plus the band of sampling and layer, "
+                f"{1e3 * (evaluation.kept.bound + evaluation.kept.band):.4g} {rate}, though all premises hold",
             )
 
     def left(self, choice: str, reason: str) -> None:
@@ -318,7 +317,7 @@ def _saturation(tau: np.ndarray, applied: np.ndarray, slides: Sequence[bool]) ->
     worst = int(np.argmax(np.abs(tau - applied)))
     unit = unit_of_joint("N·m", slides=slides[worst])
     return (
-        f"the drive of joint {worst + 1} saturates, the law asks for {tau[worst]:.4g} {unit} "
+        f"the drive of joint {worst + 1} saturates: the law asks for {tau[worst]:.4g} {unit} "
         f"and gets {applied[worst]:.4g} {unit}"
     )
 

@@ -82,7 +82,7 @@ class Row(NamedTuple):
     tau_switching: Annotated[Vector, Signal("N·m", "-J_q^T d sigma(s), (25)", "joints")]
     tau: Annotated[Vector, Signal("N·m", "torque that the law asks of the drives, the sum of its terms (25)", "joints")]
     tau_applied: Annotated[
-        Vector, Signal("N·m", "what the drives make of it: tau, within truth.torque_limit", "joints")
+        Vector, Signal("N·m", "torque that the drives apply: tau, within truth.torque_limit", "joints")
     ]
     q_eq_ddot: Annotated[Vector, Signal("rad/s^2", "joint acceleration that the law prescribes, (25)", "joints")]
     needed: Annotated[
@@ -97,11 +97,11 @@ class Row(NamedTuple):
         Number, Signal("m/s", "norm of the sliding variable: 0 means that the arm obeys the target model", "r")
     ]
     s_bound: Annotated[Number, Signal("m/s", "bound of ‖s‖ by the theorem, (20); none where nothing is promised", "r")]
-    s_band: Annotated[Number, Signal("m/s", "what sampling and the boundary layer add to the bound (20)", "r")]
-    V_band: Annotated[Number, Signal("J", "what they add to sqrt(V) of (24), squared")]
-    held_error: Annotated[
-        Number, Signal("N", "what (25) without its robust terms changed within the period before", "r")
+    s_band: Annotated[
+        Number, Signal("m/s", "band: the part that sampling and boundary layer add to the bound (20)", "r")
     ]
+    V_band: Annotated[Number, Signal("J", "bound of V in the band: V stays below it")]
+    held_error: Annotated[Number, Signal("N", "change of (25) without its robust terms within the period before", "r")]
     sigma_min: Annotated[Number, Signal("m", "smallest singular value of J_q, at most 3 % too small", "J_q")]
     residual: Annotated[Vector, Signal("N", "left side of (8) minus its right side", "r")]
     F_true: Annotated[

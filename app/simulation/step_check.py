@@ -19,7 +19,7 @@ def require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> No
         enough = substeps_needed(integrator, o, EASE * period, int(field_info("simulation.substeps").largest or 1))
         raise TooStiff(
             f"{o.field}: {o.value:g} {o.unit} is too stiff for {plant.substeps} step(s) of {integrator} per control "
-            f"period of {period:g} s, the plant would explode; allowed: "
+            f"period of {period:g} s, the simulation would diverge; allowed: "
             + ("" if enough is None else f"simulation.substeps >= {enough}, or ")
             + "a smaller value",
             enough,

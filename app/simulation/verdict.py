@@ -90,12 +90,12 @@ class Standing:
         if failing:
             return self._promise("nothing promised", self._said(failing[0]))
         if self.waiting:
-            what = " what was changed" if self.kept.periods else ""
-            return self._promise("nothing promised", f"the next control period judges{what}")
+            what = "the change" if self.kept.periods else "the run"
+            return self._promise("nothing promised", f"{what} is judged in the next control period")
         if not self.kept.promised:
             return self._promise("nothing promised", "a premise failed a control period ago")
         return self._promise(
-            "holds", f"all premises hold, and ‖s‖ is under (20) and the band, since t = {self.kept.since:.4g} s"
+            "holds", f"all premises hold, and ‖s‖ is under (20) plus the band, since t = {self.kept.since:.4g} s"
         )
 
     @property
@@ -105,7 +105,7 @@ class Standing:
             return "stopped"
         usual = f"all premises hold since t = {self.kept.since:.4g} s" if self.kept.promised else ""
         if self.waiting:
-            usual = "judged with the next control period"
+            usual = "judged in the next control period"
         return next((f"premise not met: {STATEMENTS[p].title}" for p in Premise if self.table.now[p]), usual)
 
     @property
@@ -125,10 +125,10 @@ class Standing:
             return self._promise("nothing promised", f"the run has stopped: {self.stopped}")
         if not self.kept.periods:
             return self._promise("nothing promised", "no control period has been computed")
-        return self._promise("holds", "all premises held, and ‖s‖ stayed under (20) and the band")
+        return self._promise("holds", "all premises held, and ‖s‖ stayed under (20) plus the band")
 
     def _broken(self) -> str:
-        return f"at t = {self.kept.broken:.4g} s ‖s‖ was over (20) and the band, though all premises held"
+        return f"at t = {self.kept.broken:.4g} s ‖s‖ was over (20) plus the band, though all premises held"
 
     def _said(self, premise: Premise) -> str:
         if premise is Premise.DECLARED and self.outsiders:

@@ -222,7 +222,7 @@ def _require_sound(sweep: Sweep) -> None:
         asked = "draw" if sweep.draw else sweep.noun
         own = ", or the scenario's own arm, without --draw" if sweep.arms == sweep.draw else ""
         raise ScenarioError(
-            f"{asked}: {stated} is stated, and which true arms are within it is not known before their runs; allowed: "
+            f"{asked}: {stated} is stated, and only its run shows whether a true arm is within it; allowed: "
             f"in its place bounds of links, payload and friction, such as declared.link_scaling{own}"
         )
     if sweep.draw > 1 and not arms_differ(sweep):

@@ -34,7 +34,7 @@ TITLES = {
     "force.value": "desired force",
     "motion.period": "time of one turn",
     "truth.disturbance_frequency": "frequency of the disturbance",
-    "truth.push_start": "begin of the push",
+    "truth.push_start": "start of the push",
     "truth.push_duration": "duration of the push",
     "truth.push_every": "time until the push comes again",
     "truth.push_frequency": "frequency of the push",

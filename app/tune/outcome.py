@@ -296,7 +296,7 @@ def _short(tuning: Tuning, found: Found) -> str:
     settles = "does not settle" if unsettled else f"needs up to {max(known):.2g} s to settle"
     what = f"a run of {length:g} s {settles} with the {OWN}"
     judged = f"judged is its last fifth ({', '.join(aims)})"
-    return f"{what}; {judged}: what is better there may be worse later, longer runs tell"
+    return f"{what}; {judged}: what is better there may be worse later, which longer runs show"
 
 
 def _beats(tuning: Tuning, compared: Comparison) -> bool:

@@ -112,7 +112,7 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     type_over(damping, "290")
     session.wait(lambda now: now.matrices["B_m"][1, 1] == 290.0)
     # a run that was changed on its way is never judged, however calm it has become
-    expect(page.locator(".vs-note", has_text="try it anew")).to_be_visible()
+    expect(page.locator(".vs-note", has_text="try it again")).to_be_visible()
     page.keyboard.press("r")
     page.get_by_text("reached", exact=True).wait_for()
     go_on(session)  # the last step: the lesson is done

@@ -265,12 +265,12 @@ def test_a_blend_to_a_model_that_would_be_refused_is_refused() -> None:
     K_f[0, 1] = K_f[1, 0] = 0.3
     K_m = np.diag([1000.0, 500.0, 1000.0, 1000.0, 1000.0, 1000.0])
     to = {"to": {"K_f": K_f.tolist(), "K_m": K_m.tolist()}, "at": 0.1, "over": 0.1}
-    with pytest.raises(ScenarioError, match=r"blend.to: target_model: not passive with its K_f, which among several"):
+    with pytest.raises(ScenarioError, match=r"blend.to: target_model: not passive with its K_f, so among several"):
         assemble(edited(scenario, "blend", to))
     begun = edited(scenario, "target_model", {"K_m": K_m.tolist(), "K_f": [1.0] * 6})
     alike = {"M_m": [10.0] * 6} | {name: (k * K_f).tolist() for name, k in (("B_m", 200), ("K_m", 1000), ("K_f", 1))}
     assemble(edited(begun, "target_model", alike))
-    with pytest.raises(ScenarioError, match=r"blend.to: a model on the way: not passive with its K_f, which among sev"):
+    with pytest.raises(ScenarioError, match=r"blend.to: a model on the way: not passive with its K_f, so among sev"):
         assemble(edited(begun, "blend", {"to": alike, "at": 0.1, "over": 0.1}))
     with pytest.raises((ScenarioError, InvalidGain), match="M_m: smallest eigenvalue -1"):
         assemble(edited(scenario, "target_model.M_m", [-1.0] * 6))

@@ -95,7 +95,7 @@ def test_refused_runs_draw_no_boundary_and_missing_metrics_are_reported() -> Non
     drawn = picture(SweepView("settling_time"), table=columns() | unknown | {"settling_time": np.full(24, np.inf)})
     assert 'class="vs-ends"' not in drawn
     assert 'class="vs-theorem"' not in drawn
-    assert "force error: not on every arm" in said_in(drawn)[0]
+    assert "force error: no value on some arm" in said_in(drawn)[0]
 
 
 def test_a_tile_opens_the_run_of_its_worst_arm() -> None:

@@ -276,9 +276,9 @@ def test_equal_coordinates_share_a_line_and_coupled_ones_a_block(hybrid: Snapsho
     assert re.findall(r'vs-where">([^<]+)', shown) == ["(8)", "φ", "ψ₁", "ℓ·β", "ψ₂ ℓ·α ℓ·γ"]
     assert "(34)" in shown
     assert "The normal force follows" in shown
-    assert "nothing promises it" not in shown
+    assert "does not guarantee this" not in shown
     other = snapshot_of("ur5-hybrid", "controller.law", "computed-torque")
-    assert "Under the law in force, computed torque, nothing promises it." in equation_html(other)
+    assert "The present law, computed torque, does not guarantee this." in equation_html(other)
     full = np.diag([0.0, 4e4, 4e4, 4e4, 4e4, 4e4])
     full[1:, 1:] += 7.0
     below = equation_html(applied(hybrid, model_edit(hybrid, {"K_m": full})))

@@ -156,9 +156,7 @@ def test_a_band_that_cannot_be_says_why() -> None:
     none = msgspec.structs.replace(loop.system.scenario, declared=type(loop.system.scenario.declared)(force_error=1.0))
     assert foresight_of(loop, none).bandless == "nothing is declared to be uncertain"
     stated = edited(loop.system.scenario, "declared.delta_G", "2 + away")
-    assert foresight_of(loop, stated).bandless.startswith(
-        "declared.delta_G is stated, and which arms are within it is not"
-    )
+    assert foresight_of(loop, stated).bandless.startswith("declared.delta_G is stated, and only its run shows whether")
     assert foresight_of(loop, loop.system.scenario).bandless == ""
     by_steps = Foresight(Question(1, loop.state.copy(), loop.system.scenario, HORIZON, arms=COUNT))
     assert "compiled" in by_steps.bandless

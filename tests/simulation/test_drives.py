@@ -46,7 +46,7 @@ def test_the_arm_moves_by_the_torque_that_the_drives_give() -> None:
         np.testing.assert_allclose(np.diff(record["q_dot"], axis=0)[k] / loop.period, q_ddot, rtol=1e-6, atol=1e-8)
     joint = int(np.abs(tau[first] / applied[first]).argmax()) + 1
     asked, t = tau[first, joint - 1], record["t"][first]
-    said = f"t = {t:.3f} s: the drive of joint {joint} saturates, the law asks for {asked:.4g} N·m"
+    said = f"t = {t:.3f} s: the drive of joint {joint} saturates: the law asks for {asked:.4g} N·m"
     assert (loop.warning or "").startswith(said)
     assert metrics_of(loop).saturated_share == pytest.approx((tau != applied).any(axis=1).mean())
 

@@ -245,7 +245,7 @@ def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_peri
     assert "law" in loop.standing.now.because
     loop.edit(edited(loop.system.scenario, "controller.law", "vsmrc"))
     waiting = loop.standing
-    assert (waiting.now.verdict, waiting.reason) == ("nothing promised", "judged with the next control period")
+    assert (waiting.now.verdict, waiting.reason) == ("nothing promised", "judged in the next control period")
     assert "law is not" not in waiting.now.because
     loop.step()
     assert loop.standing.now.verdict == "holds"
@@ -257,7 +257,7 @@ def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> No
     CompiledRun(loop).advance(1000)
     assert loop.warning is None
     CompiledRun(loop).advance(2000)
-    assert "for the first 1 s of the path (simulation.duration); allowed: a longer one" in str(loop.warning)
+    assert "for the first 1 s of the path (simulation.duration); allowed: a longer duration" in str(loop.warning)
     whole = ClosedLoop.begin(shipped()["ur5-hybrid"])
     CompiledRun(whole).advance(3000)
     assert whole.warning is None
@@ -265,7 +265,8 @@ def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> No
 
 def test_before_the_first_period_nothing_is_promised() -> None:
     sound = ClosedLoop.begin(short("ur5-hybrid")).standing
-    assert (sound.now.verdict, sound.now.because) == ("nothing promised", "the next control period judges")
+    said = (sound.now.verdict, sound.now.because)
+    assert said == ("nothing promised", "the run is judged in the next control period")
     assert (sound.run.verdict, sound.run.because) == ("nothing promised", "no control period has been computed")
     assert all(finding.holds for finding in sound.findings)
     for fields, said in (
@@ -321,7 +322,7 @@ def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> Non
     doubted = ClosedLoop.begin(short("ur5-hybrid"))
     doubted.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER] = np.inf
     with pytest.raises(
-        UnboundedGain, match=r"declared\.link_scaling: .* no inertia is left .*; allowed: a smaller one"
+        UnboundedGain, match=r"declared\.link_scaling: .* leave no inertia .*; allowed: a smaller value"
     ):
         doubted._watch.require_bounded_gain((np.nan, np.nan))
 

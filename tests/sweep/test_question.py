@@ -104,7 +104,7 @@ def test_a_stated_bound_is_as_good_as_another_one_for_the_scenario_s_own_arm() -
     assert asked.scenario(asked.row(0)).declared == stated.declared
     with pytest.raises(ScenarioError) as refused:  # which are drawn always: those that its search does not see
         SweepQuestion(Tuning(stated, (Axis("controller.layer", (), 0.002, 0.05),), points=4, aims=("force_error",)))
-    assert str(refused.value).startswith("tuning: declared.delta_C is stated, and which true arms are within it")
+    assert str(refused.value).startswith("tuning: declared.delta_C is stated, and only its run shows")
     assert str(refused.value).endswith("such as declared.link_scaling")
 
 
@@ -168,11 +168,11 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
             msgspec.structs.replace(
                 sweep_of("contact.K_e=1:2:3", draw=1), scenario=edited(BASE, "declared.delta_C", "speed")
             ),
-            "draw: declared.delta_C is stated, and which true arms are within it is not known before their runs; "
+            "draw: declared.delta_C is stated, and only its run shows whether a true arm is within it; "
             "allowed: in its place bounds of links, payload and friction, such as declared.link_scaling, or the "
             "scenario's own arm, without --draw",
         ),
-        (sweep_of("declared.delta_M=0.1:0.2:3", draw=2), "draw: declared.delta_M is stated, and which"),
+        (sweep_of("declared.delta_M=0.1:0.2:3", draw=2), "draw: declared.delta_M is stated, and only"),
         (sweep_of("name=a,b"), "vary: name; allowed: fields on which a run depends"),
         (
             sweep_of("motion=circel,line"),

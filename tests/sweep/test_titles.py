@@ -20,7 +20,7 @@ from app.sweep.titles import named, said, title_of
         ("second.contact.K_e", "stiffness of the surface (second surface) [N/m]"),
         ("declared.link_scaling", "links' inertias within 1 ± this (declared)"),
         ("truth.rotor_scaling", "factor on every joint's rotor inertia (true arm)"),
-        ("truth.torque_limit", "what the drives give at most (true arm)"),
+        ("truth.torque_limit", "largest torque of the drives (true arm)"),
         ("target_model.K_m.2", "stiffness of the target model (8), entry 2 [N/m]"),
         ("blend.to.K_m.2.3", "stiffness of the target model (8) (blend), entry 2, 3 [N/m]"),
         ("rotation.period", "time of one turn (desired rotation) [s]"),

@@ -74,7 +74,7 @@ class ControllerPanel:
                     desk,
                     "controller.on_change",
                     "On change",
-                    {"z anew: no reaching": "remove", "z kept: watch it reach": "watch"},
+                    {"z anew: no reaching": "remove", "z kept: watch s reach 0": "watch"},
                 ),
             ]
             self._controls.append(NumberField(desk, InForce("controller.z_0", _kept_z), "z(0) [m/s]"))
@@ -83,7 +83,7 @@ class ControllerPanel:
                 "commas.</div>"
             )
         with gui.add_folder("Domain Ω"):
-            stop_or_flag = {"stops the run": "stop", "is said, and the run goes on": "flag"}
+            stop_or_flag = {"stops the run": "stop", "is reported; the run goes on": "flag"}
             self._controls += [
                 NumberField(desk, FieldPlace("simulation.domain_radius"), "radius [rad]", log_scale(0.01, 3)),
                 NumberField(desk, FieldPlace("simulation.sigma_min"), "σ_min ≥ [m]", log_scale(0.001, 0.2, zero=True)),
@@ -131,6 +131,6 @@ def _feedback_html(snapshot: Snapshot) -> str:
     if not said:
         return ""
     return (
-        f'<div class="vs-note">A larger d makes (17) ask for even more: {" and ".join(said)}. Below 1 that comes to an '
-        "end; from 1 on d would grow without bound.</div>"
+        f'<div class="vs-note">A larger d raises the gain that (17) requires: by {" and ".join(said)}. Below 1 this '
+        "converges; from 1 on (17) may have no solution d.</div>"
     )

@@ -65,12 +65,12 @@ class ExportPanel:
         gui = desk.gui
         plots = (ALL_PLOTS, *TABS, *(plot.name for plot in plots_of([ALL_PLOTS])))
         self._plots = gui.add_dropdown("Figure of", plots, hint="All plots, those of a tab, or a single one.")
-        self._lines = gui.add_text("Lines", "", hint="By their names in the legends, with commas between; empty: all.")
-        self._width = gui.add_dropdown("Width", tuple(WIDTHS), hint="Of the figure: of a journal's column or its page.")
-        self._height = gui.add_text("Height [mm]", "", hint="Of the figure; empty: as the plots need.")
+        self._lines = gui.add_text("Lines", "", hint="Names from the legends, separated by commas; empty: all.")
+        self._width = gui.add_dropdown("Width", tuple(WIDTHS), hint="Width of a column or of a page of a journal.")
+        self._height = gui.add_text("Height [mm]", "", hint="Height of the figure; empty: as the plots need.")
         self._type = gui.add_dropdown("Type", tuple(TYPES), hint="Size of the figure's text.")
-        self._letters = gui.add_checkbox("Letters (a), (b)", False, hint="Before the titles of the plots.")
-        self._caption = gui.add_checkbox("Caption", True, hint="The scenario's numbers, below.")
+        self._letters = gui.add_checkbox("Letters (a), (b)", False, hint="Puts letters before the titles of the plots.")
+        self._caption = gui.add_checkbox("Caption", True, hint="Puts the scenario's numbers below the figure.")
         self._buttons(
             "Figure",
             ("SVG", "PDF", "PNG"),
@@ -80,7 +80,12 @@ class ExportPanel:
         self._part = gui.add_dropdown("Part of the run", (SHOWN, WHOLE), hint="For the data and the 3-D playback.")
         self._buttons("Data", ("CSV", "NPZ"), self._on_data, "Every signal, every control period, in SI units.")
         self._buttons("3-D playback", ("HTML",), self._on_playback, "A page that plays without this program.")
-        self._buttons("3-D picture", ("1×", "2×"), self._on_picture, "As you see it now, in once or twice its pixels.")
+        self._buttons(
+            "3-D picture",
+            ("1×", "2×"),
+            self._on_picture,
+            "The scene as shown now, at once or twice its size in pixels.",
+        )
         self._buttons("Scenario", ("TOML",), self._on_scenario, "To load here, to share, or for `vsmrc run`.")
         self._upload = gui.add_upload_button("Load a scenario (TOML)", mime_type=".toml,application/toml")
         self._upload.on_upload(self._on_upload)

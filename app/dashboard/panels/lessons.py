@@ -70,14 +70,16 @@ class LessonsPanel:
             self._run = gui.add_button("Run", visible=False, color="green")
             self._run.on_click(self._on_run)
             self._picture = gui.add_html("")
-            self._figure = gui.add_button_group("Figure", tuple(FORMATS), visible=False, hint="This picture on white.")
+            self._figure = gui.add_button_group(
+                "Figure", tuple(FORMATS), visible=False, hint="Saves this picture on white."
+            )
             self._goal = GoalControls(desk)
             self._next = gui.add_button("Next", hint="Key: J")
             self._back = gui.add_button("Back", color="gray", hint="Key: K")
             self._restore = gui.add_button(
-                "Return to the lesson's scene", color="gray", hint="After playing freely: the step's scenario again."
+                "Return to the lesson's scene", color="gray", hint="Loads the step's scenario again."
             )
-            self._leave = gui.add_button("Leave the lesson", color="gray", hint="It goes on from here next time.")
+            self._leave = gui.add_button("Leave the lesson", color="gray", hint="Next time it continues from here.")
         self._next.on_click(self._on_next)
         self._back.on_click(self._on_back)
         self._restore.on_click(self._on_restore)

@@ -54,7 +54,7 @@ class ModelPanel:
             "full matrices": lambda: MatrixEditor(desk),
         }
         self._chosen = next(iter(views))
-        hint = "How the model is written here; the choice changes nothing in it."
+        hint = "How the model is shown here; the choice does not change it."
         self._choice = gui.add_dropdown("Edit by", tuple(views), initial_value=self._chosen, hint=hint)
         self._choice.on_update(from_pages(self._on_choice))
         self._folders: dict[str, viser.GuiFolderHandle] = {}
@@ -145,7 +145,7 @@ def matrix_note(snapshot: Snapshot, name: str, meaning: str) -> str:
     told = [f"{meaning}, {unit}" if unit else meaning]
     matrix = snapshot.matrices[name]
     if np.count_nonzero(matrix - np.diag(np.diag(matrix))):
-        told.append("not diagonal: here is its diagonal, coupling is kept")
+        told.append("not diagonal: its diagonal is shown, the coupling is kept")
     turning: dict[str, list[str]] = {}
     for coordinate, value in zip(snapshot.coordinates, np.diag(matrix), strict=True):
         if coordinate.metres_per_radian is not None and angular:
@@ -166,8 +166,8 @@ def oscillator_note(snapshot: Snapshot, unit: str) -> str:
             told.append(f"{name} is held by the rigid surface (42) and does not swing: no ω, no ζ.")
         elif K_e > 0.0:
             told.append(
-                f"{name} presses on K̂_e = {written(K_e)} N/m: ω² = (K_m + K_f K̂_e) / M_m is set by K_f; "
-                "K_m stays, so that at 0 the force error vanishes (37)."
+                f"{name} presses on K̂_e = {written(K_e)} N/m: ω² = (K_m + K_f K̂_e) / M_m is set by K_f. "
+                "K_m is kept: with K_m = 0 the force error vanishes (37)."
             )
     return "<br>".join(told)
 

@@ -59,7 +59,7 @@ class RobotPanel:
                 NumberField(desk, FieldPlace("truth.disturbance"), "disturb. [N·m]", SliderScale(0, 20)),
                 NumberField(desk, FieldPlace("truth.disturbance_frequency"), "disturb. at [Hz]", SliderScale(0, 5)),
             ]
-        with gui.add_folder("Declared to the controller, at most"):
+        with gui.add_folder("Bounds declared to the controller"):
             self._controls += [
                 NumberField(desk, FieldPlace("declared.link_scaling"), "links 1 ±", SliderScale(0, 0.5)),
                 NumberField(desk, FieldPlace("declared.rotor_scaling"), "rotors 1 ±", SliderScale(0, 0.5)),
@@ -73,7 +73,7 @@ class RobotPanel:
                 NumberField(desk, FieldPlace("declared.force_error"), "force error [N]", SliderScale(0, 5)),
                 NumberField(desk, FieldPlace("declared.moment_error"), "moments' [N·m]", SliderScale(0, 1)),
             ]
-        with gui.add_folder("Stated in their place, as in (7)"):
+        with gui.add_folder("Bounds stated instead, as in (7)"):
             self._controls += [
                 TextField(desk, StatedBounds("declared.delta_M"), "δ_M [kg·m²]"),
                 TextField(desk, StatedBounds("declared.delta_C"), "δ_C [kg·m²/s]"),

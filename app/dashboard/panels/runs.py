@@ -35,7 +35,7 @@ class RunsPanel:
         self._note = gui.add_html("")
         gui.add_button(
             "Pin this run",
-            hint="Keep it up to now, to compare it with what you change. Reset (R) runs again beside it. Key: P",
+            hint="Keeps this run up to now, to compare others with it. Reset (R) starts a new run beside it. Key: P",
         ).on_click(self._on_pin)
         self._over = gui.add_dropdown("Figures over", tuple(OVER), hint="Which instants of the runs are compared.")
         self._table = gui.add_html("")
@@ -76,7 +76,9 @@ class _PinnedRow:
         self._form = desk.gui.add_form(None, visible=False)
         with self._form:
             self._text = desk.gui.add_text("", "", hint="What this run is called in the plots and in the table.")
-        self._back = desk.gui.add_button("", visible=False, hint="The present run goes on, or begins anew, with them.")
+        self._back = desk.gui.add_button(
+            "", visible=False, hint="The present run continues or restarts with these settings."
+        )
         self._forget = desk.gui.add_button("", visible=False, color="gray", hint="Frees its place.")
         self._text.on_update(from_pages(self._on_text))
         self._back.on_click(self._on_back)
@@ -116,9 +118,9 @@ class _PinnedRow:
 def _note(snapshot: Snapshot, window: float, over: Over) -> str:
     if not snapshot.pinned:
         return (
-            f"Pin up to {PINS} runs; then change something, and press reset (R): it runs again beside the pinned run, "
-            "which ends where it was pinned. Each has dashes of its own in the plots, a colour of its own in the scene "
-            "and a column in a table here. A fork pins what it leaves, an edit a run that has stopped."
+            f"Pin up to {PINS} runs. Then change something and press reset (R): a new run starts beside the pinned "
+            "run, which ends where it was pinned. Each has its own dashes in the plots, its own colour in the scene and "
+            "a column in a table here. A fork also pins the run that it leaves, and an edit pins a run that has stopped."
         )
     return f"{_behind(snapshot)}{_over(snapshot, window, over)}"
 
@@ -137,10 +139,10 @@ def _behind(snapshot: Snapshot) -> str:
 def _over(snapshot: Snapshot, window: float, over: Over) -> str:
     """Note on the instants that the table compares."""
     if over == "own":
-        return f"Of every run its own last {window:g} s; in brackets: against the present run."
+        return f"Last {window:g} s of each run; in brackets: compared with the present run."
     end = _last_of_all(snapshot)
     span = f"t = {max(end - window, 0.0):.2f} to {end:.2f} s"
-    return f"From {span} of every run, the last instants that all have; in brackets: against the present run."
+    return f"{span}, the last instants that all runs have; in brackets: compared with the present run."
 
 
 def _last_of_all(snapshot: Snapshot) -> float:

@@ -81,7 +81,7 @@ class TaskPanel:
         self._scenarios = shipped()
         self._titles = {(s.title or name): name for name, s in self._scenarios.items()}
         self._scenario = gui.add_dropdown(
-            "Scenario", tuple(self._titles), hint="One of the shipped scenarios: it begins at t = 0 and runs."
+            "Scenario", tuple(self._titles), hint="One of the shipped scenarios: it starts at once, at t = 0."
         )
         self._scenario.on_update(from_pages(self._load))
         modes = {mode.label: name for name, mode in MODES.items()}
@@ -107,8 +107,8 @@ class TaskPanel:
                 *field_controls(desk, "rotation", ROTATIONS, {}),
             ]
             gui.add_html(
-                '<div class="vs-note">Of the tool about its axes, α, β, γ, then of supplemental joints (prismatic '
-                "ones in m), each from its start.</div>"
+                '<div class="vs-note">Angles of the tool about its axes, α, β, γ, then of supplemental joints '
+                "(prismatic ones in m), each from its start.</div>"
             )
         with gui.add_folder("Task coordinates"):
             kinds = {"the tool's place": "cartesian", "the joints, r = q": "joint"}

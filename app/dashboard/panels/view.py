@@ -21,17 +21,17 @@ from environments.push import MOST_FORCE, MOST_MOMENT, MOST_STIFF, MOST_TORSION
 SWITCHES = {
     "ghost": (
         "Ghost",
-        "A second arm that follows the target model (8) exactly, driven by the force that the arm felt, from the last "
-        "change on: what parts the two is the residual of (8).",
+        "A second arm that follows the target model (8) exactly, from the last change on, driven by the force that the "
+        "arm felt. The two arms part because of the residual of (8).",
     ),
-    "pinned_arms": ("Pinned runs", "The arms of pinned runs (tab Runs), each in its own colour, where they stood."),
-    "desired_path": ("Desired path", "Where the tool should have been."),
-    "tool_path": ("Tool path", "Where it was."),
+    "pinned_arms": ("Pinned runs", "The arms of pinned runs (tab Runs), each in its own colour, at the same instant."),
+    "desired_path": ("Desired path", "The path that the tool should have followed."),
+    "tool_path": ("Tool path", "The path that the tool has taken."),
     "error_colors": (
         "Error colours",
-        "The tool's path by its distance from the desired point; on a surface, the part along it.",
+        "Colours the tool's path by its distance from the desired point; on a surface, by the part along it.",
     ),
-    "forces": ("Forces", "On the surface, and as desired; to scale."),
+    "forces": ("Forces", "The force on the surface and the desired force, to scale."),
     "frame": (
         "Task frame",
         "Normal and tangents at the tool, in the colours that their coordinates have in the plots.",
@@ -40,7 +40,7 @@ SWITCHES = {
         "Spring and damper",
         "The target model's K_m and B_m, between the desired point and the tool; not drawn where shorter than 6 mm.",
     ),
-    "surface": ("Surface", "What the tool works on."),
+    "surface": ("Surface", "The surface that the tool works on."),
     "grid": ("Grid", "The floor, squares of 0.1 m."),
 }
 SCALES: dict[str, float | None] = {"automatic": None} | {
@@ -90,7 +90,9 @@ class ViewPanel:
         self._desk = desk
         self._flights: set[asyncio.Task[None]] = set()
         gui, viewing = desk.gui, desk.viewing
-        self._camera = gui.add_button_group("Camera", VIEWS, hint="Turn and zoom with the mouse; these bring you back.")
+        self._camera = gui.add_button_group(
+            "Camera", VIEWS, hint="Turn and zoom with the mouse; these views bring you back."
+        )
         self._camera.on_click(self._on_camera)
         with gui.add_folder("Drawn"):
             self._fields = [
@@ -112,9 +114,9 @@ class ViewPanel:
             self._legend = gui.add_html("")  # below the switches: it has a row more or less when one is pressed
         with gui.add_folder("Mouse on the tool"):
             gui.add_html(
-                '<div class="vs-note">Drag the ball at the tool: a spring pulls the arm after the pointer. With Shift, '
-                "or as chosen here, the drag moves the desired path instead, when you let go, or turns ball and tool, "
-                "by a torsional spring.</div>"
+                '<div class="vs-note">Drag the ball at the tool: a spring pulls the arm towards the pointer. With '
+                "Shift, or as chosen here, the drag does something else: it moves the desired path once you let go, or "
+                "turns the tool by a torsional spring.</div>"
             )
             self._fields += [
                 _Field(viewing, "drag", gui.add_dropdown("Dragging", tuple(DRAGS)), DRAGS),

@@ -157,7 +157,7 @@ class _TabView:
         self._visible_parts, self._turn = visible_parts, turn
         with gui.add_form(None):
             self._window = gui.add_dropdown(
-                "window", tuple(WINDOWS), initial_value=WINDOW, hint="How far back to look."
+                "window", tuple(WINDOWS), initial_value=WINDOW, hint="Length of time that the plots show."
             )
             self._choosers: dict[Chooser, viser.GuiDropdownHandle[str]] = {
                 chooser: gui.add_dropdown(chooser, (_NONE,), hint=f"Which {chooser} the plots below show.")

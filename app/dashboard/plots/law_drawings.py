@@ -208,9 +208,9 @@ def reaching_note(snapshot: Snapshot) -> str:
     """Note on the measured and the promised reaching times, as HTML."""
     epoch = snapshot.state.epoch
     if not snapshot.system.controller.law.robust:
-        return "s means nothing under this law: it has no bound and nothing to reach"
+        return "this law does not use s: it has no bound and no reaching phase"
     if epoch.certificate.t_r < snapshot.scenario.controller.period:
-        return f"s(0) = 0: nothing to reach (Remark 2), from t = {epoch.t:.2f} s on"
+        return f"s(0) = 0: no reaching phase (Remark 2), since t = {epoch.t:.2f} s"
     stages = [("band", epoch.banded, epoch.banded_by)]
     if snapshot.scenario.controller.switching != "discontinuous":
         stages.append(("layer", epoch.reached, epoch.reached_by))
@@ -221,4 +221,4 @@ def reaching_note(snapshot: Snapshot) -> str:
         return f"{name} reached after {after} ({by})"
 
     stated = "; ".join(told(*stage) for stage in stages)
-    return f"{stated}; s = 0 by (18) ≤ {epoch.certificate.t_r:.3g} s; from t = {epoch.t:.2f} s on"
+    return f"{stated}; s = 0 within {epoch.certificate.t_r:.3g} s by (18); counted from t = {epoch.t:.2f} s"

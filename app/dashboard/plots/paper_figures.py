@@ -116,7 +116,7 @@ def _changes(epochs: Iterable[Epoch], t_from: float, t_to: float) -> str:
     if not instants:
         return ""
     at = ", ".join(instants) if len(instants) <= TOLD else f"{instants[0]}, … ({len(instants)} times) … {instants[-1]}"
-    return f"Changed at t = {at} s: these numbers are those of the end, each line those of its time. "
+    return f"Changed at t = {at} s: these numbers are those at the end; each line had those of its time. "
 
 
 def plots_with_lines(snapshot: Snapshot, setup: Setup, t_from: float, t_to: float) -> list[str]:

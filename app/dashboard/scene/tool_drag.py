@@ -158,7 +158,9 @@ class Hand:
             return None
         free = shift_coordinates(snapshot)
         if free.start == free.stop:
-            self._desk.complain("target: every place is pressed; allowed: where the path has a coordinate of its own")
+            self._desk.complain(
+                "target: every coordinate of position is pressed; allowed: where one of them follows the path"
+            )
             return None
         return HeldHandle(client, drag, snapshot.system.charted.chart(grab, snapshot.t).g, *turning)
 

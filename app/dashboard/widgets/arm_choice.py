@@ -69,7 +69,7 @@ class Upload:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        hint = "Becomes the arm; the file is kept on the computer that runs the dashboard. Meshes are not uploaded."
+        hint = "This file becomes the arm. It is kept on the computer that runs the dashboard, without its meshes."
         button = desk.gui.add_upload_button(
             "Upload a URDF", icon=viser.Icon.UPLOAD, hint=hint, mime_type=".urdf,.xml,application/xml"
         )

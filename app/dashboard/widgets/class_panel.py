@@ -29,7 +29,7 @@ class ClassPanel:
         self._unit = ""
         self._ask = gui.add_button("Ask the class", visible=False, hint="By the link and the QR code of “Share”.")
         self._html = gui.add_html("", visible=False)
-        self._reveal = gui.add_button("Show the answers", visible=False, hint="No answer is taken any more.")
+        self._reveal = gui.add_button("Show the answers", visible=False, hint="Takes no more answers.")
         self._ask.on_click(self._on_ask)
         self._reveal.on_click(self._on_reveal)
 

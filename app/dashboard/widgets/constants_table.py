@@ -26,8 +26,8 @@ def constants_html(snapshot: Snapshot) -> str:
     heads = "".join(f"<td>{head}</td>" for head in ("constant", "declared", "found", "used", "unit"))
     return (
         f'<table class="vs-facts vs-premises"><tr>{heads}</tr>{rows}</table>'
-        f'<div class="vs-note">Found: the largest that a search over Ω has met for any declared arm, k_r′ the least. '
-        f"Used: with {100 * (MARGIN - 1.0):.0f} % more, or less, for what the search may have missed.</div>"
+        f'<div class="vs-note">Found: the largest value of any declared arm in a search over Ω (k_r′: the least). '
+        f"Used: {100 * (MARGIN - 1.0):.0f} % more (k_r′: less), since a search may miss the extreme.</div>"
     )
 
 
@@ -69,7 +69,7 @@ def _searched(snapshot: Snapshot) -> list[tuple[str, ...]]:
             (name, about, found / MARGIN, found, True, unit)
             for name, about, found, unit in (
                 ("k_Cc", "‖ΔC‖ per rad/s and m of the links' centres of mass", rates.k_centre, "kg·m/rad"),
-                ("k_Ccc", "‖ΔC‖ per rad/s and m² of the same", rates.k_swing, "kg/rad"),
+                ("k_Ccc", "‖ΔC‖ per rad/s and m² of the links' centres of mass", rates.k_swing, "kg/rad"),
                 ("k_CI", "‖ΔC‖ per rad/s and share of the links' inertias", rates.k_shape, "kg·m²/rad"),
             )
             if in_doubt

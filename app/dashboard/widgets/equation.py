@@ -81,7 +81,7 @@ def equation_html(snapshot: Snapshot) -> str:
 def told_of_mode(snapshot: Snapshot) -> str:
     """Summary of the mode, and under a law other than the robust one, that nothing promises it."""
     summary, law = snapshot.system.mode.summary, snapshot.system.controller.law
-    return summary if law.robust else f"{summary} Under the law in force, {law.title}, nothing promises it."
+    return summary if law.robust else f"{summary} The present law, {law.title}, does not guarantee this."
 
 
 def _general() -> str:

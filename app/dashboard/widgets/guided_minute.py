@@ -33,12 +33,12 @@ def steps() -> tuple[GuidedStep, ...]:
             load("ur5-motion"),
             "The tool draws a circle in free space. The arm is 15 % heavier than the controller believes, and the "
             "<b>tracking error</b> on the left settles below 0.02 mm all the same. <kbd>B</kbd> pushes the tool, and "
-            "nothing happens: in this target model (26) nothing answers to a force.",
+            "nothing happens: this target model (26) does not react to a force.",
         ),
         GuidedStep(
             load("ur5-impedance"),
             "Now the arm is a mass, a damper and a spring. It meets the plane and stops where spring and plane "
-            "balance: this error stays, because nobody asked for a force. Every few seconds it is pushed with 30 N, "
+            "balance: this error stays, because no force is desired. Every few seconds it is pushed with 30 N, "
             "and the spring of 2000 N/m gives way by 15 mm.",
         ),
         GuidedStep(
@@ -54,8 +54,8 @@ def steps() -> tuple[GuidedStep, ...]:
         ),
         GuidedStep(
             load("ur5-constrained"),
-            "The plane is rigid now. The force is whatever keeps the tool on it, a multiplier λ instead of a spring's "
-            "force, and the law holds it at 20 N without measuring any depth.",
+            "The plane is rigid now. The force is whatever keeps the tool on it, a Lagrange multiplier λ instead of a "
+            "spring's force. The law holds it at 20 N without measuring any depth.",
         ),
     )
 

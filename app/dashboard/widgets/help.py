@@ -12,14 +12,14 @@ from controllers.modes import MODES
 # Text of each key in viser's palette, except for V, "?" and Esc, which the page's script adds.
 KEYS: dict[str, str] = {
     "space": "play or pause",
-    "arrowright": "one control period on",
-    "arrowleft": "one back: look at what has been",
+    "arrowright": "one control period forward",
+    "arrowleft": "one control period back",
     "Shift+arrowright": "0.1 s on",
     "Shift+arrowleft": "0.1 s back",
     "end": "to the end of the run",
     "pageup": "to the event before: an edit, a push, a contact",
     "pagedown": "to the event after",
-    "F": "fork: go on from the instant looked at",
+    "F": "fork: continue from the shown instant",
     "P": "pin this run, to compare it with others",
     "R": "begin anew, from t = 0",
     **{str(number): mode.label.lower() for number, mode in enumerate(MODES.values(), start=1)},
@@ -37,11 +37,11 @@ _WRITTEN = {"arrowright": "→", "arrowleft": "←", "arrowup": "↑", "arrowdow
 
 START = (
     "<b>Task</b>: choose a scenario or a mode. It begins at once; nothing has to be started.",
-    "Hold a slider, there or in any tab, and the plots show what its value would do; let go and it is applied, "
-    "<kbd>Esc</kbd> takes it back. Or type a number and press Enter.",
-    "<b>Model</b>: draw up the behaviour you want. The equation at the lower left has its numbers; what the mode fixes "
-    "is grey.",
-    "<b>Robot</b> and <b>World</b>: make the truth differ from what the controller was told, and watch whether ‖s‖ "
+    "Hold a slider, there or in any tab: the plots show what its value would do. Let go to apply it, or press "
+    "<kbd>Esc</kbd> to cancel. Or type a number and press Enter.",
+    "<b>Model</b>: choose the behaviour you want. The equation at the lower left shows its numbers; grey numbers are "
+    "fixed by the mode.",
+    "<b>Robot</b> and <b>World</b>: make the true arm differ from the controller's model, and watch whether ‖s‖ "
     "stays under its bound.",
 )
 COLORS: dict[str, Rgb] = {
@@ -64,15 +64,15 @@ DOCUMENTS = {
     "docs/command-line.md": "runs without a screen",
     "docs/extending.md": "a law, mode, surface, trajectory or arm of your own",
     "docs/symbols.md": "which symbol of the paper is which name in the code",
-    "docs/evidence.md": "every claim held to something independent",
-    "docs/robots.md": "which arms, your own URDF, the truth and what is declared of it",
+    "docs/evidence.md": "every claim checked against something independent",
+    "docs/robots.md": "which arms, your own URDF, the true arm and its declared bounds",
     "docs/mutations.md": "planted mistakes, and the tests that see them",
     "docs/performance.md": "speed, pacing, memory",
     "docs/security.md": "a server for an audience: links, tokens, limits",
     "docs/reliability.md": "what happens when something fails",
 }
 HINTS = (
-    "<b>Hold a slider</b>: the plots on the left show what would come. Let go, and it is so.",
+    "<b>Hold a slider</b>: the plots on the left show what its value would do. Let go to apply it.",
     "<kbd>space</kbd> pauses, <kbd>R</kbd> starts anew, <kbd>1</kbd> to <kbd>5</kbd> change the mode.",
     "Other arms and tasks: <b>Scenario</b>, on the right. Everything else: <kbd>?</kbd>",
 )

@@ -53,7 +53,7 @@ def impedance_html(response: PushResponse, points: Sequence[Measured] = (), meas
         return f'<div class="vs-checks"><div class="vs-note">A push on the tool:<br>{said}</div></div>'
     return (
         f'<div class="vs-checks">{maps}<div class="vs-note">Dashed: the target model (8), solid: the sampled loop; '
-        f"hatched: a sine gets energy from it.<br>{said}</div></div>"
+        f"hatched: there the loop gives energy to a sine.<br>{said}</div></div>"
     )
 
 
@@ -89,7 +89,7 @@ def _map(drawn: _Drawn, push: PushKind, axes: Sequence[int]) -> str:
         for place, axis in enumerate(axes)
     )
     return (
-        f'<div class="vs-note">A {push.name} on the tool meets, {legend}:</div>'
+        f'<div class="vs-note">Impedance to a {push.name} on the tool, {legend}:</div>'
         f'<svg class="vs-poles" viewBox="0 0 {_SIZE[0]} {_SIZE[1]}" role="img" '
         f'aria-label="impedance to {push.name}s over frequency">{"".join(parts)}</svg>'
     )

@@ -59,8 +59,8 @@ class ImpedanceView:
         self._desk, gui = desk, desk.gui
         self._html = gui.add_html("")
         hint = (
-            f"A push of {_SIZES} that sweeps over the frequencies, along and about each axis, on copies of this run "
-            "beside it."
+            f"Pushes copies of this run with {_SIZES}, along and about each axis, at frequencies that rise from low to "
+            "high."
         )
         self._button = gui.add_button("Measure with a push", color="gray", visible=False, hint=hint)
         self._files = gui.add_button_group(
@@ -100,7 +100,7 @@ class ImpedanceView:
         what, table = "response", table_of(loop.response, points)
         if chosen == FORCE_LOOP:
             if loop.force_loop is None:
-                self._desk.complain("force loop: the law reads no force that sampling comes between; allowed: CSV")
+                self._desk.complain("force loop: the law reads no sampled force of a contact; allowed: CSV")
                 return
             what, table = "force-loop", force_table_of(loop.force_loop)
         name = file_name(f"{snapshot.scenario.name}-{what}", t, FIGURES.get(chosen, "csv"))

@@ -216,7 +216,9 @@ class GoalControls:
             f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in self._missed
         )
         changed = len(snapshot.recording.epochs) > 1
-        return missed + ('<div class="vs-note">Changed since: try it anew.</div>' if missed and changed else "")
+        return missed + (
+            '<div class="vs-note">You changed something since: try it again.</div>' if missed and changed else ""
+        )
 
 
 def _place(control: blocks.GoalSlider) -> FieldPlace:

@@ -25,7 +25,7 @@ class LessonList:
         self._folder = desk.gui.add_folder(None)
         with self._folder:
             desk.gui.add_html(
-                '<div class="vs-lesson vs-prose"><p>Each lesson asks before it shows: commit yourself, run it, look, '
+                '<div class="vs-lesson vs-prose"><p>Each lesson asks before it shows: predict, run it, look, '
                 "and read why. Ten minutes each; the arm in the scene is yours all the time.</p></div>"
             )
             self._choice = desk.gui.add_dropdown("Lesson", tuple(self._titles), hint="They build on one another.")

@@ -146,8 +146,8 @@ def _tiles(
     dashed = _ends(
         theorem, frame, 'class="vs-theorem" stroke="currentColor" stroke-width="1.6" stroke-dasharray="4 2.5"'
     )
-    words = ("; red: between the last tile inside the declared set and the first outside" if red else "") + (
-        "; dashed: the same of (17)" if dashed else ""
+    words = ("; red: the edge of the declared set, between two tiles" if red else "") + (
+        "; dashed: the edge of where d covers (17)" if dashed else ""
     )
     drawn = f"{''.join(tiles)}{red}{dashed}{_ring(question, present)}{_ticks(x, y, frame, naming)}{_bar(scale, naming)}"
     return drawn, words
@@ -207,7 +207,7 @@ def _said(question: SweepQuestion, points: Points, k: int, number: float, naming
     if points.stopped[k] and not naming.share:
         return f"{where}: a run stopped or was refused"
     if points.never[k]:
-        return f"{where}: {naming.title}: not on every arm{_unpromised(points, k)}"
+        return f"{where}: {naming.title}: no value on some arm{_unpromised(points, k)}"
     if math.isnan(number):
         return f"{where}: no figure"
     if naming.share:

@@ -71,7 +71,7 @@ class MatrixEditor:
         self._name, self._block = "K_m", 0
         self._matrix = gui.add_dropdown("Matrix", NAMES, initial_value=self._name)
         self._matrix.on_update(from_pages(self._on_choice))
-        self._blocks = gui.add_dropdown("Block", _NO_BLOCKS, hint="Rows × columns. An entry's mirror image follows it.")
+        self._blocks = gui.add_dropdown("Block", _NO_BLOCKS, hint="Rows × columns. The mirrored entry changes, too.")
         self._blocks.on_update(from_pages(self._on_choice))
         self._rows: dict[int, list[viser.GuiVector2Handle] | list[viser.GuiVector3Handle]] = {
             2: [gui.add_vector2("", (0.0, 0.0), step=1.0, visible=False) for _ in range(2)],
@@ -85,7 +85,12 @@ class MatrixEditor:
         )
         self._text.on_update(from_pages(self._on_text))
         self._over = gui.add_number(
-            "blend over [s]", 0.0, min=0.0, max=3600.0, step=0.5, hint="0: at once. Else convexly, if that is stable."
+            "blend over [s]",
+            0.0,
+            min=0.0,
+            max=3600.0,
+            step=0.5,
+            hint="0: at once. Otherwise a convex blend, if it is stable.",
         )
         self._over.precision = 3
         self._over.on_update(from_pages(self._on_over))

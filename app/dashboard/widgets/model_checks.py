@@ -168,7 +168,7 @@ def _margins(loop: ForceLoop | None) -> list[tuple[str, str]]:
     if loop is None:
         return []
     if loop.margins is None:
-        return [("force loop", chip("not stable as it is, so without margins", "vs-bad"))]
+        return [("force loop", chip("unstable, so it has no margins", "vs-bad"))]
     return [(f"force loop, {name} margin", escape(words)) for name, words in in_words(loop.margins, loop.period)]
 
 

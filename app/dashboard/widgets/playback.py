@@ -63,7 +63,7 @@ _ACTIONS = (
     _Action("One control period on", lambda _: StepOnce(), "arrowright", name="step", icon="M7 5v14l11-7z"),
     _Action("To the end of the run", lambda _: ToEnd(), "end", name="to the end", icon="M18 5h2v14h-2zM4 5v14l11-7z"),
     _Action(
-        "Fork: go on from the instant looked at; what followed is pinned",
+        "Fork: continue from the shown instant; what followed is pinned",
         lambda _: Fork(),
         "F",
         name="fork here",
@@ -203,7 +203,7 @@ class _Time:
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._answer = desk, AwaitedAnswer()
-        hint = "Look back: the run holds, and arm, forces and plots are those of this instant. Play shows it again."
+        hint = "Look back: the run pauses, and arm, forces and plots show this instant. Play shows the run again."
         with desk.gui.add_form(None):
             self._text = desk.gui.add_text("time t [s]", "", hint=hint)
             self._slider = desk.gui.add_slider("", 0.0, 1.0, 0.0005, 1.0, marks=(), hint=hint)

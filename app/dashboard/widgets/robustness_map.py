@@ -65,9 +65,9 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._opened: Scenario | None = None  # by a tile
         gui = desk.gui
         gui.add_html(
-            '<div class="vs-note vs-map-top">One figure for many settings, and for true arms drawn within what is '
-            f"declared, computed beside the loop by {desk.share.allowance}. A click on a tile plays its worst arm's "
-            "run and pauses at its end; the present run is pinned (tab Runs).</div>"
+            '<div class="vs-note vs-map-top">One figure for many settings and for true arms drawn from the declared '
+            f"set, computed beside the loop by {desk.share.allowance}. A click on a tile plays the run of its worst "
+            "arm and pauses at its end; the present run is pinned (tab Runs).</div>"
         )
         self._across = FieldChoice(desk, "Across", FIELDS, "stiffness of the surface", optional=False)
         self._up = FieldChoice(desk, "Up", FIELDS, "mass of the true links, factor", optional=True)
@@ -76,7 +76,9 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._arms = gui.add_dropdown("True arms", tuple(ARMS), hint="The same arms at every tile.")
         self._metric = gui.add_dropdown("Figure", tuple(METRICS), hint="At the end: over the last fifth of each run.")
         self._add_length()
-        self._within = gui.add_text("Limit", "", hint="Share of the arms that keep it; empty: the worst arm.")
+        self._within = gui.add_text(
+            "Limit", "", hint="Shows the share of arms that keep this limit; empty: the worst arm."
+        )
         self._add_button()
         self._files = gui.add_button_group(
             "This map", (*FORMATS, FOLDER), visible=False, hint="As a figure, or with all its runs for `vsmrc sweep`."

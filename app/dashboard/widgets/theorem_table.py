@@ -55,14 +55,14 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
                 "gain d (17)",
                 against("d", "≥", "d_required", units.force),
                 judged(live["gain_margin"], f" {units.force}", low=-1e-9),
-                "d, what (17) needs with its margin ε, and what is left; by the theorem d is exactly what is needed",
+                "gain d, the gain that (17) requires including ε, and the margin; with d by theorem the margin is 0",
             ),
             (
                 "‖s‖ (20)",
                 f"{number('s_norm', 1e3)} ≤ {f'{allowed * 1e3:.3g}' if math.isfinite(allowed) else '—'} {units.rate}",
                 verdict(holds=live["s_norm"] <= allowed) if math.isfinite(allowed) else "",
-                "the sliding variable and its bound, with the band of sampling and boundary layer; — where nothing is "
-                "promised",
+                "the sliding variable and its bound, (20) plus the band of sampling and boundary layer; — where "
+                "nothing is promised",
             ),
             ("band reached", *_reached(epoch.t, epoch.banded, epoch.banded_by)),
         ]
@@ -84,7 +84,7 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
                 "force loop, sampled",
                 f"|{number('force_loop_factor')}| &lt; 1",
                 verdict(holds=abs(live["force_loop_factor"]) < 1.0),
-                "what one sample makes of an error in the force that is fed back",
+                "factor by which one sample multiplies an error of the fed-back force",
             )
         )
     rows.append(

@@ -33,9 +33,11 @@ class WhatIfPanel:
             hint = "While a slider is held: draw what it would do, and apply it when it is let go."
             self._on = gui.add_checkbox("Preview", desk.whatif.on, hint=hint)
             self._horizon = gui.add_slider("Ahead [s]", 1.0, 20.0, 0.5, desk.whatif.horizon, marks=())
-            hint = "Push for a second where nothing else would move the arm, so that there is something to compare."
+            hint = (
+                "Pushes the tool for a second where nothing else moves the arm, so that there is something to compare."
+            )
             self._push = gui.add_slider("Push at rest [N]", 0.0, 100.0, 1.0, desk.whatif.push, marks=(), hint=hint)
-            hint = "Drawn behind the preview: all, 5 % to 95 %, and their median. The same arms at every value."
+            hint = "Shaded behind the preview: all, 5 % to 95 %, and the median. The same arms at every value."
             self._arms = gui.add_dropdown("True arms", tuple(BANDS), initial_value=_named(desk.whatif.arms), hint=hint)
         self._arms.on_update(from_pages(self._on_arms))
         self._on.on_update(from_pages(self._on_switch))
@@ -94,7 +96,7 @@ class WhatIfPanel:
         metrics, today = whatif.outlook.metrics, whatif.outlook.today
         notes = [f'<div class="vs-message vs-warn">{escape(metrics.left)}</div>'] if metrics.left else []
         if whatif.outlook.restarts:
-            notes.append('<div class="vs-message vs-warn">This edit begins the scenario anew.</div>')
+            notes.append('<div class="vs-message vs-warn">This edit restarts the scenario.</div>')
         pushed = f", with a push of {metrics.push:g} N" if metrics.push else ""
         span = f'<div class="vs-dim">within the next {metrics.span:.1f} s{pushed}:</div>'
         return f"{span}{_table(metrics, today, units)}{_of_band(whatif.outlook)}{''.join(notes)}"
@@ -108,7 +110,7 @@ def _of_band(outlook: Outlook) -> str:
     """Sentence on the band of true arms, as HTML."""
     band = outlook.band
     if outlook.bandless:
-        return f'<div class="vs-dim">No true arms behind it: {escape(outlook.bandless)}.</div>'
+        return f'<div class="vs-dim">No band of true arms: {escape(outlook.bandless)}.</div>'
     if band is None:
         return ""
     so_far = "" if band.reach >= outlook.metrics.span else f", the next {band.reach:.1f} s"
