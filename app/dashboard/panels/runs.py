@@ -120,7 +120,7 @@ def _note(snapshot: Snapshot, window: float, over: Over) -> str:
         return (
             f"Pin up to {PINS} runs. Then change something and press reset (R): a new run starts beside the pinned "
             "run, which ends where it was pinned. Each has its own dashes in the plots, its own colour in the scene "
-            "and a column in a table here. A fork also pins the run that it leaves; an edit pins a run that has stopped."
+            "and a column in a table here. A fork pins the run that it leaves, and an edit pins a run that has stopped."
         )
     return f"{_behind(snapshot)}{_over(snapshot, window, over)}"
 
