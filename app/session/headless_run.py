@@ -43,7 +43,7 @@ def simulate(
     Raises ScenarioError, also where the engine that is asked for cannot take the scenario.
     """
     steps = max(1, round((until or scenario.simulation.duration) / scenario.controller.period))
-    loop = ClosedLoop.begin(scenario, steps + 1, previous, memory)
+    loop = ClosedLoop.from_scenario(scenario, steps + 1, previous, memory)
     by = engine or engine_for(loop)
     advance = partial(_by_steps, loop) if by == "pinocchio" else _compiled(loop).advance
     started = time.perf_counter()

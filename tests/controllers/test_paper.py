@@ -191,7 +191,7 @@ def test_switching_functions(kind: Switching) -> None:
     d, epsilon = 20.0, 2.0
     width = layer_width(int(kind), layer, d, epsilon)
     outside = unit_vector(np.array([width * (1 + 1e-9) + 1e-15, 0.0]), int(kind), layer)[0]
-    assert d * outside >= d - (1.0 - kind.kept) * epsilon - 1e-6
+    assert d * outside >= d - (1.0 - kind.reaching_share) * epsilon - 1e-6
     assert np.array_equal(unit_vector(np.zeros(3), int(kind), layer), np.zeros(3))
 
 

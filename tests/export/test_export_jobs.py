@@ -249,7 +249,7 @@ def test_film_has_a_row_for_each_thirtieth_of_a_second(loop: ClosedLoop) -> None
 
 
 def test_film_shows_what_the_page_showed() -> None:
-    loop = ClosedLoop.begin(load("ur5-hybrid-moving"))
+    loop = ClosedLoop.from_scenario(load("ur5-hybrid-moving"))
     for _ in range(700):
         loop.step()
     seen = snapshot_of(loop)
@@ -395,7 +395,7 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
 
 def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path: Path) -> None:
     """Bounds, V, perturbation and marks are those of each stretch's own conditions."""
-    loop = ClosedLoop.begin(edited(load("ur5-hybrid"), "truth.payload_mass", 1.0), 3000, memory=kept_memory())
+    loop = ClosedLoop.from_scenario(edited(load("ur5-hybrid"), "truth.payload_mass", 1.0), 3000, memory=kept_memory())
     for instant, path, value in (
         (0.1, "truth.payload_mass", 3.0),
         (0.2, "contact.K_e", 3e4),
@@ -426,7 +426,7 @@ def run_to(loop: ClosedLoop, t: float) -> None:
 
 
 def test_units_of_files_are_those_of_the_task_space() -> None:
-    loop = ClosedLoop.begin(edited(load("ur5-motion"), "task_space.kind", "joint"), 10)
+    loop = ClosedLoop.from_scenario(edited(load("ur5-motion"), "task_space.kind", "joint"), 10)
     loop.step()
     text, archive = io.BytesIO(), io.BytesIO()
     write_csv(table(loop.system.scenario, loop.recording), text)

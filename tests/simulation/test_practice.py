@@ -39,7 +39,7 @@ def changed(scenario: Scenario, fields: dict[str, Any]) -> Scenario:
 
 
 def run(scenario: Scenario, seconds: float) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     for _ in range(round(seconds / loop.period)):
         loop.advance()
     return loop
@@ -122,7 +122,7 @@ def test_limits_by_factor_and_in_newton_metres_are_the_same_and_none_is_none() -
 
 
 def test_a_saturated_past_comes_back_to_the_last_bit() -> None:
-    line = Timeline(ClosedLoop.begin(changed(shipped()["ur5-motion"], SPEEDY)))
+    line = Timeline(ClosedLoop.from_scenario(changed(shipped()["ur5-motion"], SPEEDY)))
     for _ in range(700):
         line.step()
     rows = line.recording.rows()
@@ -136,7 +136,7 @@ def test_a_saturated_past_comes_back_to_the_last_bit() -> None:
 def test_the_multiplier_is_solved_for_what_the_drives_give() -> None:
     """Rigid surface, ideal reading: the law reads the force that the cut torque causes."""
     weak = {"sensor.ideal": True, "truth.torque_limit": [150.0, 150.0, 9.9, 28.0, 28.0, 28.0], "force.value": 60.0}
-    loop = ClosedLoop.begin(changed(shipped()["ur5-constrained"], weak))
+    loop = ClosedLoop.from_scenario(changed(shipped()["ur5-constrained"], weak))
     for _ in range(300):
         loop.advance()
     record = loop.recording.signals(("F", "F_true", "tau", "tau_applied"))

@@ -23,11 +23,12 @@ from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.controlled_arm import ControlledArm
+from app.simulation.premise_watch import GainFeedbackShares
 from app.simulation.sampled_stability import sampled_loop
 from app.simulation.stations import APART
 from controllers.bounds import inertia_spread
 from controllers.premise_statements import STATEMENTS
-from controllers.premises import Premise, periods_between_looks
+from controllers.premises import Premise, periods_between_checks
 from tests.support.arms import random_spd
 
 pytestmark = pytest.mark.slow  # long or many simulations
@@ -88,7 +89,7 @@ def test_shipped_runs_hold_with_all_premises(name: str) -> None:
 
 def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:
     """A drive that is too weak for a moment; then V_0 is that of the instant when it is strong enough again."""
-    loop = ClosedLoop.begin(changed("ur5-hybrid"))
+    loop = ClosedLoop.from_scenario(changed("ur5-hybrid"))
     weak = edited(loop.system.scenario, "truth.link_scaling", 1.3)
     for _ in range(50):
         loop.step()
@@ -112,8 +113,8 @@ def test_the_band_does_not_grow_with_the_gain_that_it_bounds() -> None:
     rows = loop.recording.signals(("d", "s_band"))
     assert rows["d"].max() > 1.25 * rows["d"].min()
     assert rows["s_band"].max() < 1.05 * rows["s_band"].min()
-    watched = loop.state.evaluation.part("watched")
-    assert rows["s_band"][-1] == pytest.approx(0.01 * math.sqrt(watched.high / watched.low), rel=0.05)
+    check = loop.state.evaluation.part("posture_check")
+    assert rows["s_band"][-1] == pytest.approx(0.01 * math.sqrt(check.H_max / check.H_min), rel=0.05)
 
 
 def test_chattering_raises_d_but_not_the_band() -> None:
@@ -129,16 +130,16 @@ def test_chattering_raises_d_but_not_the_band() -> None:
 
 def test_a_promise_from_far_begins_where_s_is() -> None:
     """s is away from zero, under a premise that fails at first: what is promised later begins from the s of then."""
-    loop = ClosedLoop.begin(changed("ur5-hybrid-reaching", truth__link_scaling=1.3))
+    loop = ClosedLoop.from_scenario(changed("ur5-hybrid-reaching", truth__link_scaling=1.3))
     for _ in range(20):
         loop.step()
-    assert math.isnan(loop.kept.bound)
+    assert math.isnan(loop.promise_record.bound)
     loop.edit(changed("ur5-hybrid-reaching", controller__on_change="watch"))
     for _ in range(2):
         loop.step()
     s = float(loop.recording.at(loop.t)["s_norm"][0])
-    assert s > 3.0 * loop.kept.band
-    assert loop.kept.bound > s
+    assert s > 3.0 * loop.promise_record.band
+    assert loop.promise_record.bound > s
     assert loop.standing.now.verdict == "holds"
 
 
@@ -148,7 +149,7 @@ def test_a_run_that_diverges_promises_nothing() -> None:
     with pytest.raises(
         ScenarioError, match=r"controller\.bounds: with 'paper' .* runs away .* controller\.period <= 0\.0"
     ):
-        ClosedLoop.begin(changed("ur5-motion", controller__bounds="paper", **fields))
+        ClosedLoop.from_scenario(changed("ur5-motion", controller__bounds="paper", **fields))
     thin = {"controller__gain": "constant", "controller__d": 2000.0}
     loop, metrics = simulate(changed("ur5-motion", **thin, **fields))
     assert metrics.promise.verdict == "nothing promised"
@@ -158,11 +159,11 @@ def test_a_run_that_diverges_promises_nothing() -> None:
 @pytest.mark.parametrize("name", ["ur5-constrained", "ur5-wave-constrained"])
 def test_the_gain_of_7_on_a_rigid_surface_is_refused_for_its_cause(name: str) -> None:
     with pytest.raises(ScenarioError, match="raise each other"):
-        ClosedLoop.begin(changed(name, controller__bounds="paper"))
+        ClosedLoop.from_scenario(changed(name, controller__bounds="paper"))
 
 
 def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
-    loop = ClosedLoop.begin(changed("ur5-constrained"))
+    loop = ClosedLoop.from_scenario(changed("ur5-constrained"))
     for _ in range(20):
         loop.step()
     before = loop.state.copy()
@@ -177,7 +178,7 @@ def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
 
 def test_a_caption_says_what_was_promised() -> None:
     names = ("s_norm", "s_bound", "s_band")
-    loop = ClosedLoop.begin(changed("ur5-hybrid"))
+    loop = ClosedLoop.from_scenario(changed("ur5-hybrid"))
     for _ in range(50):
         loop.step()
     assert promised(loop.recording.signals(names)).endswith("holds throughout.")
@@ -235,7 +236,7 @@ def judged_value(loop: ClosedLoop) -> float:
 
 def test_the_sampled_loops_are_judged_along_the_way() -> None:
     """At stations along the reference, once each however often they are passed, and where the arm is off it."""
-    loop = ClosedLoop.begin(edited(changed("ur5-motion"), "simulation.duration", 3.0))
+    loop = ClosedLoop.from_scenario(edited(changed("ur5-motion"), "simulation.duration", 3.0))
     seen: dict[int, float] = {}
     for _ in range(3000):
         loop.step()
@@ -262,7 +263,7 @@ def test_the_sampled_loops_are_judged_along_the_way() -> None:
 
 def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
     still = edited(changed("ur5-impedance"), "motion", {"kind": "hold"})
-    loop = ClosedLoop.begin(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
+    loop = ClosedLoop.from_scenario(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
     before = judged_value(loop)
     while loop.t < 0.3:
         loop.step()
@@ -276,7 +277,7 @@ def test_during_a_blend_the_sampled_loops_are_those_of_the_model_in_force(*, com
     """The force loop of the model at the end diverges, and that is said as soon as the one in force does."""
     still = edited(changed("ur5-constrained"), "motion", {"kind": "hold"})
     blend = {"to": {"M_m": [2.0, *5 * [10.0]]}, "at": 0.0, "over": 4.0}
-    loop, begun, factors = ClosedLoop.begin(edited(still, "blend", blend)), 0.0, list[float]()
+    loop, begun, factors = ClosedLoop.from_scenario(edited(still, "blend", blend)), 0.0, list[float]()
     while loop.t < 3.9 and loop.stopped is None:
         if compiled:
             CompiledRun(loop).advance(20)
@@ -300,7 +301,7 @@ def test_during_a_blend_the_sampled_loops_are_those_of_the_model_in_force(*, com
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-corner", "ur5-constrained", "ur5-corner-rigid"])
 def test_sampled_loops_are_judged_anew_but_for_another_force(name: str) -> None:
     """What is asked of the force changes no sampled loop, so that a slider that moves it need not wait for them."""
-    system = ClosedLoop.begin(changed(name)).system
+    system = ClosedLoop.from_scenario(changed(name)).system
     pressed = assemble(edited(edited(system.scenario, "force.value", 17.0), "second.force.value", 9.0), system)
     assert pressed.sampled_loops is system.sampled_loops
     known = system.sampled_loops[0]
@@ -360,13 +361,13 @@ def test_the_controller_stays_where_it_is_told_of_no_change() -> None:
 def test_a_run_taken_up_before_a_blend_knows_nothing_of_the_model_within_it() -> None:
     """As a timeline takes it up, with the system of the instant that is left."""
     still = edited(changed("ur5-impedance"), "motion", {"kind": "hold"})
-    loop = ClosedLoop.begin(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
+    loop = ClosedLoop.from_scenario(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
     begun, station = loop.state.copy(), loop.state.judged.station
     while loop.t < 0.1:
         loop.step()
     assert station is not None
     within = loop.system.sampled_loops[station] = sampled_loop(loop.system, begun.judged.q, begun.judged.t)
-    again = ClosedLoop.resume(begun, previous=loop.system)
+    again = ClosedLoop.from_state(begun, previous=loop.system)
     alone = sampled_loop(assemble(begun.scenario), begun.judged.q, begun.judged.t)
     np.testing.assert_array_equal(again.sampled.sampled, alone.sampled)
     assert np.abs(within.sampled - alone.sampled).max() > 0.1
@@ -374,38 +375,42 @@ def test_a_run_taken_up_before_a_blend_knows_nothing_of_the_model_within_it() ->
 
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained"])
 def test_another_true_arm_has_the_settings_of_a_system_built_with_it(name: str) -> None:
-    loop = ClosedLoop.begin(edited(changed(name), "declared.delta_G", 30.0))
+    loop = ClosedLoop.from_scenario(edited(changed(name), "declared.delta_G", 30.0))
     truth = msgspec.structs.replace(loop.system.scenario.truth, payload_mass=0.4, viscous=2.0, torque_limit=80.0)
     twin = loop.with_truth(truth, 10, None)
     built = ControlledArm(twin.system, twin.state).settings
-    assert twin.kernel_data[0].tobytes() == built.data.tobytes() != loop.kernel_data[0].tobytes()
+    assert (
+        twin.controlled_arm.kernel_data.setting.tobytes()
+        == built.data.tobytes()
+        != loop.controlled_arm.kernel_data.setting.tobytes()
+    )
 
 
 def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one() -> None:
     """The same arm at the same place, with the rates that make s zero, asks for nearly twice the gain of now."""
-    loop = ClosedLoop.begin(changed("ur5-hybrid-reaching", controller__switching="discontinuous"))
-    now = loop._arm.evaluated()
+    loop = ClosedLoop.from_scenario(changed("ur5-hybrid-reaching", controller__switching="discontinuous"))
+    now = loop.controlled_arm.evaluated()
     loop.state.arm.views.q_dot[:] -= now.part("seen").task.J_q_inv @ now.part("output").s
-    on_surface = loop._arm.evaluated().part("output")
+    on_surface = loop.controlled_arm.evaluated().part("output")
     assert np.linalg.norm(on_surface.s) < 1e-12
     assert on_surface.d > 1.8 * now.part("output").d
-    assert loop.state.evaluation.part("watched").d == pytest.approx(
+    assert loop.state.evaluation.part("posture_check").d == pytest.approx(
         on_surface.d, rel=0.05
     )  # chattering adds, Coriolis takes
 
 
 def test_a_period_counts_once_however_often_the_loop_through_the_multiplier_asks_for_the_law() -> None:
     loop, metrics = simulate(changed("ur5-constrained", sensor__ideal=True))
-    assert loop.kept.periods == len(loop.recording.signals(("t",))["t"])
+    assert loop.promise_record.periods == len(loop.recording.signals(("t",))["t"])
     assert metrics.promise.verdict == "holds"
-    assert loop.recording.epochs[-1].reached == loop.kept.entered
+    assert loop.recording.epochs[-1].layer_reached == loop.promise_record.layer_reached
     held = loop.recording.signals(("held_error",), t_from=0.002)["held_error"]
     assert held.min() > 1e-4  # from period to period, not from one iteration to the next
     assert held.max() < 0.1
 
 
 def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_period() -> None:
-    loop = ClosedLoop.begin(edited(changed("ur5-motion"), "controller.law", "computed-torque"))
+    loop = ClosedLoop.from_scenario(edited(changed("ur5-motion"), "controller.law", "computed-torque"))
     for _ in range(5):
         loop.step()
     assert "law" in loop.standing.now.because
@@ -419,18 +424,18 @@ def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_peri
 
 def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> None:
     """Omega surrounds the path of the run's duration, as of a run of a map that the page opens."""
-    loop = ClosedLoop.begin(edited(shipped()["ur5-hybrid"], "simulation.duration", 1.0))
+    loop = ClosedLoop.from_scenario(edited(shipped()["ur5-hybrid"], "simulation.duration", 1.0))
     CompiledRun(loop).advance(1000)
     assert loop.warning is None
     CompiledRun(loop).advance(2000)
     assert "for the first 1 s of the path (simulation.duration); allowed: a longer one" in str(loop.warning)
-    whole = ClosedLoop.begin(shipped()["ur5-hybrid"])
+    whole = ClosedLoop.from_scenario(shipped()["ur5-hybrid"])
     CompiledRun(whole).advance(3000)
     assert whole.warning is None
 
 
 def test_before_the_first_period_nothing_is_promised() -> None:
-    sound = ClosedLoop.begin(changed("ur5-hybrid")).standing
+    sound = ClosedLoop.from_scenario(changed("ur5-hybrid")).standing
     assert (sound.now.verdict, sound.now.because) == ("nothing promised", "the next control period judges")
     assert (sound.run.verdict, sound.run.because) == ("nothing promised", "no control period has been computed")
     assert all(finding.holds for finding in sound.findings)
@@ -438,63 +443,65 @@ def test_before_the_first_period_nothing_is_promised() -> None:
         ({"controller__law": "computed-torque"}, "the law is not the robust one"),
         ({"truth__link_scaling": 1.3}, "the true arm is outside the declared set"),
     ):
-        standing = ClosedLoop.begin(changed("ur5-hybrid", **fields)).standing
+        standing = ClosedLoop.from_scenario(changed("ur5-hybrid", **fields)).standing
         assert said in standing.now.because
         assert [finding.holds for finding in standing.findings].count(False) == 1
 
 
 def test_a_layer_that_is_too_thin_leaves_no_promised_instant_and_one_that_is_mended_has_one() -> None:
-    loop = ClosedLoop.begin(changed("ur5-motion", controller__layer=0.001))
-    assert loop.state.epoch.banded_by is None
+    loop = ClosedLoop.from_scenario(changed("ur5-motion", controller__layer=0.001))
+    assert loop.state.epoch.band_reached_by is None
     loop.advance()
     loop.edit(edited(loop.system.scenario, "controller.layer", 0.01))
-    assert loop.state.epoch.banded_by is not None
+    assert loop.state.epoch.band_reached_by is not None
     loop.edit(edited(loop.system.scenario, "controller.layer", 0.001))
-    assert loop.state.epoch.banded_by is None
+    assert loop.state.epoch.band_reached_by is None
 
 
 def test_without_a_layer_the_robust_terms_have_a_limit_too() -> None:
     """From (λ_max(K_s) + ¼ λ_min(K_s)) T = 2 λ_min(H) on, s may grow each period, and (c) of docs/theory.md has no
     value."""
     given = {"controller__switching": "discontinuous", "controller__gain": "constant", "controller__d": 50.0}
-    watched = ClosedLoop.begin(changed("ur5-motion", **given)).state.evaluation.part("watched")
-    limit = 2.0 * watched.low / 1.25e-3
+    check = ClosedLoop.from_scenario(changed("ur5-motion", **given)).state.evaluation.part("posture_check")
+    limit = 2.0 * check.H_min / 1.25e-3
     for share, holds in ((0.98, True), (1.02, False)):
-        loop = ClosedLoop.begin(changed("ur5-motion", **given, controller__K_s=[share * limit] * 6))
-        table, watched = loop.state.evaluation.part("table"), loop.state.evaluation.part("watched")
-        assert bool(table.now[Premise.LAYER]) is not holds
-        assert np.isfinite(watched.radius) == holds
+        loop = ClosedLoop.from_scenario(changed("ur5-motion", **given, controller__K_s=[share * limit] * 6))
+        table, check = loop.state.evaluation.part("table"), loop.state.evaluation.part("posture_check")
+        assert bool(table.failing[Premise.LAYER]) is not holds
+        assert np.isfinite(check.radius) == holds
 
 
 def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> None:
     """M_hat - E is positive definite at some postures of Omega only."""
     given = {"declared__link_centre": 0.06, "controller__gain": "constant", "controller__d": 5.0}
-    system = ClosedLoop.begin(changed("planar3r-hybrid", **given)).system
+    system = ClosedLoop.from_scenario(changed("planar3r-hybrid", **given)).system
     random, found = np.random.default_rng(0), set[bool]()
-    loop = ClosedLoop.begin(system.scenario)
+    loop = ClosedLoop.from_scenario(system.scenario)
     for _ in range(40):
         loop.state.arm.views.q[:] = system.q_0 + random.uniform(-0.1, 0.1, 3)
-        evaluated = loop._arm.evaluated()
-        loop._arm.look(evaluated)
+        evaluated = loop.controlled_arm.evaluated()
+        loop.controlled_arm.check_posture(evaluated)
         estimate, u = evaluated.part("seen").estimate, system.controller.gains.uncertainty
         E = np.zeros((3, 3))
         inertia_spread.py_func(u, estimate, E)
         definite = bool(np.linalg.eigvalsh(estimate.M_hat - E)[0] > 0.0)
         found.add(definite)
-        assert (evaluated.part("watched").low > 0.0) == definite
+        assert (evaluated.part("posture_check").H_min > 0.0) == definite
         assert (evaluated.part("table").value[Premise.LAYER] < np.inf) == definite
     assert found == {False, True}
-    doubted = ClosedLoop.begin(changed("ur5-hybrid"))
+    doubted = ClosedLoop.from_scenario(changed("ur5-hybrid"))
     doubted.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER] = np.inf
     with pytest.raises(
         UnboundedGain, match=r"declared\.link_scaling: .* no inertia is left .*; allowed: a smaller one"
     ):
-        doubted._watch.require_bounded_gain((np.nan, np.nan))
+        doubted.premise_watch.require_bounded_gain(GainFeedbackShares(np.nan, np.nan))
 
 
 def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:
     """The formula is tried up to simulation.duration; later it is the root of a negative number."""
-    loop = ClosedLoop.begin(changed("ur5-motion", declared__delta_f="1 + sqrt(0.31 - t)", truth__disturbance=0.5))
+    loop = ClosedLoop.from_scenario(
+        changed("ur5-motion", declared__delta_f="1 + sqrt(0.31 - t)", truth__disturbance=0.5)
+    )
     CompiledRun(loop).advance(300)
     assert loop.standing.run.verdict == "holds"
     CompiledRun(loop).advance(100)
@@ -504,4 +511,4 @@ def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:
 
 
 def test_a_long_control_period_does_not_space_out_the_looks() -> None:
-    assert [periods_between_looks.py_func(T) for T in (2e-4, 1e-3, 4e-3, 0.05)] == [40, 40, 10, 1]
+    assert [periods_between_checks.py_func(T) for T in (2e-4, 1e-3, 4e-3, 0.05)] == [40, 40, 10, 1]

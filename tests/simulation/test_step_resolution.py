@@ -19,7 +19,8 @@ from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.period_map import PeriodMap, Posture
-from app.simulation.sampled_stability import force_factor, sampled_loop
+from app.simulation.sampled_force_loop import force_factor
+from app.simulation.sampled_stability import sampled_loop
 from app.simulation.system import System
 from controllers.premises import Premise
 from environments.contact import Contact
@@ -165,7 +166,7 @@ def pressing(robot: str, K_e: float, period: float, **fields: Any) -> Scenario:
 
 
 def run(scenario: Scenario, duration: float) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     for _ in range(round(duration / scenario.controller.period)):
         loop.step()
         assert loop.stopped is None
@@ -179,14 +180,14 @@ def test_stiff_contact_is_refused_with_a_remedy(robot: str, K_e: float, period: 
     settles to f_nd (36), whatever the estimate of the stiffness."""
     scenario = pressing(robot, K_e, period, simulation__integrator=integrator, controller__layer=0.2)
     with pytest.raises(ScenarioError) as refusal:
-        ClosedLoop.begin(scenario)
+        ClosedLoop.from_scenario(scenario)
     said = str(refusal.value)
     assert said.startswith(f"contact.K_e: 1e+06 N/m is too stiff for 1 step(s) of {integrator}")
     enough = int(said.split("simulation.substeps >= ")[1].split(",")[0])
     assert enough > 1
     if enough > 3:
         with pytest.raises(ScenarioError, match=r"contact\.K_e"):
-            ClosedLoop.begin(edited(scenario, "simulation.substeps", enough // 2))
+            ClosedLoop.from_scenario(edited(scenario, "simulation.substeps", enough // 2))
     remedied = changed(
         scenario, simulation__substeps=enough, target_model={"B_m": [2000.0] + [400.0] * (2 if robot != "ur5" else 5)}
     )
@@ -278,7 +279,7 @@ def test_growth_on_the_surface_is_what_the_loop_does(robot: str, fields: dict[st
     system = assemble(scenario)
     growth = radius(system)
     f_nd = 1e-5 if growth > 1.0 else 10.0
-    loop = ClosedLoop.begin(edited(scenario, "force.value", f_nd))
+    loop = ClosedLoop.from_scenario(edited(scenario, "force.value", f_nd))
     for _ in range(round(math.log(1e5) / abs(math.log(growth)))):
         loop.step()
     error = np.abs(loop.recording.signals(("multiplier",))["multiplier"] - f_nd)
@@ -327,7 +328,7 @@ def test_runs_on_either_side_of_the_limit_diverge_and_do_not(case: str) -> None:
 
     def swing(value: float) -> float:
         """Of the force around 1e-5 N, late over early: of a deviation too small for anything but the linear."""
-        loop = ClosedLoop.begin(edited(at(value), "force.value", 1e-5))
+        loop = ClosedLoop.from_scenario(edited(at(value), "force.value", 1e-5))
         rate = abs(math.log(radius(loop.system)))
         for _ in range(round(math.log(1e4) / rate)):
             loop.step()
@@ -398,7 +399,7 @@ def test_a_force_loop_that_a_low_pass_calms_is_not_said_to_diverge() -> None:
     scenario = changed(shipped()["ur5-constrained"], target_model={"M_m": [2.5] + [10.0] * 5}, **fields)
     factors = []
     for cutoff in (0.0, 20.0):
-        loop = ClosedLoop.begin(changed(scenario, sensor={"cutoff": cutoff}))
+        loop = ClosedLoop.from_scenario(changed(scenario, sensor={"cutoff": cutoff}))
         for _ in range(400):
             loop.advance()
         last = loop.recording.at(loop.t)
@@ -425,7 +426,7 @@ def test_estimates_along_the_reference_do_not_move_with_the_arm(law: str) -> Non
                 "simulation.domain_radius": 0.6,
             },
         )  # fmt: skip
-        loop = ClosedLoop.begin(scenario)
+        loop = ClosedLoop.from_scenario(scenario)
         loop.state.arm.views.q[1:3] += 1e-4
         CompiledRun(loop).advance(3000)
         away = np.linalg.norm(loop.recording.signals(("e_r",))["e_r"], axis=1)
@@ -440,7 +441,7 @@ def test_growth_is_foretold_where_the_normal_is_oblique_to_every_coordinate() ->
     system, normal = arm("planar3r"), np.array([0.3, 0.0, -0.95])
     normal /= np.linalg.norm(normal)
     touched = system.nominal.evaluate(system.q_0, np.zeros(3)).p - 1e-12 * normal
-    loop = ClosedLoop.begin(
+    loop = ClosedLoop.from_scenario(
         changed(
             in_mode(pressing("planar3r", 1e4, H), "impedance"), contact__K_e=2e6, contact__unilateral=False,
             sensor__delay=0.003, surface__origin=touched.tolist(), surface__normal=normal.tolist(),

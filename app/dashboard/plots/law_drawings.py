@@ -209,9 +209,9 @@ def reaching_note(snapshot: Snapshot) -> str:
         return "s means nothing under this law: it has no bound and nothing to reach"
     if epoch.certificate.t_r < snapshot.scenario.controller.period:
         return f"s(0) = 0: nothing to reach (Remark 2), from t = {epoch.t:.2f} s on"
-    stages = [("band", epoch.banded, epoch.banded_by)]
+    stages = [("band", epoch.band_reached, epoch.band_reached_by)]
     if snapshot.scenario.controller.switching != "discontinuous":
-        stages.append(("layer", epoch.reached, epoch.reached_by))
+        stages.append(("layer", epoch.layer_reached, epoch.layer_reached_by))
 
     def told(name: str, measured: float | None, promised: float | None) -> str:
         after = "not yet" if measured is None else f"<b>{measured - epoch.t:.3g} s</b>"

@@ -51,7 +51,7 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
 
 def _over(snapshot: Snapshot) -> str:
     """Words behind a warning whose cause is over; "" where it is not, or where the notice is no warning."""
-    kept = snapshot.standing.kept
+    kept = snapshot.standing.promise_record
     warned = snapshot.notice == str(snapshot.state.flagged) and snapshot.standing.now.verdict == "holds"
     return f"; all premises hold again since t = {kept.since:.3f} s" if warned else ""
 
