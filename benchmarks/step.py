@@ -78,7 +78,7 @@ class Together:
     """Runs of one scenario together: compiled, each advanced by a thread of its own at the same time."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._runs = [CompiledRun(ClosedLoop.begin(scenario, HISTORY)) for _ in range(THREADS)]
+        self._runs = [CompiledRun(ClosedLoop.from_scenario(scenario, HISTORY)) for _ in range(THREADS)]
         self._pool = ThreadPoolExecutor(THREADS)
 
     def advance(self, periods: int) -> None:
@@ -94,7 +94,7 @@ def measure(effort: Effort) -> Table:
     """Table of steps. Raises RuntimeError where a run stopped early or did not follow its task."""
     loops, calls = dict[str, ClosedLoop](), dict[str, Call | Whole]()
     for name, scenario in tqdm(scenarios().items(), desc="compiling", leave=False, disable=None):
-        stepped, whole = ClosedLoop.begin(scenario, HISTORY), ClosedLoop.begin(scenario, HISTORY)
+        stepped, whole = ClosedLoop.from_scenario(scenario, HISTORY), ClosedLoop.from_scenario(scenario, HISTORY)
         run = CompiledRun(whole)
         for _ in range(WARM):
             stepped.step()

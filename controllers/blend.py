@@ -75,7 +75,7 @@ class BlendCertificate:
     rightmost: the worst pole on the way, 1/s.
     sliding: (n,) 1/s, for each axis that Theorem 4 certifies the lambda of its coordinates (e, e_dot + lambda e), nan
     for the others.
-    surface: one on which the model at `rightmost.alpha` is unstable, which is stable without it.
+    surface: on which the model at `rightmost.alpha` is unstable though it is stable in free motion; None otherwise.
     """
 
     by: Literal["theorem 4", "eigenvalues", "nothing"]

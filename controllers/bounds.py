@@ -32,13 +32,14 @@ GRAVITY = 9.81  # m/s^2, as in Pinocchio's models
 class Uncertainty(NamedTuple):
     """Declared uncertainty of the controller's model.
 
-    rho, rho_rotor: 1, half-widths of the links' scaling and of the rotors'.
-    rho_centre, rho_shape: m and 1, of the links' centres of mass and of their inertias about those.
-    payload_mass, payload_offset: kg, m.
-    coulomb, viscous: N m and N m s/rad, per joint.
-    disturbance: N m, norm of the torque.
-    force_error, moment_error: N and N m, norms of the sensor's errors.
+    rho, rho_rotor: 1, half-widths of the scaling of the links and of the rotors.
+    payload_mass, payload_offset: kg and m, largest mass at the tool and largest distance from the tool point.
+    coulomb, viscous: N m and N m s/rad, largest friction of each joint.
+    disturbance: N m, largest norm of the disturbing torque.
+    force_error, moment_error: N and N m, largest norms of the sensor's errors.
     k_C: kg m^2/rad; the sum of the links' ||C_i(q, q_dot)|| is at most k_C ||q_dot|| over Omega.
+    rho_centre: m, largest displacement of a link's centre of mass.
+    rho_shape: 1, half-width of the scaling of a link's inertia about its centre of mass.
     rates: bounds over Omega of what errors of the links add to C.
     mass: kg, of all links.
     least_inertia: 1, where delta_M is stated: M >= least_inertia M_hat.
@@ -62,7 +63,12 @@ class Uncertainty(NamedTuple):
 
 
 class RequiredGain(NamedTuple):
-    """Terms of (17), N: d must be at least their sum. In the tight bound task_motion is part of the other terms."""
+    """Terms of (17): d must be at least their sum.
+    inertia, coriolis, gravity: N, of the errors of M_hat, C_hat and G_hat.
+    task_motion: N, delta_Ft, of the errors under v_t and v_t_dot; 0 with the tight bounds, which have it in inertia and
+    coriolis.
+    disturbance: N, of friction, disturbance and errors of the force sensor.
+    epsilon: N, margin."""
 
     inertia: float
     coriolis: float
@@ -85,8 +91,9 @@ def sum_of(needed):
 
 
 class Equivalent(NamedTuple):
-    """Motion that (25) prescribes, each (n,): r_eq_dot m/s and r_eq_ddot m/s^2 of (16), q_eq_dot rad/s, q_eq_ddot
-    rad/s^2."""
+    """Equivalent motion: the one on which s stays 0, which (25) prescribes.
+    r_dot, r_ddot: (n,) m/s and m/s^2, r_eq_dot and r_eq_ddot of (16).
+    q_dot, q_ddot: (n,) rad/s and rad/s^2, the same in joints."""
 
     r_dot: np.ndarray
     r_ddot: np.ndarray
@@ -169,8 +176,10 @@ def joint_torque(u, estimate, q_dot):
 
 
 @inline
-def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
+def paper_bound(given, eq, work, needed):
     """Compute each term of (17) with the bounds (7); delta_Ft is in `task_motion`."""
+    u, deviation = given.gains.uncertainty, given.feedforward.deviation
+    estimate, task, q_dot = given.estimate, given.task, given.q_dot
     J_inv, stated = task.J_q_inv_norm, estimate.stated
     J_v, J_w = spectral_norm(estimate.J_v), spectral_norm(estimate.J_w)
     reach = J_v + u.payload_offset * J_w
@@ -205,8 +214,10 @@ def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
 
 
 @inline
-def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
+def tight_bound(given, eq, work, needed):
     """Compute each term of (17) with the "tight" bounds of the module, in task space; task_motion is 0."""
+    u, deviation = given.gains.uncertainty, given.feedforward.deviation
+    estimate, task, q_dot = given.estimate, given.task, given.q_dot
     J_inv, stated = task.J_q_inv_norm, estimate.stated
     carry = 0.0  # largest F_r per N of a force at the tool
     if u.payload_mass > 0.0 or u.force_error > 0.0:
@@ -247,29 +258,43 @@ def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
         needed.disturbance += u.moment_error * spectral_norm(work.Y)
 
 
-class _Question(NamedTuple):
+class _GainBounds(NamedTuple):
+    """Bounds of `Gains` on which (17) depends."""
+
     uncertainty: Uncertainty
+    tight: bool
+
+
+class _GainDeviation(NamedTuple):
+    """Deviation of the `FeedforwardModel` on which (17) depends."""
+
     deviation: Deviation
+
+
+class _GainInput(NamedTuple):
+    """Part of a `LawInput` on which (17) depends, by the same names."""
+
+    gains: _GainBounds
+    feedforward: _GainDeviation
     estimate: Estimate
     task: TaskSpace
     q_dot: np.ndarray
-    equivalent: Equivalent
-    work: Scratch
 
 
 @inline
-def terms_of_gain(tight, u, deviation, estimate, task, q_dot, eq, work, needed):
-    """Compute the terms of (17) but its epsilon, by the tight bounds or by those of (7)."""
-    if tight:
-        tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed)
+def terms_of_gain(given, eq, work, needed):
+    """Compute the terms of (17) but its epsilon, by the tight bounds or by those of (7).
+    given: `LawInput`.
+    eq: `Equivalent` motion for which d has to suffice."""
+    if given.gains.tight:
+        tight_bound(given, eq, work, needed)
     else:
-        paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed)
+        paper_bound(given, eq, work, needed)
 
 
 @kernel
-def _required_gain(tight, question, answer):
-    x = question[0]
-    terms_of_gain(tight, x.uncertainty, x.deviation, x.estimate, x.task, x.q_dot, x.equivalent, x.work, answer[0])
+def _required_gain(given, equivalent, work, needed):
+    terms_of_gain(given[0], equivalent[0], work[0], needed[0])
 
 
 def required_gain(
@@ -282,10 +307,11 @@ def required_gain(
     equivalent: Equivalent,
 ) -> RequiredGain:
     """Terms of (17) at one state, without its epsilon, N; q_dot (n,) rad/s."""
-    question = Record(_Question(u, deviation, estimate, task, q_dot, equivalent, Scratch.zeros(len(q_dot))))
-    answer = Record(RequiredGain.zeros())
-    _required_gain(bounds == "tight", question.data, answer.data)
-    return answer.read()
+    gains, feedforward = _GainBounds(u, tight=bounds == "tight"), _GainDeviation(deviation)
+    given, work = Record(_GainInput(gains, feedforward, estimate, task, q_dot)), Record(Scratch.zeros(len(q_dot)))
+    needed = Record(RequiredGain.zeros())
+    _required_gain(given.data, Record(equivalent).data, work.data, needed.data)
+    return needed.read()
 
 
 @kernel

@@ -19,7 +19,9 @@ from parameters import Parameter
 
 
 class Reference(NamedTuple):
-    """Reference: r_d m, r_d_dot m/s, r_d_ddot m/s^2, F_cd N: each (n,)."""
+    """Reference of the task coordinates.
+    r_d, r_d_dot, r_d_ddot: (n,) m, m/s and m/s^2.
+    F_cd: (n,) N, desired value of F_c."""
 
     r_d: np.ndarray
     r_d_dot: np.ndarray
@@ -44,12 +46,20 @@ class TorqueTerms(NamedTuple):
 
 
 class ControlOutput(NamedTuple):
-    """Results of one control period.
+    """Results of one control period: the law computes `terms`, d and q_ddot, all others are the same under every law.
 
-    Measured, whatever the law: errors e_r m, e_r_dot m/s, e_Fc N; F_c N; J_F N m, J^T F; z_dot m/s^2 of (9); s m/s of
-    (10) and its norm; equivalent: the motion that keeps s zero, (16); needed: (17) for that motion, N.
-    Computed by the law: the terms of its torque; q_ddot rad/s^2, the acceleration of its inertia term; d N, of its
-    switching term. tau (n,) N m is the sum of the terms.
+    tau: (n,) N m, commanded torque: the sum of `terms`, (25).
+    e_r, e_r_dot: (n,) m and m/s, r - r_d and its rate, (8).
+    F_c: (n,) N, controlled part of F_r, (40).
+    e_Fc: (n,) N, F_c - F_cd.
+    J_F: (n,) N m, J^T F of the measured wrench.
+    z_dot: (n,) m/s^2, (9).
+    s: (n,) m/s, (10).
+    s_norm: m/s, ||s||.
+    d: N, gain of the switching term; 0 for a law without one.
+    q_ddot: (n,) rad/s^2, acceleration of the inertia term; 0 for a law without one.
+    needed: terms of (17).
+    equivalent: motion on which s stays 0, (16).
     """
 
     tau: np.ndarray
@@ -126,16 +136,19 @@ class Gains(NamedTuple):
     uncertainty: Uncertainty
 
 
-class Told(NamedTuple):
+class LawInput(NamedTuple):
     """Input of a control law.
     gains: those of (8) to (17).
-    parameters: the law's own, by name (`ControlLaw.parameters`).
+    parameters: the law's own, by name (`ControlLaw.parameters`); see `no_parameters` for a law without any.
+    reference: r_d and F_cd.
+    task: task coordinates.
+    estimate: estimates of the arm at q.
+    feedforward: M_hat, C_hat, G_hat at q, or those of Remark 3.
     z: (n,) m/s, of (9).
-    q, q_dot: (n,) rad, rad/s.
-    F: (6,), F of (2) as measured, the wrench of the tool on the environment at the tool point, along the world's axes:
-    force N and moment N m.
-    work: memory for intermediate results.
-    feedforward: M_hat, C_hat, G_hat at q, or those of Remark 3."""
+    q, q_dot: (n,) rad and rad/s.
+    F: (6,) N and N m, F of (2) as measured: the wrench of the tool on the environment at the tool point, along the
+    world's axes, force first.
+    work: memory for intermediate results."""
 
     gains: Gains
     parameters: Any
@@ -150,16 +163,23 @@ class Told(NamedTuple):
     work: Scratch
 
 
+@inline
+def no_parameters(gains):
+    """Parameters for a law that has none of its own: the gains stand in for them, so that no record is without
+    fields."""
+    return gains
+
+
 @dataclass(frozen=True)
 class ControlLaw:
     """A control law.
 
     kind: its name in a scenario; title: its name on the page; about: a sentence or two for the page and for captions.
-    torque: `torque(told, out)` writes `out.terms`, and `out.d` and `out.q_ddot` if the law has them; terms that it does
-    not write are zero. Decorated with `kernels.inline` it is compiled, else it is plain numpy.
+    torque: `torque(given, out)` reads a `LawInput` and writes `out.terms`, and `out.d` and `out.q_ddot` if the law has
+    them; terms that it does not write are zero. Decorated with `kernels.inline` it is compiled, else it is plain numpy.
     robust: whether the law is (25), the law of Theorem 1: z and s act on the torque.
     feels_force: whether the measured force acts on the torque.
-    states: gives the length k of the law's own state for n coordinates; then the torque is `torque(told, out, x,
+    states: gives the length k of the law's own state for n coordinates; then the torque is `torque(given, out, x,
     x_dot)`, which writes the rate x_dot (k,) of x (k,); x is zero at the start and when the law is chosen.
     """
 

@@ -15,11 +15,12 @@ from controllers.control_law import (
     ControlLaw,
     ControlOutput,
     Gains,
+    LawInput,
     ModelMatrices,
     Reference,
-    Told,
     add_up,
     clear,
+    no_parameters,
 )
 from controllers.laws import table
 from controllers.nominal_model import Estimate
@@ -33,11 +34,11 @@ from kernels.records import Record
 
 
 @kernel
-def _answer(question, answer):
-    told, out = question[0], answer[0]
-    measure(told, out)
+def _evaluate(given, out):
+    given, out = given[0], out[0]
+    measure(given, out)
     clear(out)
-    table.torque(told, out)
+    table.torque(given, out)
     add_up(out)
 
 
@@ -130,7 +131,7 @@ class Controller:
         if F.shape != (6,):
             raise ValueError(f"F: of shape {F.shape}; allowed: (6,), force and moment")
         n = self.model.n
-        work, answer = Scratch.zeros(n), Record.zeros(ControlOutput, n)
-        question = Told(self.gains, self.gains, reference, task, estimate, feedforward, z, q, q_dot, F, work)
-        _answer(Record(question).data, answer.data)
-        return answer.read()
+        work, out, own = Scratch.zeros(n), Record.zeros(ControlOutput, n), no_parameters.py_func(self.gains)
+        given = LawInput(self.gains, own, reference, task, estimate, feedforward, z, q, q_dot, F, work)
+        _evaluate(Record(given).data, out.data)
+        return out.read()

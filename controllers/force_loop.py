@@ -41,8 +41,7 @@ def force_loop_factors(
 
 
 def through_sensor(factors: np.ndarray, gain: float, late: int) -> float:
-    """Factor of the force loop through a low-pass of this gain and a delay of `late` periods, of the factors that of
-    largest size: it must stay within (-1, 1).
+    """Largest force-loop factor behind a low-pass of this gain and `late` periods of delay; stable within (-1, 1).
 
     The reading is y_k+1 = y_k + g (lambda_k-late - y_k), and lambda_k = f y_k: z^late (z - 1 + g) = g f. Without a
     low-pass, g = 1, a delay does not change whether |f| < 1, and f is given; without a delay the factor is

@@ -12,7 +12,7 @@ from kernels.algebra import norm, row_times, times, torque_of_wrench, transposed
 
 
 class Held(NamedTuple):
-    """Quantities of the period before.
+    """Quantities of the previous period.
     model: (n,) N m, the terms of (25) without the robust ones.
     z_dot: (n,) m/s^2.
     push: (6,), a wrench.
@@ -56,8 +56,7 @@ def held_error(gains, feedforward, task, estimate, F_true, output, held, scratch
 
 @inline
 def reference_jump(gains, reference, held, period):
-    """Change of s (m/s) in the period before by which the reference was not differentiable: a step of r_d or r_d_dot
-    between two samples, of which the law knows nothing on the way."""
+    """Jump of s (m/s) caused by a step of r_d or r_d_dot between two samples."""
     square, half = 0.0, 0.5 * period
     for i in range(held.r_d.shape[0]):
         moved = reference.r_d[i] - held.r_d[i] - half * (reference.r_d_dot[i] + held.r_d_dot[i])
@@ -67,9 +66,9 @@ def reference_jump(gains, reference, held, period):
 
 
 @inline
-def push_jumped(push, held, allowed):
-    """Whether the push on the tool differs from that of the period before by more than what is allowed (N): the gain
-    follows at once, and the band has to."""
+def push_changed(push, held, allowed):
+    """Whether the push on the tool differs from that of the previous period by more than `allowed` (N), so that the
+    band must be recomputed."""
     square = 0.0
     for a in range(push.shape[0]):
         square += (push[a] - held.push[a]) ** 2

@@ -50,8 +50,9 @@ class Mode:
         """Whether r may be q: where no force has to be measured in space."""
         return self.feedback == "none"
 
-    def m(self) -> int:
-        """Number of directions in which a force or a moment is controlled."""
+    @property
+    def force_directions(self) -> int:
+        """Number m of force-controlled directions: pressed surfaces and aligned tilts."""
         return self.forces + self.tilts if self.on_surface else 0
 
     @property
@@ -75,12 +76,12 @@ class Mode:
         if self.feedback == "all":
             mask[:] = 1.0
         elif self.feedback == "normal":
-            mask[: self.m()] = 1.0
+            mask[: self.force_directions] = 1.0
         return mask
 
     def fixed(self, n: int) -> dict[str, np.ndarray]:
         """Masks (n, n), bool, of the entries of each matrix that the mode fixes, all at zero."""
-        m, inside = self.m(), np.ones((n, n), dtype=bool)
+        m, inside = self.force_directions, np.ones((n, n), dtype=bool)
         coupling = inside.copy()
         coupling[:m, :m] = coupling[m:, m:] = False
         stiffness = coupling.copy()
@@ -95,7 +96,7 @@ class Mode:
         """Stiffness (n, n) N/m that the model meets: K_e_hat (33), a number, (m,) or (m, m), or a rigid surface (41),
         infinite on the diagonal, along the controlled normals, 0 elsewhere. A matrix (k, k) has the followed surfaces
         of the same body, too."""
-        m, stiffness = self.m(), np.zeros((n, n))
+        m, stiffness = self.force_directions, np.zeros((n, n))
         if self.rigid:
             K_e_hat = np.inf
         if np.ndim(K_e_hat) == 2:
@@ -118,7 +119,7 @@ class Mode:
         K_e_hat: estimated stiffness (N/m), with which the model must be stable, see `environment`.
         surfaces: all surfaces that the tool may touch, on which the model must be stable, None for none.
         """
-        m, n = self.m(), model.n
+        m, n = self.force_directions, model.n
         for name, entries in self.fixed(n).items():
             matrix = getattr(model, name)
             wrong = np.argwhere(entries & (matrix != 0.0))

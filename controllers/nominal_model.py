@@ -15,8 +15,11 @@ from kernels.rigid_body import Chain
 
 
 class Stated(NamedTuple):
-    """Bounds of the errors of one state's estimates where the scenario states them itself, as in (7), NaN where they
-    follow from the links: kg m^2, kg m^2/s, N m, and N m for friction and disturbance."""
+    """Stated bounds of the errors of one state's estimates, (7); NaN where a bound follows from the links instead.
+    delta_M: kg m^2, of M_hat.
+    delta_C: kg m^2/s, of C_hat.
+    delta_G: N m, of G_hat.
+    delta_f: N m, of friction and disturbance."""
 
     delta_M: float
     delta_C: float
@@ -30,14 +33,16 @@ UNSTATED_BOUNDS = Stated(np.nan, np.nan, np.nan, np.nan)
 class Estimate(NamedTuple):
     """Estimates of the arm at one state.
 
-    M_hat, M_links: (n, n), with and without rotor inertia.
-    M_turning, for (6): (n, n), the part of M_links from the links' inertias about their centres of mass; spin: (n, n)
-    kg, the sum of m J_w^T J_w over the links. Both are zero unless `turning` computes them.
-    C_hat: (n, n), the Christoffel matrix (Property 2 needs it).
-    G_hat: (n,); G_links: (n, n), row i is the gravity torque of link i.
-    p, p_dot, R: of the tool, (3,) m, (3,) m/s, (3, 3).
-    J_v, J_w: (3, n), linear and angular Jacobian of the tool in the world frame; J_v_dot, J_w_dot: their time
-    derivatives.
+    M_hat, M_links: (n, n) kg m^2, inertia with and without that of the rotors.
+    M_turning: (n, n) kg m^2, part of M_links from the links' inertias about their centres of mass, for (6).
+    spin: (n, n) kg, sum of m J_w^T J_w over the links. It and M_turning are zero unless `turning` computes them.
+    C_hat: (n, n) kg m^2/s, the Christoffel matrix (Property 2 needs it).
+    G_hat: (n,) N m, gravity.
+    G_links: (n, n) N m, row i is the gravity torque of link i.
+    p, p_dot: (3,) m and m/s, place and velocity of the tool point.
+    R: (3, 3), orientation of the tool.
+    J_v, J_w: (3, n) m and 1, linear and angular Jacobian of the tool in the world frame.
+    J_v_dot, J_w_dot: (3, n) m/s and 1/s, their time derivatives.
     stated: bounds of the errors of M_hat, C_hat, G_hat.
     """
 
@@ -81,8 +86,10 @@ class Estimate(NamedTuple):
 
 
 class Deviation(NamedTuple):
-    """Bounds of the differences between the estimates used in (25) and those at q: kg m^2, kg m^2/s, N m. Zero when
-    on-line."""
+    """Bounds of the differences between the estimates used in (25) and those at q; zero when on-line.
+    delta_M: kg m^2.
+    delta_C: kg m^2/s.
+    delta_G: N m."""
 
     delta_M: float
     delta_C: float
@@ -93,8 +100,16 @@ ON_LINE = Deviation(0.0, 0.0, 0.0)
 
 
 class LinkConstants(NamedTuple):
-    """Constants of the links: masses (n,) kg, levers (n, 3) m of their centres of mass, inertias (n, 3, 3) kg m^2 about
-    those, rotor (n,) kg m^2, gravity (3,) m/s^2."""
+    """Constants of the links.
+    masses: (n,) kg.
+    levers: (n, 3) m, centres of mass.
+    inertias: (n, 3, 3) kg m^2, about the centres of mass.
+    rotor: (n,) kg m^2, inertias of the rotors.
+    gravity: (3,) m/s^2.
+    total_mass: kg, of the arm.
+    tool_joint: number of the joint that moves the tool, counted from 1.
+    tool_rotation: (3, 3), of the tool in the frame of that joint.
+    tool_lever: (3,) m, tool point in that frame."""
 
     masses: np.ndarray
     levers: np.ndarray

@@ -24,7 +24,7 @@ from controllers.control_law import joint_acceleration, joint_velocity
 from controllers.reaching import ReachingBound, envelope
 from controllers.switching import SAMPLING_SHARE, layer_width
 from controllers.task_space import Scratch
-from kernels import inline, kernel
+from kernels import inline
 from kernels.algebra import (
     congruence,
     copy,
@@ -35,7 +35,8 @@ from kernels.algebra import (
     spectral_norm,
 )
 
-MOST_PERIODS, LONGEST_GAP = 40, 0.04  # periods, and s: at most so much lies between two looks at the posture
+# longest interval between two posture checks: control periods, and s
+MOST_PERIODS, LONGEST_INTERVAL = 40, 0.04
 NEVER = np.nan
 ROUNDING = 1e-9
 
@@ -67,13 +68,13 @@ class PremiseTable(NamedTuple):
     value: compared with limit; a limit of NaN: the premise does not apply.
     margin: the least distance to the limit so far.
     failed: when it first failed, s, NaN for never.
-    now: 1 while it fails."""
+    failing: 1 while it fails."""
 
     value: np.ndarray
     limit: np.ndarray
     margin: np.ndarray
     failed: np.ndarray
-    now: np.ndarray
+    failing: np.ndarray
 
     @classmethod
     def fresh(cls) -> PremiseTable:
@@ -82,43 +83,44 @@ class PremiseTable(NamedTuple):
         return cls(empty, empty, np.full(len(Premise), np.inf), empty, np.zeros(len(Premise)))
 
 
-class Watched(NamedTuple):
-    """Quantities that are computed at every look, see `periods_between_looks`.
-    low, high: bounds of H of every declared arm at the present posture, kg; low is 0 where what is declared leaves no
-    bound above 0.
-    d: on the sliding surface, N.
-    width: of the boundary layer, m/s.
+class PostureCheck(NamedTuple):
+    """Result of the last posture check; see `periods_between_checks`.
+    H_min, H_max: kg, bounds of the eigenvalues of H of every declared arm at the posture; H_min is 0 where what is
+    declared leaves no bound above 0.
+    d: N, on the sliding surface.
+    layer_width: m/s, of the boundary layer.
     radius: m/s, V falls while ||s|| is beyond it.
     V_band: J, once V is below this it stays so.
-    allowed: limit of `Premise.HELD`, N."""
+    held_limit: N, limit of `Premise.HELD` where s = 0."""
 
-    low: float
-    high: float
+    H_min: float
+    H_max: float
     d: float
-    width: float
+    layer_width: float
     radius: float
     V_band: float
-    allowed: float
+    held_limit: float
 
 
-class Kept(NamedTuple):
-    """Present promise, and how it has been kept.
-    reaching: (19), with V_0 of the instant `since` (s) when it began.
+class PromiseRecord(NamedTuple):
+    """Record of the present promise, and of how it has been kept; an instant that has not come is NaN.
+    reaching: bound (19) of the promise, with V_0 at the instant `since`.
+    since: s, when the promise began.
     promised: whether there is a promise.
     bound, band: m/s, (20) and the band added to it, NaN without a promise.
-    entered, reached: when ||s|| was first within the boundary layer and within the band, s.
-    broken: when ||s|| was first over bound and band though all premises held, s.
+    layer_reached, band_reached: s, when ||s|| was first within the boundary layer and within the band.
+    broken: s, when ||s|| was first over bound and band though all premises held.
     periods, lost: number of periods of the run so far, and of those without a promise.
     before: whether the premises held a period ago.
-    begun: instant of the last change, s."""
+    begun: s, instant of the last change."""
 
     reaching: ReachingBound
     since: float
     promised: bool
     bound: float
     band: float
-    entered: float
-    reached: float
+    layer_reached: float
+    band_reached: float
     broken: float
     periods: int
     lost: int
@@ -126,7 +128,7 @@ class Kept(NamedTuple):
     begun: float
 
     @classmethod
-    def fresh(cls) -> Kept:
+    def fresh(cls) -> PromiseRecord:
         """Record of a run that has not begun."""
         return cls(
             reaching=ReachingBound(1.0, 1.0, 1.0, 1.0, 0.0),
@@ -134,8 +136,8 @@ class Kept(NamedTuple):
             promised=False,
             bound=NEVER,
             band=NEVER,
-            entered=NEVER,
-            reached=NEVER,
+            layer_reached=NEVER,
+            band_reached=NEVER,
             broken=NEVER,
             periods=0,
             lost=0,
@@ -161,15 +163,16 @@ class PremiseScratch(NamedTuple):
 
 
 @inline
-def periods_between_looks(period):
-    """Number of control periods (s) between two looks at the posture."""
-    return min(MOST_PERIODS, max(1, round(LONGEST_GAP / period)))
+def periods_between_checks(period):
+    """Number of control periods of `period` s from one posture check to the next."""
+    return min(MOST_PERIODS, max(1, round(LONGEST_INTERVAL / period)))
 
 
 @inline
-def inertia_range(u, estimate, task, work):
-    """Bounds (low, high) of H of every declared arm at this state, kg, at most 3 % too wide; see
-    `bounds.InertiaRange`. low is 0 where the lower bound of M is not positive definite."""
+def inertia_range(given, work):
+    """Bounds (H_min, H_max) of the eigenvalues of H of every declared arm at this state, kg, at most 3 % too wide; see
+    `bounds.InertiaRange`. H_min is 0 where the lower bound of M is not positive definite."""
+    u, estimate, task = given.gains.uncertainty, given.estimate, given.task
     n, carried, turned = task.r.shape[0], 0.0, 0.0
     load = carried_mass(u, estimate.stated.delta_M)
     if load > 0.0:
@@ -182,7 +185,7 @@ def inertia_range(u, estimate, task, work):
         for j in range(n):
             work.U[i, j] += estimate.M_hat[i, j]
     congruence(task.J_q_inv, work.U, work.S, work.T)
-    high = spectral_norm(work.T) + load * (carried + turned) ** 2
+    H_max = spectral_norm(work.T) + load * (carried + turned) ** 2
     inertia_spread(u, estimate, work.U)
     inertia_lower_bound(u, estimate, work.U, work.U)
     invert(work.U, work.S, work.T)
@@ -190,12 +193,13 @@ def inertia_range(u, estimate, task, work):
     for i in range(n):
         for j in range(n):
             work.U[i, j] = row_times(task.J_q, j, work.S[i])
-    return 1.0 / spectral_norm(work.U) if is_positive_definite(work.U, work.S) else 0.0, high
+    return 1.0 / spectral_norm(work.U) if is_positive_definite(work.U, work.S) else 0.0, H_max
 
 
 @inline
-def inertia_error(gains, deviation, estimate, task, work):
+def inertia_error(given, work):
     """Bound delta_H of (6), kg: largest part of (17) per m/s^2 of r_eq_ddot."""
+    gains, estimate, task, deviation = given.gains, given.estimate, given.task, given.feedforward.deviation
     u, J_inv, reach = gains.uncertainty, task.J_q_inv_norm, 0.0
     load = carried_mass(u, estimate.stated.delta_M)
     if load > 0.0 and gains.tight:
@@ -214,30 +218,31 @@ def inertia_error(gains, deviation, estimate, task, work):
     return delta_M * J_inv**2
 
 
-@kernel
-def _gain_of(gains, task, estimate, deviation, q_dot, scratch):
+@inline
+def _gain_of(given, scratch):
     """Gain d by (17) for the r_eq_dot and r_eq_ddot of `scratch`, N."""
-    work, eq, u, needed = scratch.work, scratch.equivalent, gains.uncertainty, scratch.needed
-    joint_velocity(task, eq.r_dot, work, eq.q_dot)
-    joint_acceleration(task, eq.r_ddot, eq.q_dot, work, eq.q_ddot)
-    terms_of_gain(gains.tight, u, deviation, estimate, task, q_dot, eq, work, needed)
-    needed.epsilon = gains.epsilon
+    work, eq, needed = scratch.work, scratch.equivalent, scratch.needed
+    joint_velocity(given.task, eq.r_dot, work, eq.q_dot)
+    joint_acceleration(given.task, eq.r_ddot, eq.q_dot, work, eq.q_ddot)
+    terms_of_gain(given, eq, work, needed)
+    needed.epsilon = given.gains.epsilon
     return sum_of(needed)
 
 
 @inline
-def gain_at_rest(gains, reference, task, estimate, deviation, q_dot, scratch):
+def gain_at_rest(given, scratch):
     """Gain d where all errors are zero, N."""
-    if not gains.by_theorem:
-        return gains.d
-    copy(reference.r_d_dot, scratch.equivalent.r_dot)
-    copy(reference.r_d_ddot, scratch.equivalent.r_ddot)
-    return _gain_of(gains, task, estimate, deviation, q_dot, scratch)
+    if not given.gains.by_theorem:
+        return given.gains.d
+    copy(given.reference.r_d_dot, scratch.equivalent.r_dot)
+    copy(given.reference.r_d_ddot, scratch.equivalent.r_ddot)
+    return _gain_of(given, scratch)
 
 
 @inline
-def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, scratch):
+def gain_on_surface(given, output, scratch):
     """Gain d on the sliding surface, N: at the present e_r and z, with the e_r_dot that makes s zero."""
+    gains, z, reference = given.gains, given.z, given.reference
     if not gains.by_theorem:
         return gains.d
     eq, e = scratch.equivalent, output.e_r
@@ -248,43 +253,47 @@ def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, outpu
         z_dot = gains.A[i] * z[i] + fed_back + row_times(gains.K_fz, i, output.e_Fc)
         eq.r_dot[i] = reference.r_d_dot[i] + scratch.e_dot[i]
         eq.r_ddot[i] = reference.r_d_ddot[i] - gains.F_1[i] * scratch.e_dot[i] - gains.F_2[i] * z_dot
-    return _gain_of(gains, task, estimate, deviation, q_dot, scratch)
+    return _gain_of(given, scratch)
 
 
 @inline
-def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, scratch, reaching, period, table, watched):
-    """Compute the range of inertia at the present posture, the band, and the premises that depend on them."""
-    u, work, deviation = gains.uncertainty, scratch.work, feedforward.deviation
-    watched.low, watched.high = inertia_range(u, estimate, task, work)
-    growth = inertia_error(gains, deviation, estimate, task, work) * gains.damping_rate * period / watched.low
+def check_posture(given, output, reaching, period, scratch, table, check):
+    """Compute the `PostureCheck` of the present state, and the premises in the table that depend on it.
+    given, output: the `LawInput` and the `ControlOutput` of the period.
+    reaching: the present `ReachingBound`.
+    period: s, of control."""
+    gains, work, estimate, task = given.gains, scratch.work, given.estimate, given.task
+    u = gains.uncertainty
+    check.H_min, check.H_max = inertia_range(given, work)
+    growth = inertia_error(given, work) * gains.damping_rate * period / check.H_min
     table.limit[GAIN_BY_CHATTER] = 1.0 if gains.by_theorem else NEVER
     table.value[GAIN_BY_CHATTER] = growth
     raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # largest factor of chattering on d
 
-    at_rest = raised * gain_at_rest(gains, reference, task, estimate, deviation, q_dot, scratch)
+    at_rest = raised * gain_at_rest(given, scratch)
     held = SAMPLING_SHARE * gains.K_s_smallest  # of `Premise.HELD`, which counts against K_s
     stiffness = gains.K_s_largest + held + (at_rest / gains.layer if gains.switching > 0 else 0.0)
     table.limit[LAYER] = 2.0
-    table.value[LAYER] = stiffness * period / watched.low
+    table.value[LAYER] = stiffness * period / check.H_min
 
     # outside of `radius` one period makes V smaller; from within it V can rise to `V` (docs/theory.md)
-    watched.d = raised * gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, scratch)
-    watched.width = layer_width(gains.switching, gains.layer, watched.d, gains.epsilon)
-    stopping = watched.low - 0.5 * period * (gains.K_s_largest + held)
-    chatter = period * watched.d / stopping if stopping > 0.0 else np.inf
-    watched.radius = max(watched.width, chatter)
-    heaviest = max(watched.high, 4.0 * watched.low) if chatter > 0.5 * watched.width else watched.high
-    V = 0.5 * heaviest * watched.radius**2
-    before = watched.V_band if np.isfinite(watched.V_band) else 0.0  # infinite only where nothing was promised
-    watched.V_band = max(V, before * np.exp(-reaching.c_1 * period * periods_between_looks(period)))
+    check.d = raised * gain_on_surface(given, output, scratch)
+    check.layer_width = layer_width(gains.switching, gains.layer, check.d, gains.epsilon)
+    stopping = check.H_min - 0.5 * period * (gains.K_s_largest + held)
+    chatter = period * check.d / stopping if stopping > 0.0 else np.inf
+    check.radius = max(check.layer_width, chatter)
+    heaviest = max(check.H_max, 4.0 * check.H_min) if chatter > 0.5 * check.layer_width else check.H_max
+    V = 0.5 * heaviest * check.radius**2
+    before = check.V_band if np.isfinite(check.V_band) else 0.0  # infinite only where nothing was promised
+    check.V_band = max(V, before * np.exp(-reaching.c_1 * period * periods_between_checks(period)))
 
-    watched.allowed = SAMPLING_SHARE * gains.epsilon
+    check.held_limit = SAMPLING_SHARE * gains.epsilon
     if u.force_error > 0.0:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
-        watched.allowed += u.force_error * spectral_norm(work.Y)
+        check.held_limit += u.force_error * spectral_norm(work.Y)
     if u.moment_error > 0.0:
         multiply(estimate.J_w, task.J_q_inv, work.Y)
-        watched.allowed += u.moment_error * spectral_norm(work.Y)
+        check.held_limit += u.moment_error * spectral_norm(work.Y)
 
 
 @inline
@@ -294,11 +303,11 @@ def judge(table, t):
     for i in range(table.value.shape[0]):
         value, limit = table.value[i], table.limit[i]
         if np.isnan(limit):
-            table.now[i] = 0.0
+            table.failing[i] = 0.0
             continue
         margin = value - limit if i == REGULAR else limit - value
         fails = not margin >= -ROUNDING * max(1.0, abs(limit))  # a value that is not a number fails
-        table.now[i] = 1.0 if fails else 0.0
+        table.failing[i] = 1.0 if fails else 0.0
         if fails:
             all_hold = False
             if np.isnan(table.failed[i]):
@@ -309,30 +318,30 @@ def judge(table, t):
 
 
 @inline
-def keep_promise(all_hold, s_norm, watched, t, kept):
+def keep_promise(all_hold, s_norm, check, t, record):
     """Begin, continue or end the promise, and compare ||s|| (m/s) with the promised bound; returns whether the promise
     is broken.
 
     The effect of a period is known at its end: a premise must have held then and at the period's beginning.
     """
-    standing = all_hold and kept.before
-    kept.periods += 1
-    kept.before = all_hold
-    if np.isnan(kept.entered) and s_norm <= watched.width:  # measured, whatever is promised
-        kept.entered = t
+    standing = all_hold and record.before
+    record.periods += 1
+    record.before = all_hold
+    if np.isnan(record.layer_reached) and s_norm <= check.layer_width:  # measured, whatever is promised
+        record.layer_reached = t
     if not standing:
-        kept.promised, kept.bound, kept.band = False, NEVER, NEVER
-        kept.lost += 1
+        record.promised, record.bound, record.band = False, NEVER, NEVER
+        record.lost += 1
         return False
-    if not kept.promised:
-        kept.promised, kept.since = True, t
-        if t != kept.begun:  # otherwise the V_0 of the change is more exact
-            kept.reaching.V_0 = 0.5 * watched.high * s_norm**2
-    kept.bound = envelope(kept.reaching, t - kept.since)
-    kept.band = np.sqrt(2.0 * watched.V_band / watched.low)
-    if np.isnan(kept.reached) and s_norm <= kept.band:
-        kept.reached = t
-    over = s_norm > kept.bound + kept.band
-    if over and np.isnan(kept.broken):
-        kept.broken = t
+    if not record.promised:
+        record.promised, record.since = True, t
+        if t != record.begun:  # otherwise the V_0 of the change is more exact
+            record.reaching.V_0 = 0.5 * check.H_max * s_norm**2
+    record.bound = envelope(record.reaching, t - record.since)
+    record.band = np.sqrt(2.0 * check.V_band / check.H_min)
+    if np.isnan(record.band_reached) and s_norm <= record.band:
+        record.band_reached = t
+    over = s_norm > record.bound + record.band
+    if over and np.isnan(record.broken):
+        record.broken = t
     return over

@@ -55,7 +55,11 @@ class ReachingCertificate:
 
 
 class ReachingBound(NamedTuple):
-    """Reaching bound (19) in the form for kernels: k_r_low, k_r_high kg; c_1 1/s; c_2 sqrt(J)/s; V_0 J."""
+    """Reaching bound in the form for kernels.
+    k_r_low, k_r_high: kg, of Property 1.
+    c_1: 1/s, (19).
+    c_2: sqrt(J)/s, (19).
+    V_0: J, at the beginning."""
 
     k_r_low: float
     k_r_high: float

@@ -21,8 +21,11 @@ NEARLY_REAL = 0.1  # roots with a smaller imaginary part are tried, too, which c
 
 @dataclass(frozen=True)
 class Rightmost:
-    """Rightmost eigenvalue on a segment, found at alpha; no real part is above `at_most` (1/s), which is greater by
-    `CLOSE` of the fastest eigenvalue."""
+    """Rightmost eigenvalue on a segment.
+    alpha: 1, where it is found.
+    eigenvalue: 1/s.
+    at_most: 1/s, upper bound of every real part; exceeds that of `eigenvalue` by at most CLOSE times the largest
+    modulus."""
 
     alpha: float
     eigenvalue: complex

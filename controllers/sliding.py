@@ -10,14 +10,14 @@ from kernels.algebra import cross, dot, norm, row_times, torque_of_wrench, trans
 
 
 @inline
-def measure(told, out):
-    """Compute all quantities of this module, from the input of the laws, `Told`, into their output, `ControlOutput`."""
-    gains, task, estimate, eq = told.gains, told.task, told.estimate, out.equivalent
-    errors(gains, told.reference, task, estimate, told.F, out)
-    sliding(gains, told.z, told.reference, out)
-    joint_velocity(task, eq.r_dot, told.work, eq.q_dot)
-    joint_acceleration(task, eq.r_ddot, eq.q_dot, told.work, eq.q_ddot)
-    gain_needed(gains, told.feedforward.deviation, task, estimate, told.q_dot, told.work, out)
+def measure(given, out):
+    """Compute all quantities of this module. given: `LawInput`; out: `ControlOutput`."""
+    gains, task, estimate, eq = given.gains, given.task, given.estimate, out.equivalent
+    errors(gains, given.reference, task, estimate, given.F, out)
+    sliding(gains, given.z, given.reference, out)
+    joint_velocity(task, eq.r_dot, given.work, eq.q_dot)
+    joint_acceleration(task, eq.r_ddot, eq.q_dot, given.work, eq.q_ddot)
+    gain_needed(given, out)
 
 
 @inline
@@ -89,8 +89,7 @@ def sliding(gains, z, reference, out):
 
 
 @inline
-def gain_needed(gains, deviation, task, estimate, q_dot, work, out):
+def gain_needed(given, out):
     """Compute the terms of (17), by the chosen bounds."""
-    u, eq = gains.uncertainty, out.equivalent
-    terms_of_gain(gains.tight, u, deviation, estimate, task, q_dot, eq, work, out.needed)
-    out.needed.epsilon = gains.epsilon
+    terms_of_gain(given, out.equivalent, given.work, out.needed)
+    out.needed.epsilon = given.gains.epsilon

@@ -20,7 +20,7 @@ class Switching(IntEnum):
     TANH = 3  # eta = tanh(||s||/layer)
 
     @property
-    def kept(self) -> float:
+    def reaching_share(self) -> float:
         """Share of epsilon left for reaching outside `layer_width`: `SAMPLING_SHARE` is taken off, and half for the
         versions that only approach 1."""
         given_up = 0.0 if self in (Switching.DISCONTINUOUS, Switching.SATURATION) else 0.5

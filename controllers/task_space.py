@@ -23,9 +23,11 @@ from kernels.algebra import copy, copy_matrix, cross, dot, invert, row_times, sp
 
 class TaskSpace(NamedTuple):
     """Task coordinates at one instant.
-    r, r_dot, v_t, v_t_dot: (n,).
-    J_q, J_q_dot, J_q_inv: (n, n).
-    J_q_inv_norm: an upper bound of J_q_inv's norm (see `spectral_norm`).
+    r, r_dot: (n,) m and m/s.
+    J_q, J_q_dot: (n, n) m and m/s, of (3).
+    J_q_inv: (n, n) 1/m.
+    J_q_inv_norm: 1/m, an upper bound of the norm of J_q_inv (see `spectral_norm`).
+    v_t, v_t_dot: (n,) m/s and m/s^2, of (3): rate of r with the arm at rest, and its derivative.
     normals: (3, 3), gradients of the first three coordinates in the world frame: of phi, or of each phi, first."""
 
     r: np.ndarray

@@ -159,8 +159,8 @@ class ContactForce(NamedTuple):
 class Holding(NamedTuple):
     """Rigid surfaces that the tool is held on, and how it came off them; each field (3,).
     held: 1 while the tool is held on the surface, 0 while it has left it, `MET` where it has just reached it.
-    absent: 1 where contact with a rigid surface was missing at some instant since this was last set to 0, and where a
-    surface with a mass carried no force in the period before.
+    absent: 1 if contact was interrupted since it was last cleared (rigid), or carried no force in the previous period
+    (mass).
     lost, made: instants of the last loss and of the last impact, s, nan for none.
     pull: N, the negative multiplier that the surface would have needed when it was lost, -inf at an impact on another
     one."""

@@ -104,9 +104,9 @@ def heavy_multipliers(world, touch, work, multiplier):
 
 @inline
 def let_go(world, held, trial, touches):
-    """Choose the surfaces that the tool stays on, `touches` (3,): all that are held, except a set that is let go. The
-    set is that of the trial's bits; in the last trial, `SETS`, it is all held surfaces that only push. Returns False
-    for a set with a surface that is not held or also pulls."""
+    """Choose the surfaces that the tool stays on, `touches` (3,): all that are held but for a set that is let go. Bit i
+    of `trial` releases surface i; `trial == SETS` releases every unilateral one. Returns False for a set with a surface
+    that is not held or also pulls."""
     for i in range(3):
         touches[i] = 1 if held[i] > 0 else 0
     for i in range(world.shapes.number):

@@ -51,8 +51,8 @@ def _correct(work, k, push, moved):
 
 @kernel
 def onto_surface(workspace, J, rotation, translation, M, arm, t):
-    """Move q a step of Newton's method towards phi = 0 of the surfaces that are held, and of those that the tool has
-    reached, moving into them or put into them by the step before; returns the largest phi (m) of them before it."""
+    """Newton step of q towards phi = 0 on the active surfaces and those newly penetrated. Returns the phi (m) of
+    largest size before it."""
     workspace, arm = workspace[0], arm[0]
     work, k, away, held = workspace.multipliers, workspace.world.shapes.number, 0.0, arm.holding.held
     _pulls(workspace, J, rotation, translation, M, arm, t)
@@ -88,7 +88,7 @@ def along_surface(workspace, J, rotation, translation, M, arm, t, h):
     if not impact:
         for i in range(k):
             work.free[i] = 0.0
-    else:  # as if the step's push had not been yet
+    else:  # an impact is solved without the impulse of the step before
         for i in range(k):
             for j in range(k):
                 work.whole[i] += work.mobility[i, j] * work.free[j]

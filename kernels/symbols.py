@@ -36,8 +36,8 @@ def _record_symbol(record: types.Record) -> tuple[str, list[Any]]:
 
 
 # numba names a compiled function after the types of its arguments, but of an array within a record it leaves out the
-# shape, and of a record it takes a number that counts types in the order in which a process meets them: kernels for
-# arms with 6 and with 7 joints, compiled by two processes and read from the cache into a third, called each other's
+# shape, and of a record it takes a number that counts types in the order in which a process meets them. Without this,
+# cached kernels for 6 and 7 joints have the same symbol and are linked to the wrong callees.
 types.NestedArray.mangling_args = property(_array_symbol)  # pyright: ignore[reportAttributeAccessIssue]
 types.Record.mangling_args = property(_record_symbol)  # pyright: ignore[reportAttributeAccessIssue]
 

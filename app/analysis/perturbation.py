@@ -228,7 +228,7 @@ class DerivedSignals(Mapping[str, np.ndarray]):
             end = np.inf if following is None else following.t
             if end < t[0] or not law_of(epoch.scenario).robust:
                 continue
-            reached = np.inf if epoch.reached is None else epoch.reached
+            reached = np.inf if epoch.layer_reached is None else epoch.layer_reached
             found["reaching"][(t >= epoch.t) & (t < min(reached, end) - SAME)] = 1.0
             if epoch.certificate.t_r < epoch.scenario.controller.period:
                 continue  # nothing to reach: promised within one period

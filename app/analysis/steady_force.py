@@ -32,7 +32,7 @@ def steady_forces(
     steady forces depend on which of them the tool presses there.
     """
     mode = mode_of(scenario)
-    m, p, surfaces = mode.m(), mode.pressed, scenario.surfaces
+    m, p, surfaces = mode.force_directions, mode.pressed, scenario.surfaces
     environment = environment_of(scenario)
     if p == len(surfaces) or not environment.coupled:
         return model.steady_forces(true_stiffness(scenario), r_d[:, :m], F_cd[:, :m], rest[:, :m])

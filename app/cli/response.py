@@ -88,7 +88,7 @@ def _loop_at(at: float, scenario: Scenario, memory: Memory) -> ClosedLoop:
 
     if at > scenario.simulation.duration:
         raise ScenarioError(f"--at {at:g}: allowed: 0 to {scenario.simulation.duration:g} s, the duration of the run")
-    loop = ClosedLoop.begin(scenario, memory=memory)
+    loop = ClosedLoop.from_scenario(scenario, memory=memory)
     while loop.t < at - 0.5 * loop.period and not loop.stopped:
         loop.step()
     if loop.stopped:

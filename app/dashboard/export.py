@@ -112,7 +112,7 @@ def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Pat
 
 def _figure(stretch: ExportedStretch, choice: FigureChoice) -> Figure:
     """Figure of the stretch. Raises ScenarioError, and ValueError for an empty stretch."""
-    snapshot = snapshot_of(ClosedLoop.begin(stretch.scenario, history=1, memory=kept_memory()))
+    snapshot = snapshot_of(ClosedLoop.from_scenario(stretch.scenario, history=1, memory=kept_memory()))
     if not stretch.recording.epochs:  # files of earlier versions do not hold the changes during the run
         stretch.recording.epochs.extend(snapshot.recording.epochs)
     snapshot = replace(snapshot, recording=stretch.recording)

@@ -175,8 +175,8 @@ def _reaching(loop: ClosedLoop, about: DrawnPlant) -> Reaching:
         excess=float((s - limit)[promised].max()),
         early_excess=float((s - record["s_bound"])[early].max()) if early.any() else np.nan,
         tightness=float((s / limit)[promised].max()),
-        layer=_deadline(epoch.reached_by, epoch.reached, until, loop.t),
-        band=_deadline(epoch.banded_by, epoch.banded, until, loop.t),
+        layer=_deadline(epoch.layer_reached_by, epoch.layer_reached, until, loop.t),
+        band=_deadline(epoch.band_reached_by, epoch.band_reached, until, loop.t),
     )
     return _with_true_perturbation(found, loop, record, promised, early)
 

@@ -100,7 +100,7 @@ def uncertain(scenario: Scenario, seed: int) -> Scenario:
 
 
 def _run(scenario: Scenario, previous: System | None) -> tuple[Outcome, System]:
-    loop = ClosedLoop.begin(scenario, previous=previous)
+    loop = ClosedLoop.from_scenario(scenario, previous=previous)
     play(loop, round(scenario.simulation.duration / loop.period))
     counted = account(loop.system, loop.recording, SETTLED, loop.t)
     if counted is None:

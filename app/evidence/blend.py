@@ -155,7 +155,7 @@ def pushed(over: float | None) -> Blended:
     data["simulation"]["duration"] = END
     if over is not None:
         data["blend"] = {"to": SOFT, "at": BEGIN, "over": over}
-    loop = ClosedLoop.begin(from_plain(data))
+    loop = ClosedLoop.from_scenario(from_plain(data))
     period = loop.period
     for _ in range(round(BEGIN / period)):
         loop.step()

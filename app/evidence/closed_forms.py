@@ -191,7 +191,7 @@ def pressed(M_e: float, period: float) -> Response:
     """Response of a tool on a bilateral mass-damper-spring that starts away from its equilibrium, with a known arm."""
     base = certain(shipped()["ur5-impedance"])
     M_m, B_m, K_m, B_e, K_e = INERTIA, 60.0, 800.0, 30.0, 3000.0
-    height = ClosedLoop.begin(base).view().tool[2].item() + DEPTH
+    height = ClosedLoop.from_scenario(base).view().tool[2].item() + DEPTH
     scenario = changed(
         base,
         target_model={"M_m": [M_m] * 6, "B_m": [B_m] * 6, "K_m": [K_m] * 6},
@@ -243,7 +243,7 @@ def pressing(K_e: float, zeta: float, share: float) -> MeasuredOscillation:
     """Oscillation of (35) with K_m1 = 0 and K_e known: a tool that starts too deep in an elastic surface, on the arm of
     `free`."""
     base = shipped()["ur5-hybrid"]
-    height = ClosedLoop.begin(base).view().tool[2].item() + 2.0 * DEPTH
+    height = ClosedLoop.from_scenario(base).view().tool[2].item() + 2.0 * DEPTH
     omega = float(np.sqrt(K_e / INERTIA))
     model = _oscillator(omega, zeta)
     scenario = changed(

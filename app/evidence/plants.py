@@ -123,7 +123,7 @@ def run(system: System) -> ClosedLoop:
     """Run of the scenario's duration, or until it stops."""
     scenario = system.scenario
     steps = max(1, round(scenario.simulation.duration / scenario.controller.period))
-    loop = ClosedLoop.of(system, steps + 1)
+    loop = ClosedLoop.from_system(system, steps + 1)
     play(loop, steps)
     return loop
 

@@ -126,7 +126,7 @@ def row(name: str, y: float, xs: Sequence[float]) -> list[Cell]:
 
 def _cell(scenario: Scenario, previous: System | None) -> tuple[Cell, System]:
     substeps = max(1, round(scenario.controller.period / STEP))
-    loop = ClosedLoop.begin(edited(scenario, "simulation.substeps", substeps), previous=previous)
+    loop = ClosedLoop.from_scenario(edited(scenario, "simulation.substeps", substeps), previous=previous)
     growth = sampled_loop(loop.system, loop.system.robot.posture, 0.0).premises[Premise.SAMPLED_LOOP]
     layer_factor = loop.view().live["layer_loop_factor"]
     play(loop, round(DURATION / loop.period))

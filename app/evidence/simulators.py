@@ -118,7 +118,7 @@ def run(scenario: Scenario, *, mujoco: bool) -> Mapping[str, np.ndarray]:
         from app.evidence.mujoco_arm import MujocoPlant  # here: the section is also listed where MuJoCo is missing
 
         system = replace(system, plant=MujocoPlant(system, scenario.simulation.substeps))
-    loop = ClosedLoop.of(system)
+    loop = ClosedLoop.from_system(system)
     periods = round(scenario.simulation.duration / loop.period)
     if mujoco:
         for _ in range(periods):

@@ -273,7 +273,7 @@ def loop_errors(twin: Twin, periods: Sequence[float], duration: float) -> np.nda
     exact = twin.paper().solve(times)[:, 0]
     errors = []
     for period in periods:
-        loop, every = ClosedLoop.begin(twin.scenario(period)), round(periods[0] / period)
+        loop, every = ClosedLoop.from_scenario(twin.scenario(period)), round(periods[0] / period)
         for _ in range(every * (len(times) - 1) + 1):
             loop.step()
             assert loop.stopped is None

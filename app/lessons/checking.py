@@ -77,7 +77,7 @@ def _problems(step: LessonStep, checked: Checked, memory: Memory) -> Iterator[st
     match block:
         case StartScenario():
             assert step.scenario is not None
-            ClosedLoop.begin(step.scenario, 1, memory=memory)
+            ClosedLoop.from_scenario(step.scenario, 1, memory=memory)
         case ChoiceQuestion() | NumberQuestion() | CurveQuestion() if step.kind == "observe":
             yield from _scored(step, checked)
         case LessonRun():

@@ -65,7 +65,7 @@ def performance(step: LessonStep) -> Perform:
 def play(step: LessonStep, memory: Memory | None = None) -> LessonOutcome:
     """Outcome of a step's run. Raises ScenarioError."""
     performed = performance(step)
-    loop, refusal = ClosedLoop.begin(performed.scenario, memory=memory), ""
+    loop, refusal = ClosedLoop.from_scenario(performed.scenario, memory=memory), ""
     waiting = list(performed.changes)
     while loop.stopped is None and loop.t < performed.end - 0.5 * loop.period:
         while waiting and waiting[0].due(loop.t, loop.period):
@@ -113,7 +113,7 @@ def reached(step: LessonStep, values: dict[str, float], memory: Memory | None = 
     goal = step.block
     assert isinstance(goal, Goal)
     assert step.scenario is not None
-    loop = ClosedLoop.begin(with_values(step.scenario, dict(values)), memory=memory)
+    loop = ClosedLoop.from_scenario(with_values(step.scenario, dict(values)), memory=memory)
     while loop.stopped is None and loop.t < goal.seconds - 0.5 * loop.period:
         loop.advance()
     if loop.stopped:

@@ -14,7 +14,7 @@ from app.process.cores import usable_cores
 from app.process.priority import step_back
 from app.scenario.departures import Departure
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.compiled_run import CompiledRun, UnjudgedRun
+from app.simulation.compiled_run import CompiledRun, PostureChecks
 from app.simulation.search_memory import Memory
 from app.simulation.state import State
 from app.simulation.system import System
@@ -82,7 +82,7 @@ class _Arm:
         # the promise decides about the run only where breaking it stops the run
         judged = loop.system.scenario.simulation.bound_violation == "stop"
         self.loop, self._stretch = loop, stretch
-        self._run = (CompiledRun if judged else UnjudgedRun)(loop)
+        self._run = CompiledRun(loop, None if judged else PostureChecks.none(loop))
         columns, count = loop.recording.columns, len(stretch.points)
         widths = {name: columns[name].stop - columns[name].start for name in SIGNALS}
         self.signals = {name: np.full((count, width) if width > 1 else count, np.nan) for name, width in widths.items()}
@@ -182,7 +182,7 @@ class TrueArms:
     def run(self, stretch: BandStretch, count: int) -> ArmsAhead:
         """Start running `count` arms over a stretch. `ArmsAhead.leave` has to be called before the next start. Raises
         ScenarioError where an arm cannot be built, and ValueError where the compiled run has an `obstacle`."""
-        begun = self._begun = ClosedLoop.resume(stretch.begins, 1, self._begun and self._begun.system, self._memory)
+        begun = self._begun = ClosedLoop.from_state(stretch.begins, 1, self._begun and self._begun.system, self._memory)
         scenario, n = begun.system.scenario, begun.system.robot.n
         loops = []
         for number in range(count):

@@ -104,7 +104,7 @@ class StateFolder:
         It takes seconds. The offer stays until a session is saved that goes on with it. Raises ScenarioError where the
         offer's scenario cannot run now.
         """
-        ClosedLoop.begin(offer.scenario, history=1, memory=kept_memory())
+        ClosedLoop.from_scenario(offer.scenario, history=1, memory=kept_memory())
         runs, problems = [], []
         for saved in offer.runs:
             try:
@@ -303,7 +303,7 @@ def _named_aside(aside: Path, runs: Sequence[Path]) -> set[str]:
 
 def _pinned(saved: SavedRun, path: Path) -> Pinned:
     scenario, recording = read_npz(path)
-    loop = ClosedLoop.begin(scenario, history=1, memory=kept_memory())
+    loop = ClosedLoop.from_scenario(scenario, history=1, memory=kept_memory())
     if recording.n != loop.system.layout.n or not len(recording):
         raise StateError(f"{path} does not fit its own scenario")
     if not recording.epochs:  # files of earlier versions do not hold the changes during the run

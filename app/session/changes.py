@@ -308,7 +308,7 @@ def _rotated(scenario: Scenario) -> int:
     """Number of coordinates that are angles, which `rotation` may move."""
     robot, _ = _start(scenario)
     mode = mode_of(scenario)
-    aligned = mode.m() - mode.pressed  # the tilts of a flat tool are not moved, but aligned
+    aligned = mode.force_directions - mode.pressed  # the tilts of a flat tool are not moved, but aligned
     # none is left where this arm cannot have a flat tool, which is found out later
     return 0 if scenario.task_space.kind == "joint" else max(0, robot.n - positions_of(robot) - aligned)
 

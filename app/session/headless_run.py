@@ -45,7 +45,7 @@ def simulate(
     end, period = until or scenario.simulation.duration, scenario.controller.period
     if (steps := round(end / period)) < 1:
         raise ScenarioError(f"simulation.duration: {end:g} s; allowed: at least a control period, {period:g} s")
-    loop = ClosedLoop.begin(scenario, steps + 1, previous, memory)
+    loop = ClosedLoop.from_scenario(scenario, steps + 1, previous, memory)
     by = engine or engine_for(loop)
     advance = partial(_by_steps, loop) if by == "pinocchio" else _compiled(loop).advance
     started = time.perf_counter()

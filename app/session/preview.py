@@ -169,7 +169,7 @@ class Foresight:
     ) -> None:
         self.question = question
         rows = max(1, round(question.horizon / question.scenario.controller.period))
-        self._loop = ClosedLoop.resume(question.state, rows, previous, memory)
+        self._loop = ClosedLoop.from_state(question.state, rows, previous, memory)
         self.base = self._loop.system  # of the running scenario: a good `previous` for the next question
         if question.scenario != question.state.scenario:
             self._loop.edit(question.scenario)

@@ -124,7 +124,7 @@ class PushExperiment:
 
     def _run(self, push: TimedPush, counted: slice) -> tuple[np.ndarray, np.ndarray]:
         """Mean speeds along the axes (N, p) in the periods that count, and the pushes (N, 6) N and N m."""
-        loop = ClosedLoop.continuing(replace(self._system, push=push), self._state, counted.stop + 1)
+        loop = ClosedLoop.from_system_and_state(replace(self._system, push=push), self._state, counted.stop + 1)
         play(loop, counted.stop + 1, self._engine)
         if loop.stopped:
             force, moment = (np.linalg.norm(part) for part in (push.force, push.moment))

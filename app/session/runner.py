@@ -49,7 +49,7 @@ class Runner:
     """
 
     def __init__(self, scenario: Scenario, reach: Reach | None = None) -> None:
-        loop = ClosedLoop.begin(scenario, memory=kept_memory())
+        loop = ClosedLoop.from_scenario(scenario, memory=kept_memory())
         loop.step()  # compiles what is not yet in the cache: it must not delay the loop
         loop.reset()
         self._commanded = CommandedRun(loop, reach)

@@ -301,4 +301,4 @@ class Timeline:
 
 
 def _resumed(key: _Key) -> ClosedLoop:
-    return ClosedLoop.resume(key.state, history=1, previous=key.system)
+    return ClosedLoop.from_state(key.state, history=1, previous=key.system)

@@ -1,4 +1,4 @@
-"""Alarms of a control period: what the loop's caller has to be told, and heeds after the period."""
+"""Alarm flags that a control period returns to its caller."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from kernels import inline
 class Alarm(IntFlag):
     """Alarms of a control period, as flags."""
 
-    ENTERED = 1  # ||s|| is within the boundary layer for the first time
+    LAYER_REACHED = 1  # ||s|| is within the boundary layer for the first time
     NOT_FINITE = 2  # the state is not finite
     SINGULAR = 4  # J_q is nearly singular
     FAST = 8  # the joints are too fast
     OVER_BOUND = 16  # ||s|| is over its bound, though all premises hold
     SATURATED = 32  # a drive's limit begins to cut the torque
-    REACHED = 64  # ||s|| is within the band for the first time
+    BAND_REACHED = 64  # ||s|| is within the band for the first time
     AWAY = 128  # the tool has left a surface that it should press
 
 
-ENTERED, NOT_FINITE, SINGULAR, FAST, OVER_BOUND, SATURATED, REACHED, AWAY = (int(alarm) for alarm in Alarm)
+LAYER_REACHED, NOT_FINITE, SINGULAR, FAST, OVER_BOUND, SATURATED, BAND_REACHED, AWAY = (int(alarm) for alarm in Alarm)
 
 
 class Limits(NamedTuple):
@@ -44,8 +44,8 @@ class Limits(NamedTuple):
 
 @inline
 def lost_contact(limits, evaluation, multiplier, absent):
-    """Compare the contacts with those of the period before; returns AWAY where one was lost. `absent` (3,) is read, and
-    set anew for the next period."""
+    """Compare the contacts with those of the previous period; returns AWAY where one was lost. `absent` (3,) is read,
+    and set anew for the next period."""
     was, evaluation.touching, struck = evaluation.touching, True, 0.0
     for i in range(3):
         if limits.pressed[i] and multiplier[i] == 0.0:
@@ -76,7 +76,7 @@ def began_to_saturate(evaluation):
 @inline
 def beyond_limits(limits, evaluation, speed):
     """Flags of the promise, and of what goes beyond a limit. speed: rad/s, of the joints."""
-    s_norm, flags = evaluation.output.s_norm, evaluation.news
+    s_norm, flags = evaluation.output.s_norm, evaluation.promise_alarms
     if not np.isfinite(speed + s_norm):
         flags += NOT_FINITE
     if limits.sigma_min * evaluation.seen.task.J_q_inv_norm > 1.0:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 import numpy as np
@@ -13,7 +15,6 @@ from app.scenario.errors import (
     IrregularCorner,
     IrregularSurface,
     ScenarioError,
-    SurfaceOutOfReach,
 )
 from app.scenario.schema import Scenario, TruthSection
 from app.scenario.units import Units, kinds_of
@@ -26,7 +27,7 @@ from app.simulation.controller_builder import (
     uncertainty_of,
     z_at_start,
 )
-from app.simulation.domain import Constants, centres, constants_over, mobility_over, posture_at, span_of
+from app.simulation.domain import Constants, centres, constants_over, mobility_over, span_of
 from app.simulation.environment_builder import (
     contacts_of,
     environment_of,
@@ -58,12 +59,12 @@ from app.simulation.observation import Observer
 from app.simulation.planned_reference import Forces, Planned, ReferencePlan
 from app.simulation.reuse_keys import controller_key, domain_key, plant_key, sampled_loops_key, surfaces_key
 from app.simulation.search_memory import Memory
+from app.simulation.starting_posture import require_within_reach, starting_posture
 from app.simulation.stations import Stations
 from app.simulation.step_check import require_resolved, unresolved
 from app.simulation.system import System
 from app.simulation.task_layout import coordinates_of, layout_of
 from controllers import modes
-from controllers.control_law import Reference
 from controllers.controller import Controller
 from controllers.estimate_rates import NO_RATES
 from controllers.modes import Mode
@@ -82,12 +83,13 @@ from environments.urdf import RobotError
 if TYPE_CHECKING:
     from app.simulation.sampled_stability import SampledLoop
 
-ON_SURFACE = 1e-6  # m, by which the tool may be off its starting place on the surface
+T = TypeVar("T")
 
 
 def assemble(scenario: Scenario, previous: System | None = None, memory: Memory | None = None) -> System:
-    """System of a scenario; equal parts of `previous` are used again, and the results that `memory` has, by default
-    that of `previous`.
+    """System built from a scenario.
+    previous: its unchanged parts are reused.
+    memory: cache of search results, by default that of `previous`.
 
     Raises ScenarioError with one sentence that names the field, its value and what is allowed.
     """
@@ -108,15 +110,16 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         raise ForceInJoints(
             f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
         )
-    same_robot = previous is not None and previous.scenario.robot == scenario.robot
-    robot = previous.robot if previous is not None and same_robot else robot_of(scenario)
+    robot = _reused(
+        previous, lambda p: p.scenario.robot == scenario.robot, lambda p: p.robot, lambda: robot_of(scenario)
+    )
     nominal = _nominal(robot, previous)
     require_surfaces(scenario, mode, positions_of(robot), robot.n)
     require_coupling(scenario, mode)
     require_face(scenario, mode, robot)
     surfaces = _surfaces_in_use(scenario, robot, nominal, previous)
     plant = _plant(scenario, robot, surfaces, previous)
-    q_0 = _start(scenario, plant, robot, nominal)
+    q_0 = starting_posture(scenario, plant, robot, nominal)
     in_corner = mode.on_surface and len(surfaces) > 1
     layout = layout_of(scenario, mode, robot, nominal, q_0, plant.surface)
     cartesian = Surface.cartesian(task_axes(scenario, robot))
@@ -131,7 +134,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
 
     observer = Observer(nominal, charted.shapes, layout, ErrorModel.of(scenario, q_0))
     try:
-        start = observer.at(q_0, np.zeros(robot.n), 0.0)[1].r
+        start = observer.at(q_0, np.zeros(robot.n), 0.0).task.r
     except ValueError as error:
         kind = IrregularCorner if in_corner else ScenarioError
         unit = Units(joints=kinds_of(robot.slides)).of_joints("rad")
@@ -143,7 +146,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         start=start,
         compliance=np.zeros((3, 3)) if mode.rigid else _compliance(scenario),
         followed=followed_faces(scenario),
-        m=mode.m(),
+        m=mode.force_directions,
         motion=motion,
         rotation=rotation,
         shift=SmoothShift.fresh(shift, scenario.shift.duration),
@@ -178,6 +181,13 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     )
 
 
+def _reused(
+    previous: System | None, same: Callable[[System], bool], part: Callable[[System], T], build: Callable[[], T]
+) -> T:
+    """Part of a previous system where it is the same in the one that is assembled, otherwise a newly built one."""
+    return part(previous) if previous is not None and same(previous) else build()
+
+
 def with_truth(system: System, truth: TruthSection, previous: System | None) -> System:
     """The system with another true arm, of which the controller knows nothing. Raises ScenarioError.
 
@@ -209,16 +219,35 @@ def _constants(
     previous: System | None,
 ) -> Constants:
     """Constants over Omega, those of `previous` where they are the same. Raises ScenarioError."""
-    # the start is compared, too: onto a rigid surface the true arm's masses say which way it goes
-    alike = previous is not None and domain_key(previous.scenario) == domain_key(scenario)
-    if previous is not None and alike and np.array_equal(previous.q_0, q_0):
-        return previous.constants
+
+    def same(previous: System) -> bool:
+        # the start is compared, too: onto a rigid surface the true arm's masses say which way it goes
+        return domain_key(previous.scenario) == domain_key(scenario) and np.array_equal(previous.q_0, q_0)
+
+    def build() -> Constants:
+        return _new_constants(scenario, robot, mode, nominal, observer, plan, surfaces, q_0, memory)
+
+    return _reused(previous, same, lambda p: p.constants, build)
+
+
+def _new_constants(
+    scenario: Scenario,
+    robot: robots.Robot,
+    mode: Mode,
+    nominal: NominalModel,
+    observer: Observer,
+    plan: ReferencePlan,
+    surfaces: tuple[Surface, ...],
+    q_0: np.ndarray,
+    memory: Memory,
+) -> Constants:
+    """Constants over Omega. Raises ScenarioError."""
     # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
     on_it = plan if scenario.controller.estimates == "along-reference" else plan.stiff()
     shift, rules = plan.shift.end, scenario.simulation
     unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
     if mode.on_surface:
-        _require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
+        require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
     along = centres(observer.at, unshifted, shift, q_0, rules.duration)
     span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
     omega = Omega(along, rules.domain_radius, span)
@@ -235,35 +264,42 @@ def _controller(
     previous: System | None,
 ) -> Controller:
     """Controller of a scenario, that of `previous` where it is the same."""
-    # within a blend the controller of `previous` is on its way to another model
-    same = previous is not None and previous.constants is constants and previous.blend is None
-    if previous is not None and same and controller_key(previous.scenario) == controller_key(scenario):
-        return previous.controller
-    return controller_of(scenario, robot, mode, layout, constants)
+
+    def same(previous: System) -> bool:
+        # within a blend the controller of `previous` is on its way to another model
+        known = previous.constants is constants and previous.blend is None
+        return known and controller_key(previous.scenario) == controller_key(scenario)
+
+    build = partial(controller_of, scenario, robot, mode, layout, constants)
+    return _reused(previous, same, lambda p: p.controller, build)
 
 
 def _nominal(robot: robots.Robot, previous: System | None) -> NominalModel:
-    if previous is not None and previous.robot is robot:
-        return previous.nominal
-    return NominalModel(robot.model, robot.tool_joint, robot.tool_placement)
+    build = partial(NominalModel, robot.model, robot.tool_joint, robot.tool_placement)
+    return _reused(previous, lambda p: p.robot is robot, lambda p: p.nominal, build)
 
 
 def _plant(scenario: Scenario, robot: robots.Robot, surfaces: tuple[Surface, ...], previous: System | None) -> Plant:
     """Plant of a scenario, that of `previous` where it is the same."""
-    alike = previous is not None and previous.robot is robot and previous.surfaces is surfaces
-    if previous is not None and alike and plant_key(previous.scenario) == plant_key(scenario):
-        return previous.plant
-    return Plant(
-        robot,
-        truth_of(scenario, robot),
-        surfaces,
-        combined_kind(tuple(each.contact.nature for each in scenario.surfaces)),
-        contacts_of(scenario),
-        scenario.simulation.integrator,
-        scenario.simulation.substeps,
-        face_of(scenario, robot),
-        environment_of(scenario),
-    )
+
+    def same(previous: System) -> bool:
+        known = previous.robot is robot and previous.surfaces is surfaces
+        return known and plant_key(previous.scenario) == plant_key(scenario)
+
+    def build() -> Plant:
+        return Plant(
+            robot,
+            truth_of(scenario, robot),
+            surfaces,
+            combined_kind(tuple(each.contact.nature for each in scenario.surfaces)),
+            contacts_of(scenario),
+            scenario.simulation.integrator,
+            scenario.simulation.substeps,
+            face_of(scenario, robot),
+            environment_of(scenario),
+        )
+
+    return _reused(previous, same, lambda p: p.plant, build)
 
 
 def _mobility(
@@ -292,9 +328,11 @@ def _mobility(
 
 def _stations(scenario: Scenario, constants: Constants, previous: System | None) -> Stations:
     duration = scenario.simulation.duration
-    if previous is not None and previous.constants is constants and previous.scenario.simulation.duration == duration:
-        return previous.stations
-    return Stations.along(constants.omega, duration)
+
+    def same(previous: System) -> bool:
+        return previous.constants is constants and previous.scenario.simulation.duration == duration
+
+    return _reused(previous, same, lambda p: p.stations, lambda: Stations.along(constants.omega, duration))
 
 
 def _sampled_loops(
@@ -302,10 +340,12 @@ def _sampled_loops(
 ) -> dict[int, SampledLoop]:
     """Memory of the sampled loops at these stations: that of `previous` where the loops are the same, else an empty
     one. Within a blend they differ, since its model is in no scenario."""
-    alike = previous is not None and previous.stations is stations and previous.controller.model.same(controller.model)
-    if previous is not None and alike and sampled_loops_key(previous.scenario) == sampled_loops_key(scenario):
-        return previous.sampled_loops
-    return {}
+
+    def same(previous: System) -> bool:
+        known = previous.stations is stations and previous.controller.model.same(controller.model)
+        return known and sampled_loops_key(previous.scenario) == sampled_loops_key(scenario)
+
+    return _reused(previous, same, lambda p: p.sampled_loops, dict[int, "SampledLoop"])
 
 
 def _compliance(scenario: Scenario) -> np.ndarray:
@@ -319,8 +359,16 @@ def _surfaces_in_use(
     scenario: Scenario, robot: robots.Robot, nominal: NominalModel, previous: System | None
 ) -> tuple[Surface, ...]:
     """Surfaces of the scenario; one typed as a formula is checked where the tool will meet it."""
-    if previous is not None and surfaces_key(previous.scenario) == surfaces_key(scenario):
-        return previous.surfaces
+    return _reused(
+        previous,
+        lambda p: surfaces_key(p.scenario) == surfaces_key(scenario),
+        lambda p: p.surfaces,
+        partial(_checked_surfaces, scenario, robot, nominal),
+    )
+
+
+def _checked_surfaces(scenario: Scenario, robot: robots.Robot, nominal: NominalModel) -> tuple[Surface, ...]:
+    """Surfaces of the scenario. Raises IrregularSurface."""
     surfaces = surfaces_of(scenario, tool_at_start(robot, nominal))
     on_surface = modes.MODES[scenario.mode].on_surface
     for surface, each in zip(surfaces, scenario.surfaces, strict=True):
@@ -330,39 +378,3 @@ def _surfaces_in_use(
             except ValueError as error:
                 raise IrregularSurface(f"{each.path}{error}") from error
     return surfaces
-
-
-def _start(scenario: Scenario, plant: Plant, robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
-    """Posture (n,) rad at the start, on rigid surfaces. Raises ScenarioError, which names the surface that is farthest
-    from the tool, or IrregularCorner."""
-    try:
-        return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
-    except ValueError as error:
-        tool, kind = tool_at_start(robot, nominal), IrregularCorner if len(plant.surfaces) > 1 else ScenarioError
-        task_surface(scenario, plant.surfaces, tool)  # dependent normals are another reason
-        farthest = int(np.argmax([abs(each.chart(tool, 0.0).g[0]) for each in plant.surfaces]))
-        path = scenario.surfaces[farthest].path
-        raise kind(
-            f"{path}{error}; allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
-        ) from error
-
-
-def _require_within_reach(
-    scenario: Scenario, mode: modes.Mode, observer: Observer, reference: Reference, q_0: np.ndarray
-) -> None:
-    """Raise SurfaceOutOfReach where Newton's method does not bring the tool from q_0 (n,) rad to its starting place on
-    the surfaces; of several it names the one that is farthest from the tool."""
-    estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
-    try:
-        q, _ = posture_at(observer.at, q_0, reference, 0.0)
-        away = float(np.abs(observer.at(q, np.zeros_like(q), 0.0)[1].r - reference.r_d).max())
-    except ValueError:  # J_q exactly singular on the way
-        away = np.inf
-    if not away < ON_SURFACE:
-        farthest = int(np.abs(task.r[: mode.normals]).argmax())
-        path, depth = scenario.surfaces[farthest].path, float(task.r[farthest])
-        side, tool = "behind" if depth > 0.0 else "ahead of", np.round(estimate.p, 3).tolist()
-        raise SurfaceOutOfReach(
-            f"{path}surface: out of the arm's reach, {abs(depth):.3g} m {side} the tool at {tool} m; "
-            f"allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
-        )

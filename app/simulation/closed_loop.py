@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import msgspec
-import numpy as np
 import structlog
 
 from app.scenario.errors import ScenarioError
@@ -15,19 +14,19 @@ from app.scenario.schema import Scenario, TruthSection, after_blend
 from app.simulation.alarms import Alarm
 from app.simulation.assembly import assemble, with_truth
 from app.simulation.control_period import Evaluation, Setting
-from app.simulation.controlled_arm import ControlledArm, PeriodAddresses
+from app.simulation.controlled_arm import ControlledArm
 from app.simulation.premise_watch import PremiseWatch, losses
 from app.simulation.recording import Recording
 from app.simulation.restarts import begins_anew, meets_another_load
 from app.simulation.sampled_stability import RespondingLoop
 from app.simulation.search_memory import Memory
-from app.simulation.state import State, blending, observed
+from app.simulation.state import State, blending, tracking_state
 from app.simulation.system import System
 from app.simulation.true_errors import beyond
 from app.simulation.verdict import Standing
-from app.simulation.view import LiveMetrics, View
+from app.simulation.view import View, view_of
 from controllers.blend import ModelBlend
-from controllers.premises import Kept
+from controllers.premises import PromiseRecord
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import Start
 from environments.push import Grip
@@ -41,16 +40,22 @@ HISTORY = 600_000  # rows
 def standing_of(system: System, state: State) -> Standing:
     """The premises of the theorem and the verdict on a run in this state."""
     evaluation = state.evaluation
-    table, kept = evaluation.part("table"), evaluation.part("kept")
+    table, record = evaluation.part("table"), evaluation.part("promise_record")
     stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
     outsiders = system.outsiders + beyond(errors, stated, system.scenario.declared.least_inertia, system.units)
     lost = losses(system, state.arm.views.holding)
-    return Standing(table, kept, state.stopped, outsiders, system.units, lost, waiting=state.steps == 0)
+    return Standing(table, record, state.stopped, outsiders, system.units, lost, waiting=state.steps == 0)
 
 
 class ClosedLoop:
     """One run of a scenario: a system, a state and a recording, and the objects of `step` that follow from these; no
-    thread, no screen, no file. It works in the memory of the state."""
+    thread, no screen, no file. It works in the memory of the state.
+
+    A run begins by `from_scenario`, or by `from_system` where the system differs from that of every scenario. It goes
+    on from a state by `from_state`, or by `from_system_and_state` for a system that no scenario describes.
+
+    controlled_arm, premise_watch: parts of `step`, for `app.simulation.compiled_run`.
+    """
 
     def __init__(
         self, system: System, state: State, recording: Recording, settings: Record[Setting] | None = None
@@ -61,7 +66,7 @@ class ClosedLoop:
         self._bind(system, state, settings)
 
     @classmethod
-    def begin(
+    def from_scenario(
         cls,
         scenario: Scenario,
         history: int = HISTORY,
@@ -70,43 +75,44 @@ class ClosedLoop:
     ) -> ClosedLoop:
         """Run of a scenario from its beginning. history: see `Recording`. previous: a system whose parts are used again
         where they are the same. Raises ScenarioError when the scenario cannot be built."""
-        return cls.of(assemble(scenario, previous, memory), history)
+        return cls.from_system(assemble(scenario, previous, memory), history)
 
     @classmethod
-    def of(cls, system: System, history: int = HISTORY) -> ClosedLoop:
-        """Run, from its beginning, of a system that is built already, such as one with another plant."""
-        loop = cls._in_new_epoch(system, State.at_start(system), Recording(system.layout.n, history))
+    def from_system(cls, system: System, history: int = HISTORY) -> ClosedLoop:
+        """Run from its beginning of a system that is built already, e.g. one with another plant."""
+        loop = cls._at_new_epoch(system, State.at_start(system), Recording(system.layout.n, history))
         loop.recording.epochs.append(loop.state.epoch)
         if system.plant.kind.rigid:
-            loop._arm.press()
+            loop.controlled_arm.press()
         return loop
 
     @classmethod
-    def resume(
+    def from_state(
         cls,
         state: State,
         history: int = HISTORY,
         previous: System | None = None,
         memory: Memory | None = None,
     ) -> ClosedLoop:
-        """Run that continues from a copy of `state` exactly as the run that had this state; `edit` changes it.
+        """Run that continues from a copy of `state` exactly as the run that had this state.
 
         It shares the parts of `previous` that are the same, so the two must not step in different threads. Raises
         ScenarioError.
         """
-        return cls.continuing(assemble(state.scenario, previous, memory).with_shift(state.shift), state, history)
+        return cls.from_system_and_state(
+            assemble(state.scenario, previous, memory).with_shift(state.shift), state, history
+        )
 
     @classmethod
-    def continuing(cls, system: System, state: State, history: int = HISTORY) -> ClosedLoop:
-        """Run of a system that is built already from a copy of a state on: `resume`, also for a system that no scenario
-        says, such as one whose reference is held."""
+    def from_system_and_state(cls, system: System, state: State, history: int = HISTORY) -> ClosedLoop:
+        """Like `from_state`, for a system that no scenario describes, e.g. one with a frozen reference."""
         loop = cls(system, state.copy(), Recording(system.layout.n, history))
         loop.recording.epochs.append(state.epoch)
         return loop
 
     @classmethod
-    def _in_new_epoch(cls, system: System, state: State, recording: Recording) -> ClosedLoop:
-        """Run of this system from this state on, in a new epoch; s jumps where gains or references do."""
+    def _at_new_epoch(cls, system: System, state: State, recording: Recording) -> ClosedLoop:
+        """Run of this system that goes on from this state in a new epoch; s jumps where gains or references do."""
         controller, arm, evaluation = system.scenario.controller, state.arm, state.evaluation
         begins = Start(round(state.t / controller.period), arm.views.q.copy())
         state.along = begins if controller.estimates == "along-reference" else None
@@ -117,21 +123,21 @@ class ClosedLoop:
         held = arm.views.holding.held[: len(system.surfaces)] > 0
         evaluation.data["touching"] = bool((held if system.plant.kind.rigid else pressed).all())
         if controller.on_change == "remove":
-            _, _, e_r, e_r_dot = observed(system, state.t, arm)
-            evaluation.views.z[:] = system.controller.compensator.without_reaching(e_r, e_r_dot)
+            seen = tracking_state(system, state.t, arm)
+            evaluation.views.z[:] = system.controller.compensator.without_reaching(seen.e_r, seen.e_r_dot)
         loop = cls(system, state, recording)
-        before = loop._watch.fed_back
-        loop._watch.begin()
-        loop._watch.require_bounded_gain(before)
-        loop._watch.require_bounded_blend(system.blend)
+        before = loop.premise_watch.fed_back
+        loop.premise_watch.begin()
+        loop.premise_watch.require_bounded_gain(before)
+        loop.premise_watch.require_bounded_blend(system.blend)
         return loop
 
     def _bind(self, system: System, state: State, settings: Record[Setting] | None = None) -> None:
         """Make this system and this state the run's, with the objects of `step` that follow from them."""
         state.scenario, state.shift = system.scenario, system.plan.shift
         self.system, self.state = system, state
-        self._arm = ControlledArm(system, state, settings)
-        self._watch = PremiseWatch(system, state, self._arm)
+        self.controlled_arm = ControlledArm(system, state, settings)
+        self.premise_watch = PremiseWatch(system, state, self.controlled_arm)
         if system.blend is not None and self.blending:
             self._follow(system.blend)
 
@@ -145,14 +151,14 @@ class ClosedLoop:
         replanned = scenario.blend.planned and scenario.blend != old.blend
         late = replanned and scenario.blend.at < self.t - 0.5 * self.period
         if begins_anew(old, scenario) or late or self.stopped:
-            self._become(ClosedLoop.of(new, self.recording.history))
+            self._become(ClosedLoop.from_system(new, self.recording.history))
             return
         if self.blending:
             if replanned or (scenario.blend.planned and scenario.target_model != old.target_model):
                 end = old.blend.at + old.blend.over
                 raise ScenarioError(f"target_model: a blend is under way; allowed: from its end on, t = {end:.4g} s")
         elif msgspec.structs.replace(old, blend=scenario.blend) == scenario:
-            self._watch.require_bounded_blend(new.blend)
+            self.premise_watch.require_bounded_blend(new.blend)
             self._bind(replace(self.system, scenario=scenario, blend=new.blend), self.state)
             self.state.epoch = replace(self.state.epoch, scenario=scenario, blend=new.blend)
             self.recording.epochs[-1] = self.state.epoch
@@ -167,12 +173,12 @@ class ClosedLoop:
         previous: a system whose parts are used again where they are the same.
         """
         system = with_truth(self.system, truth, previous)
-        recording, settings = Recording(system.layout.n, history), self._arm.settings_with(system)
+        recording, settings = Recording(system.layout.n, history), self.controlled_arm.settings_with(system)
         twin = ClosedLoop(system, self.state.copy(), recording, settings)
         twin.recording.epochs.append(self.state.epoch)
         twin.state.evaluation.data["held"]["known"] = False  # the period before was computed for another arm
         if system.scenario.simulation.bound_violation == "stop":  # so the promise for this arm counts
-            twin._watch.begin()
+            twin.premise_watch.begin()
         return twin
 
     def _changed(self, system: System) -> ClosedLoop:
@@ -180,18 +186,18 @@ class ClosedLoop:
         old, new, state = self.system.scenario, system.scenario, self.state.copy()
         if old.sensor != new.sensor:
             state.reader = ForceReader(system.sensor, new.simulation.seed)
-        changed = ClosedLoop._in_new_epoch(system, state, self.recording)
+        changed = ClosedLoop._at_new_epoch(system, state, self.recording)
         if meets_another_load(old, new):
             system.plant.find_load(state.arm, state.t)
         return changed
 
     def _become(self, other: ClosedLoop) -> None:
         self.system, self.state, self.recording = other.system, other.state, other.recording
-        self._arm, self._watch = other._arm, other._watch
+        self.controlled_arm, self.premise_watch = other.controlled_arm, other.premise_watch
 
     def reset(self) -> None:
         """Begin the same scenario anew."""
-        self._become(ClosedLoop.of(self.system.anew(), self.recording.history))
+        self._become(ClosedLoop.from_system(self.system.anew(), self.recording.history))
 
     @property
     def t(self) -> float:
@@ -229,9 +235,9 @@ class ClosedLoop:
         return self.state.epoch.certificate
 
     @property
-    def kept(self) -> Kept:
+    def promise_record(self) -> PromiseRecord:
         """Record of the promise: what is promised now, and how it has been kept."""
-        return self.state.evaluation.part("kept")
+        return self.state.evaluation.part("promise_record")
 
     @property
     def standing(self) -> Standing:
@@ -241,19 +247,19 @@ class ClosedLoop:
     @property
     def sampled(self) -> RespondingLoop:
         """The sampled loop as it was judged last."""
-        return self._watch.sampled
+        return self.premise_watch.sampled
 
     @property
     def band_time(self) -> float | None:
         """Time from the last change until ||s|| was first within its band, s; None while it has not been."""
-        banded = self._watch.banded
-        return None if banded is None else banded - self.state.epoch.t
+        reached = self.premise_watch.band_reached
+        return None if reached is None else reached - self.state.epoch.t
 
     @property
     def reaching_time(self) -> float | None:
         """Time from the last change until ||s|| was first within the boundary layer, or within the band for a law that
         has no layer, s; None while it has not been."""
-        reached = self._watch.reached
+        reached = self.premise_watch.layer_reached
         return None if reached is None else reached - self.state.epoch.t
 
     @property
@@ -265,85 +271,56 @@ class ClosedLoop:
         """Compute one control period. To be called only while `stopped` is None."""
         if self.system.blend is not None:
             self._blend(self.system.blend)
-        state, arm = self.state, self._arm
+        state, arm = self.state, self.controlled_arm
         row = self.recording.new_row()
 
         self._stage = "the measurement"
         F = arm.measure()
         self._stage = "the control law"
-        if not arm.control(F, row):
-            self.leave_unsolved()
-        if state.steps % self._watch.every == 0 or arm.push_jumped:
-            self._watch.look()
+        if not arm.apply_law(F, row):
+            self.stop_without_force()
+        if state.steps % self.premise_watch.every == 0 or arm.push_changed:
+            self.premise_watch.check_posture()
         self._stage = "the plant"
         arm.move()
         self._stage = "the record"
         alarms = arm.complete(row)
         self.recording.commit()
         if alarms:
-            self._heed(Alarm(alarms))
-        self._count(1)
-
-    @property
-    def ideal(self) -> bool:
-        """Whether the force sensor is ideal on a surface on which that makes a difference."""
-        return self._arm.ideal
-
-    @property
-    def addresses(self) -> PeriodAddresses:
-        """Addresses of the kernels of a period with one of the project's laws."""
-        return self._arm.addresses
-
-    @property
-    def kernel_data(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Data that the compiled functions of a period work in: setting, evaluation, arm and the plant's workspace,
-        each (1,)."""
-        return self._arm.settings.data, self.state.evaluation.data, self.state.arm.data, self.system.plant.workspace
+            self._handle(Alarm(alarms))
+        self._advance_time(1)
 
     def prepare(self, most: int) -> int:
-        """Do what `step` does before the law in the present period, for `app.simulation.compiled_run`, which cannot:
-        blends, and estimates taken beforehand. Returns for how many periods from this one on, at most `most`, there is
-        nothing more of that to do."""
+        """Apply the blend and the feed-forward estimates of this period. Returns how many periods, at most `most`, need
+        no such update."""
         blend = self.system.blend
         if blend is not None:
             self._blend(blend)
-        self._arm.feed_forward(self.state.evaluation)
-        if self._arm.along is not None:
+        self.controlled_arm.feed_forward(self.state.evaluation)
+        if self.controlled_arm.along is not None:
             return 1
         blend = self.system.blend
         if blend is None:
             return most
-        steps, most = self.state.steps, min(most, self._watch.every)
+        steps, most = self.state.steps, min(most, self.premise_watch.every)
         return next((k for k in range(1, most) if self._blend_acts(blend, self._time(steps + k))), most)
 
-    @property
-    def judged_station(self) -> int:
-        """Station along the reference where the sampled loops were judged last, -1 where they are to be judged anew at
-        the next look wherever the arm is."""
-        station = self.state.judged.station
-        return -1 if station is None or self._watch.model_has_moved else station
-
-    def leave_unsolved(self) -> None:
-        """Stop because an ideal sensor has no reading."""
-        self._watch.left("stop", "the loop through the multiplier has no solution")
-
-    def heed_posture(self, nearest: int) -> None:
-        """Judge the premises that depend on the posture, in the middle of the present period. nearest: number of the
-        centre of Omega that is nearest to the posture."""
-        self._watch.heed_posture(nearest)
+    def stop_without_force(self) -> None:
+        """Stop because no force was found for an ideal sensor."""
+        self.premise_watch.left("stop", "the loop through the multiplier has no solution")
 
     def take(self, periods: int, alarms: Alarm) -> None:
         """Take up periods that `app.simulation.compiled_run` has computed in the loop's memory. alarms: of the last
         period."""
         self.recording.commit(periods)
-        self._arm.resume()
+        self.controlled_arm.resume()
         if alarms:
-            self._count(periods - 1)
-            self._heed(alarms)
+            self._advance_time(periods - 1)
+            self._handle(alarms)
             periods = 1
-        self._count(periods)
+        self._advance_time(periods)
 
-    def _count(self, periods: int) -> None:
+    def _advance_time(self, periods: int) -> None:
         self.state.steps += periods
         self.state.t = self._time(self.state.steps)
 
@@ -368,8 +345,8 @@ class ClosedLoop:
         if not known:
             log.error("fault", stage=stage, t=round(self.t, 6), scenario=self.system.scenario.name, exc_info=error)
 
-    def _heed(self, alarms: Alarm) -> None:
-        self._watch.heed(alarms)
+    def _handle(self, alarms: Alarm) -> None:
+        self.premise_watch.handle(alarms)
         self.recording.epochs[-1] = self.state.epoch
 
     def _blend(self, blend: ModelBlend) -> None:
@@ -388,7 +365,7 @@ class ClosedLoop:
         elif self.t > blend.begins - half:
             if self.state.epoch.t < blend.begins - half:
                 self._new_epoch()
-            if blend.share(self.t) != self._watch.share:
+            if blend.share(self.t) != self.premise_watch.share:
                 self._follow(blend)
 
     def _blend_acts(self, blend: ModelBlend, t: float) -> bool:
@@ -397,45 +374,25 @@ class ClosedLoop:
         if t <= blend.begins - half:
             return False
         ends, begins = t > blend.begins + blend.over - half, self.state.epoch.t < blend.begins - half
-        return ends or begins or blend.share(t) != self._watch.share
+        return ends or begins or blend.share(t) != self.premise_watch.share
 
     def _new_epoch(self) -> None:
-        self._watch.begin()
+        self.premise_watch.begin()
         self.recording.epochs.append(self.state.epoch)
 
     def _follow(self, blend: ModelBlend) -> None:
         """Let the law follow the target model of the present instant."""
         self.system = self.system.with_controller(self.system.controller.following(blend.at(self.t)))
-        self._watch.follow(self.system, blend.share(self.t))
-        self._arm.follow(self.system.controller.gains)
+        self.premise_watch.follow(self.system, blend.share(self.t))
+        self.controlled_arm.follow(self.system.controller.gains)
 
-    def _evaluated(self) -> Record[Evaluation]:
-        """Evaluation of the period that begins now; that of the period before where the user's own law fails."""
+    def evaluated(self) -> Record[Evaluation]:
+        """Evaluation of the period that begins now; that of the previous period where the user's own law fails."""
         try:
-            return self._arm.evaluated()
+            return self.controlled_arm.evaluated()
         except OwnCodeError:
             return self.state.evaluation.copy()
 
     def view(self) -> View:
         """The present state as the screen shows it."""
-        system, state, t = self.system, self.state, self.t
-        arm, evaluated = state.arm.views, self._evaluated()
-        seen, reference = evaluated.data["seen"], evaluated.data["reference"]
-        normals = seen["task"]["normals"][0]
-        metrics = LiveMetrics(
-            evaluated,
-            state.evaluation.views.residual.copy(),
-            self.certificate.t_r,
-            np.nan if self.reaching_time is None else self.reaching_time,
-            self.sampled.force_factor,
-        )
-        return View(
-            arm.q.copy(),
-            seen["estimate"]["p"][0],
-            None if system.layout.joint else system.tool_at(reference["r_d"][0], t),
-            arm.load.wrench[:3].copy(),
-            reference["F_cd"][0, : system.pressed] @ normals[: system.pressed],
-            self._arm.push[:3].copy(),
-            self._arm.push[3:].copy(),
-            metrics,
-        )
+        return view_of(self)

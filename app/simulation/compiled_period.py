@@ -13,7 +13,7 @@ import numpy as np
 
 from app.simulation.controlled_arm import PeriodAddresses
 from app.simulation.implicit_force import FORCE_ITERATIONS, better_guess, force_found, improve_inverse
-from controllers.premises import DOMAIN, periods_between_looks
+from controllers.premises import DOMAIN, periods_between_checks
 from environments.integrators import (
     STAGES,
     Integrator,
@@ -72,7 +72,7 @@ class RunData(NamedTuple):
     done, moving: periods that the call has completed, and whether the law of the next one is evaluated.
     unsolved, astray: whether the ideal sensor has no reading, and whether the tool cannot be brought onto the rigid
     surface.
-    alarms: `Alarm` flags of the last completed period, not heeded yet."""
+    alarms: `Alarm` flags of the last completed period, not handled yet."""
 
     period_kernels: PeriodAddresses
     plant_kernels: PlantAddresses
@@ -283,9 +283,11 @@ def _move(run, workspace, arm, twin, t):
 def run_periods(
     run, setting, evaluation, arm, workspace, whole, spare, twin, centres, stations, sensing, errors, line, t, rows
 ):
-    """Compute the periods that begin at t (N,) s, or fewer: after one with alarms, and before the plant moves when the
-    watch has something to judge or an ideal sensor has no reading. `run` has steps, read and moving of the first
-    period, and where the call ended. centres, stations: (k, n) rad, of Omega, (k,), the station of each."""
+    """Compute the periods that begin at t (N,) s. Returns early after an alarm, and before the plant moves if a posture
+    check is due or no force was found.
+    run: steps, read and moving of the first period; afterwards, where the call ended.
+    centres: (k, n) rad, of Omega.
+    stations: (k,), the station of each centre."""
     data = run[0]
     data.alarms, data.nearest = 0, -1
     placed = False
@@ -302,8 +304,8 @@ def run_periods(
             else:
                 _evaluate(data, setting, evaluation, arm, t[k], row)
             data.moving = True
-            if (data.steps + k) % periods_between_looks(data.period) == 0 or evaluation[0].jumped:
-                nearest = ask_integer(data.period_kernels.watch, (setting, evaluation, centres))
+            if (data.steps + k) % periods_between_checks(data.period) == 0 or evaluation[0].push_changed:
+                nearest = ask_integer(data.period_kernels.check, (setting, evaluation, centres))
                 if evaluation[0].table.value[DOMAIN] > data.close or stations[nearest] != data.station:
                     data.nearest = nearest
             if data.unsolved or data.nearest >= 0:

@@ -1,12 +1,14 @@
 """Compiled run: many control periods of a closed loop in one compiled call, without the interpreter lock.
 
-`CompiledRun.advance` does what `ClosedLoop.step` does, in the same order. Where a period needs the interpreter (the
-watch looks at the posture, an alarm), the compiled function returns, and its caller does what `step` does there.
+`CompiledRun.advance` does what `ClosedLoop.step` does, in the same order. Where a period needs the interpreter (a
+posture check finds a new station, or an alarm), the compiled function returns, and its caller does what `step` does
+there.
 """
 
 from __future__ import annotations
 
-from typing import get_args
+from collections.abc import Callable
+from typing import NamedTuple, get_args
 
 import numpy as np
 
@@ -14,17 +16,12 @@ from app.simulation.alarms import Alarm
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_period import RunData, run_periods
 from app.simulation.stations import APART
-from environments.integrators import (
-    Integrator,
-)
+from environments.integrators import Integrator
 from environments.readings_ahead import ReadingsAhead, known
 from environments.rigid_surfaces import out_of_reach
 from kernels import compiled_for
 from kernels.records import Record
-from kernels.rigid_body import (
-    Motion,
-    same_geometry,
-)
+from kernels.rigid_body import Motion, same_geometry
 
 BATCH = 4096  # periods whose readings are prepared together
 
@@ -40,23 +37,48 @@ def obstacle(loop: ClosedLoop) -> str | None:
     return next((reason for reason, holds in reasons.items() if holds), None)
 
 
+class PostureChecks(NamedTuple):
+    """Posture checks of a compiled run: where the sampled loops need not be judged again.
+    close: rad, distance from a centre of Omega within which they were judged at its station.
+    stations: (k,), station of each centre.
+    judged_station: the station where they were judged last."""
+
+    close: float
+    stations: np.ndarray
+    judged_station: Callable[[], int]
+
+    @classmethod
+    def of(cls, loop: ClosedLoop) -> PostureChecks:
+        """Checks as `ClosedLoop.step` makes them."""
+        close = min(APART, loop.system.constants.radius)
+        return cls(close, loop.system.stations.of, lambda: loop.premise_watch.judged_station)  # its watch can change
+
+    @classmethod
+    def none(cls, loop: ClosedLoop) -> PostureChecks:
+        """Checks that never find anything to judge, for a run whose premises are not asked for: it takes a third less
+        time. The arm's motion is the same to the last bit, unless a broken promise stops the run."""
+        return cls(np.inf, np.zeros_like(loop.system.stations.of), lambda: 0)
+
+
 class CompiledRun:
     """Compiled run of a loop; after an edit of the loop another one has to be made.
+    checks: of the posture, by default those of `ClosedLoop.step`.
 
     Raises ValueError where there is an `obstacle`.
     """
 
-    def __init__(self, loop: ClosedLoop) -> None:
+    def __init__(self, loop: ClosedLoop, checks: PostureChecks | None = None) -> None:
         reason = obstacle(loop)
         if reason is not None:
             raise ValueError(reason)
         system, n = loop.system, loop.system.robot.n
         plant = system.plant
         self._loop, rows = loop, loop.recording.new_rows(1)
+        self._checks = PostureChecks.of(loop) if checks is None else checks
         nominal_chain, true_chain = system.nominal.chain, plant.chain
         self._data = Record(
             RunData(
-                period_kernels=loop.addresses,
+                period_kernels=loop.controlled_arm.addresses,
                 plant_kernels=plant.addresses,
                 known=nominal_chain,
                 true=true_chain,
@@ -69,7 +91,7 @@ class CompiledRun:
                 springs=plant.kind.springs,
                 massive=plant.kind.massive,
                 rigid=plant.kind.rigid,
-                ideal=loop.ideal,
+                ideal=loop.controlled_arm.ideal,
                 carrier=system.robot.tool_joint - 1,
                 turned=np.zeros((3, 3)),
                 push=system.push,
@@ -83,7 +105,7 @@ class CompiledRun:
                 before=np.zeros(3),
                 inverse=np.zeros((3, 3)),
                 station=-1,
-                close=min(APART, system.constants.radius),
+                close=self._checks.close,
                 nearest=-1,
                 steps=0,
                 read=0,
@@ -95,15 +117,15 @@ class CompiledRun:
             )
         )
         self._spare, self._twin = loop.state.evaluation.copy().data.view(np.uint8), loop.state.arm.copy().data
-        self._centres, self._stations = system.constants.centres, system.stations.of
+        self._centres = system.constants.centres
         self._run = compiled_for(run_periods, *self._arguments(ReadingsAhead(loop.state.reader, 1)), np.zeros(1), rows)
 
     def _arguments(self, ahead: ReadingsAhead) -> tuple[np.ndarray, ...]:
         """Arguments of the compiled function but for times and rows."""
-        setting, evaluation, arm, workspace = self._loop.kernel_data
-        spare = evaluation.view(np.uint8), self._spare, self._twin
-        watched, sensor = (self._centres, self._stations), (ahead.sensing, ahead.errors, ahead.line)
-        return self._data.data, setting, evaluation, arm, workspace, *spare, *watched, *sensor
+        data = self._loop.controlled_arm.kernel_data
+        spare = data.evaluation.view(np.uint8), self._spare, self._twin
+        centres, sensor = (self._centres, self._checks.stations), (ahead.sensing, ahead.errors, ahead.line)
+        return self._data.data, *data, *spare, *centres, *sensor
 
     def advance(self, periods: int) -> int:
         """Compute `periods` control periods, or fewer when the run stops; an exception in one stops it, as in
@@ -133,16 +155,11 @@ class CompiledRun:
             left, uneventful = left - data.done, uneventful - data.done
             loop.take(data.done, Alarm(data.alarms))
             if data.unsolved:
-                loop.leave_unsolved()
+                loop.stop_without_force()
                 data.unsolved = False
             if data.nearest >= 0:
-                loop.heed_posture(data.nearest)
+                loop.premise_watch.judge_posture(data.nearest)
         return ahead.periods - left
-
-    @property
-    def _station(self) -> int:
-        """Station where the sampled loops were judged last, -1 where they are to be judged anew wherever the arm is."""
-        return self._loop.judged_station
 
     def _call(self, ahead: ReadingsAhead, read: int, periods: int) -> None:
         """Call the compiled function for at most `periods` periods. read: number of readings of `ahead` that earlier
@@ -150,19 +167,6 @@ class CompiledRun:
         loop, data = self._loop, self._data.fields
         rows, begun, state = loop.recording.new_rows(periods), loop.state.steps, loop.state
         data.steps, data.read = begun, read
-        data.station = self._station
+        data.station = self._checks.judged_station()
         t = state.epoch.t + np.arange(begun, begun + len(rows)) * loop.period
         self._run(*self._arguments(ahead), t, rows)
-
-
-class UnjudgedRun(CompiledRun):
-    """Compiled run that does not judge the premises that depend on the posture, which takes a third less time. The
-    arm's motion is the same to the last bit, unless a broken promise stops the run."""
-
-    def __init__(self, loop: ClosedLoop) -> None:
-        super().__init__(loop)
-        self._data.fields.close, self._stations = np.inf, np.zeros_like(self._stations)
-
-    @property
-    def _station(self) -> int:
-        return 0

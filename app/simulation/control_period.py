@@ -8,14 +8,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from app.simulation.alarms import ENTERED, OVER_BOUND, REACHED, Limits, began_to_saturate, beyond_limits, lost_contact
+from app.simulation.alarms import (
+    BAND_REACHED,
+    LAYER_REACHED,
+    OVER_BOUND,
+    Limits,
+    began_to_saturate,
+    beyond_limits,
+    lost_contact,
+)
 from app.simulation.observation import Observation, ObservationModel, observe
 from app.simulation.planned_reference import ReferencePlan, reference_at
 from app.simulation.row_writing import write_load, write_row
 from app.simulation.true_errors import UNKNOWN, TrueArm, TrueErrors, judge_errors
 from controllers.bounds import sum_of
-from controllers.control_law import ControlOutput, Gains, Reference, Told, add_up, clear
-from controllers.held_torque import Held, held_error, push_jumped, reference_jump
+from controllers.control_law import ControlOutput, Gains, LawInput, Reference, add_up, clear, no_parameters
+from controllers.held_torque import Held, held_error, push_changed, reference_jump
 from controllers.laws.table import torque as law_torque
 from controllers.nominal_model import ON_LINE
 from controllers.premises import (
@@ -25,13 +33,13 @@ from controllers.premises import (
     GAIN,
     HELD,
     REGULAR,
-    Kept,
+    PostureCheck,
     PremiseScratch,
     PremiseTable,
-    Watched,
+    PromiseRecord,
+    check_posture,
     judge,
     keep_promise,
-    watch,
 )
 from controllers.reference_estimates import FeedforwardModel, take_estimates
 from controllers.sliding import measure
@@ -43,7 +51,7 @@ from kernels.algebra import copy, norm, row_times
 
 class Setting(NamedTuple):
     """Setting of the loop: all that stays the same between two edits.
-    period: s.
+    period: s, of control.
     online: whether estimates are taken at q, not beforehand (Remark 3).
     heavy: the contact's force depends on tau.
     torque_limit: (n,) N m, of the drives.
@@ -67,13 +75,16 @@ class Evaluation(NamedTuple):
     push: (6,), the wrench of a push on the tool.
     applied: (n,) N m, tau as the drives apply it.
     residual: (n,) N, of (8), complete once q_ddot is known.
-    saturated: whether a drive's limit cut the torque in the period before.
-    touching: whether in the period before there was a force on every surface that the tool should press, and no rigid
+    saturated: whether a drive's limit cut the torque in the previous period.
+    touching: whether in the previous period there was a force on every surface that the tool should press, and no rigid
     one was left.
-    jumped: whether the push on the tool is another one than in the period before: the band has to be computed anew.
-    news: `Alarm` flags of the promise.
+    push_changed: whether the push differs from that of the previous period, so that the band must be recomputed.
+    promise_alarms: `Alarm` flags of the promise.
     errors: of the controller's model at this state, as far as bounds are stated for them.
-    table, watched, held, kept: premises and quantities that the theorem's promise depends on, and how it was kept."""
+    table: premises of the theorem's promise.
+    posture_check: quantities on which they and the band depend.
+    held: quantities of the previous period.
+    promise_record: the promise, and how it was kept."""
 
     z: np.ndarray
     F: np.ndarray
@@ -86,13 +97,13 @@ class Evaluation(NamedTuple):
     residual: np.ndarray
     saturated: bool
     touching: bool
-    jumped: bool
-    news: int
+    push_changed: bool
+    promise_alarms: int
     errors: TrueErrors
     table: PremiseTable
-    watched: Watched
+    posture_check: PostureCheck
     held: Held
-    kept: Kept
+    promise_record: PromiseRecord
     scratch: PremiseScratch
 
     @classmethod
@@ -101,21 +112,22 @@ class Evaluation(NamedTuple):
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
         feedforward = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(6)
-        watched = Watched(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        check = PostureCheck(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, False, 0, UNKNOWN)
-        return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), PremiseScratch.zeros(n))
+        return cls(*law, PremiseTable.fresh(), check, Held.zeros(n), PromiseRecord.fresh(), PremiseScratch.zeros(n))
 
 
 def asked(torque: Callable[..., None]) -> Any:
-    """Inline kernel that hands the `Told` of an evaluation to a law, or to another function of the same arguments,
-    which writes into the output.
-    parameters: the law's own.
-    state: x and x_dot of a law with a state of its own."""
+    """Inline kernel that calls a law's torque, or another function of the same first arguments, with the law input of
+    an evaluation.
+
+    The kernel's arguments are setting, evaluation, the law's own parameters, and further ones of the function: x and
+    x_dot of a law with a state of its own."""
 
     @inline
-    def ask(setting, evaluation, parameters, *state):
+    def ask(setting, evaluation, parameters, *further):
         seen = evaluation.seen
-        told = Told(
+        given = LawInput(
             setting.gains,
             parameters,
             evaluation.reference,
@@ -128,12 +140,12 @@ def asked(torque: Callable[..., None]) -> Any:
             evaluation.F,
             seen.work,
         )
-        torque(told, evaluation.output, *state)
+        torque(given, evaluation.output, *further)
 
     return ask
 
 
-_measure, _ask = asked(measure), asked(law_torque)
+_measure, _ask, _check = asked(measure), asked(law_torque), asked(check_posture)
 
 
 @kernel
@@ -141,7 +153,7 @@ def control_period(setting, evaluation, momenta, C, J, J_dot, placements, arm, F
     """Evaluate the law at time t (s) for the state of `arm` and the measured wrench F (6,), and write the evaluation
     into the `Row`. momenta ... placements: `nominal_model.Terms` at that state."""
     _see(setting[0], evaluation[0], momenta, C, J, J_dot, placements, arm[0], F, t)
-    _ask(setting[0], evaluation[0], setting[0].gains)
+    _ask(setting[0], evaluation[0], no_parameters(setting[0].gains))
     _conclude(setting[0], evaluation[0], arm[0], t, row[0])
 
 
@@ -168,7 +180,7 @@ def _see(setting, evaluation, momenta, C, J, J_dot, placements, arm, F, t):
     reference_at(setting.plan, t, evaluation.reference)
     if setting.online:
         take_estimates(seen.estimate, evaluation.feedforward)
-    _measure(setting, evaluation, setting.gains)
+    _measure(setting, evaluation, no_parameters(setting.gains))
     clear(evaluation.output)
 
 
@@ -179,60 +191,64 @@ def _conclude(setting, evaluation, arm, t, row):
     add_up(output)
     limited(setting.torque_limit, output.tau, evaluation.applied)
     _prepare_residual(setting.gains.model, evaluation.seen, evaluation.reference, output, evaluation.residual)
-    _judge_premises(setting, evaluation, arm, t)
+    _fill_table(setting, evaluation, arm, t)
+    held = evaluation.held
+    evaluation.push_changed = held.known and push_changed(evaluation.push, held, evaluation.posture_check.held_limit)
+    _remember(evaluation, held)
+    evaluation.promise_alarms = _promise_alarms(evaluation, t)
     write_row(row, t, arm, evaluation)
 
 
 @inline
-def _judge_premises(setting, evaluation, arm, t):
-    """Judge whether the premises of Theorem 1 hold now, and whether ||s|| is within the promised bound."""
-    gains, output, table, watched, held = (
-        setting.gains,
-        evaluation.output,
-        evaluation.table,
-        evaluation.watched,
-        evaluation.held,
-    )
-    task, estimate, feedforward, scratch = (
-        evaluation.seen.task,
-        evaluation.seen.estimate,
-        evaluation.feedforward,
-        evaluation.scratch,
-    )
-    true, seen = setting.true_arm, evaluation.seen
+def _fill_table(setting, evaluation, arm, t):
+    """Compute the premises of Theorem 1 that change from period to period."""
+    gains, table, output, seen = setting.gains, evaluation.table, evaluation.output, evaluation.seen
+    check, held, scratch, true = evaluation.posture_check, evaluation.held, evaluation.scratch, setting.true_arm
     if true.judged:
-        violated = judge_errors(true, estimate, seen.q, seen.q_dot, t, evaluation.errors)
+        violated = judge_errors(true, seen.estimate, seen.q, seen.q_dot, t, evaluation.errors)
         table.value[DECLARED] = true.outsiders + violated
-    table.value[REGULAR], table.limit[REGULAR] = 1.0 / task.J_q_inv_norm, setting.limits.sigma_min
+    table.value[REGULAR], table.limit[REGULAR] = 1.0 / seen.task.J_q_inv_norm, setting.limits.sigma_min
     table.value[DRIVES], table.limit[DRIVES] = _share_of_drives(setting.torque_limit, output.tau), 1.0
     table.value[GAIN], table.limit[GAIN] = sum_of(output.needed), output.d
     spared = SAMPLING_SHARE * gains.K_s_smallest * output.s_norm
-    table.value[HELD], table.limit[HELD] = 0.0, watched.allowed + spared
+    table.value[HELD], table.limit[HELD] = 0.0, check.held_limit + spared
     if held.known:
         F = scratch.F
         for a in range(6):
             F[a] = arm.load.wrench[a] - held.push[a]
         jump = reference_jump(gains, evaluation.reference, held, setting.period)
-        table.value[HELD] = held_error(gains, feedforward, task, estimate, F, output, held, scratch)
-        table.value[HELD] += watched.high * jump / setting.period
-    evaluation.jumped = held.known and push_jumped(evaluation.push, held, watched.allowed)
-    terms = output.terms
+        model, task, estimate = evaluation.feedforward, seen.task, seen.estimate
+        table.value[HELD] = held_error(gains, model, task, estimate, F, output, held, scratch)
+        table.value[HELD] += check.H_max * jump / setting.period
+
+
+@inline
+def _remember(evaluation, held):
+    """Copy into `held` what the next period compares with."""
+    output, terms, reference = evaluation.output, evaluation.output.terms, evaluation.reference
     for i in range(held.model.shape[0]):
         held.model[i] = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
     copy(output.z_dot, held.z_dot)
     copy(evaluation.push, held.push)
-    copy(evaluation.reference.r_d, held.r_d)
-    copy(evaluation.reference.r_d_dot, held.r_d_dot)
-    copy(evaluation.reference.r_d_ddot, held.r_d_ddot)
+    copy(reference.r_d, held.r_d)
+    copy(reference.r_d_dot, held.r_d_dot)
+    copy(reference.r_d_ddot, held.r_d_ddot)
     held.known = True
 
-    entered, reached = np.isnan(evaluation.kept.entered), np.isnan(evaluation.kept.reached)
-    over = keep_promise(judge(table, t), output.s_norm, watched, t, evaluation.kept)
-    evaluation.news = OVER_BOUND if over else 0
-    if entered and not np.isnan(evaluation.kept.entered):
-        evaluation.news += ENTERED
-    if reached and not np.isnan(evaluation.kept.reached):
-        evaluation.news += REACHED
+
+@inline
+def _promise_alarms(evaluation, t):
+    """Judge whether all premises hold, and ||s|| is within the promised bound; returns the `Alarm` flags of the
+    promise."""
+    record, s_norm = evaluation.promise_record, evaluation.output.s_norm
+    outside_layer, outside_band = np.isnan(record.layer_reached), np.isnan(record.band_reached)
+    over = keep_promise(judge(evaluation.table, t), s_norm, evaluation.posture_check, t, record)
+    alarms = OVER_BOUND if over else 0
+    if outside_layer and not np.isnan(record.layer_reached):
+        alarms += LAYER_REACHED
+    if outside_band and not np.isnan(record.band_reached):
+        alarms += BAND_REACHED
+    return alarms
 
 
 @inline
@@ -287,24 +303,19 @@ def _nearest(rows, x):
 
 
 @kernel
-def watch_posture(setting, evaluation, centres):
-    """Watch the posture of the last evaluation: its inertia, see `premises.Watched`, and its distance from the centres
-    (N, n) rad of Omega. Returns the nearest centre's number."""
+def check_present_posture(setting, evaluation, centres):
+    """Compute the `PostureCheck` of the last evaluation, and the distance of its posture from the centres (N, n) rad of
+    Omega. Returns the number of the nearest centre."""
     setting, evaluation = setting[0], evaluation[0]
     nearest, evaluation.table.value[DOMAIN] = _nearest(centres, evaluation.seen.q)
-    watch(
-        setting.gains,
-        evaluation.z,
-        evaluation.reference,
-        evaluation.seen.task,
-        evaluation.seen.estimate,
-        evaluation.feedforward,
-        evaluation.seen.q_dot,
-        evaluation.output,
-        evaluation.scratch,
-        evaluation.kept.reaching,
+    _check(
+        setting,
+        evaluation,
+        no_parameters(setting.gains),
+        evaluation.promise_record.reaching,
         setting.period,
+        evaluation.scratch,
         evaluation.table,
-        evaluation.watched,
+        evaluation.posture_check,
     )
     return nearest

@@ -11,10 +11,10 @@ from app.simulation.control_period import (
     Evaluation,
     Setting,
     begin_period,
+    check_present_posture,
     complete_row,
     control_period,
     end_period,
-    watch_posture,
 )
 from app.simulation.implicit_force import FORCE_ITERATIONS, better_guess, force_found, improve_inverse
 from app.simulation.separate_law import SeparateLaw
@@ -31,15 +31,31 @@ SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
 
 
 class PeriodAddresses(NamedTuple):
-    """Addresses of `control_period`, `watch_posture` and `complete_row` in this process, for `kernels.pointers`."""
+    """Addresses in this process, for `kernels.pointers`.
+    law: of `control_period`.
+    check: of `check_present_posture`.
+    complete: of `complete_row`."""
 
     law: int
-    watch: int
+    check: int
     complete: int
 
 
+class KernelData(NamedTuple):
+    """Data that the compiled functions of a period work in, each a structured array (1,).
+    setting: the `Setting` of the loop.
+    evaluation: the `Evaluation` of the period.
+    arm: the true arm, part of the state.
+    workspace: memory of the plant."""
+
+    setting: np.ndarray
+    evaluation: np.ndarray
+    arm: np.ndarray
+    workspace: np.ndarray
+
+
 class ControlledArm:
-    """Plant, sensor and law of one system, working in the memory of one state: `measure`, `control`, `move` and
+    """Plant, sensor and law of one system, working in the memory of one state: `measure`, `apply_law`, `move` and
     `complete` make a control period.
 
     settings: the data of the system that the compiled functions read.
@@ -61,7 +77,7 @@ class ControlledArm:
         self.ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
         self.scripted = system.push if system.push.acts else None
         self._applied, self.push = evaluation.views.applied, evaluation.views.push
-        self._jumped = evaluation.data["jumped"]
+        self._push_changed = evaluation.data["push_changed"]
         self.push_torque, self._pushed = np.zeros(system.robot.n), True
         if settings is None:
             settings = Record(_setting_of(system, online=self.along is None))
@@ -72,13 +88,13 @@ class ControlledArm:
         self._law = None
         before = (*data, *system.nominal.terms, arm.data, arm.views.load.wrench, state.t)
         if system.controller.gains.law >= 0:
-            self._control = compiled_for(control_period, *before, row)
+            self._control_period = compiled_for(control_period, *before, row)
         else:
             self._law = SeparateLaw(system.controller, settings)
             self._begin = compiled_for(begin_period, *before)
             self._end = compiled_for(end_period, *data, arm.data, state.t, row)
         self._complete = compiled_for(complete_row, *data, arm.data, row)
-        self._look = compiled_for(watch_posture, *data, self._centres)
+        self._check = compiled_for(check_present_posture, *data, self._centres)
 
     @property
     def addresses(self) -> PeriodAddresses:
@@ -87,9 +103,14 @@ class ControlledArm:
         before = (*data, *self._nominal.terms, arm, self._force, self._state.t)
         return PeriodAddresses(
             law=address_for(control_period, *before, self._scratch),
-            watch=address_for(watch_posture, *data, self._centres),
+            check=address_for(check_present_posture, *data, self._centres),
             complete=address_for(complete_row, *data, arm, self._scratch),
         )
+
+    @property
+    def kernel_data(self) -> KernelData:
+        """Data for the compiled functions of a period."""
+        return KernelData(self._settings, self._evaluation, self._arm_data, self._plant.workspace)
 
     def settings_with(self, system: System) -> Record[Setting]:
         """The settings for a system that differs in the true arm only: a copy takes a tenth of the time."""
@@ -125,15 +146,15 @@ class ControlledArm:
         return pushed
 
     @property
-    def push_jumped(self) -> bool:
-        """Whether the push of the present period is another one than that of the period before."""
-        return bool(self._jumped[0])
+    def push_changed(self) -> bool:
+        """Whether the push differs from that of the previous period."""
+        return bool(self._push_changed[0])
 
     def resume(self) -> None:
         """Continue after periods that have been computed in the same memory without this object."""
         self._pushed = True  # so that the next period without a push clears that of the last one
 
-    def control(self, F: np.ndarray, row: np.ndarray) -> bool:
+    def apply_law(self, F: np.ndarray, row: np.ndarray) -> bool:
         """Evaluate the law for the present state and the measured wrench F (6,), into the state's evaluation and the
         row. An ideal sensor reads the force that the law's torque causes, instead of F. False where there is no such
         force."""
@@ -165,9 +186,9 @@ class ControlledArm:
         self._evaluate(twin, self._state.arm.views.load.wrench - self.push, self._scratch)
         return twin
 
-    def look(self, evaluation: Record[Evaluation]) -> int:
-        """Watch the posture of an evaluation, see `watch_posture`; returns the number of the nearest centre."""
-        return self._look(self.settings.data, evaluation.data, self._centres)
+    def check_posture(self, evaluation: Record[Evaluation]) -> int:
+        """Check the posture of an evaluation, see `check_present_posture`; returns the number of the nearest centre."""
+        return self._check(self.settings.data, evaluation.data, self._centres)
 
     def press(self) -> None:
         """Start the contact with a rigid surface: before the first period, the sensor reads the force that the law's
@@ -188,7 +209,7 @@ class ControlledArm:
         """Evaluate the law for the wrench F (6,) and the terms of the arm that the nominal model has now."""
         state, data, terms = self._state, self._arm_data, self._nominal.terms
         if self._law is None:
-            self._control(self._settings, evaluation.data, *terms, data, F, state.t, row)
+            self._control_period(self._settings, evaluation.data, *terms, data, F, state.t, row)
         else:
             self._begin(self._settings, evaluation.data, *terms, data, F, state.t)
             self._law.act(evaluation, state.x)

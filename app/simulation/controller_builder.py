@@ -127,7 +127,7 @@ def true_stiffness(scenario: Scenario) -> np.ndarray:
 def _with_tilts(scenario: Scenario, stiffness: np.ndarray, K_t: float) -> np.ndarray:
     """The stiffness (k, k) with that of a flat tool's tilts, K_t N m/rad, converted to N/m of the coordinates l t."""
     mode, l = mode_of(scenario), scenario.task_space.characteristic_length
-    return np.asarray(block_diag(stiffness, K_t / l**2 * np.eye(mode.m() - mode.pressed)))
+    return np.asarray(block_diag(stiffness, K_t / l**2 * np.eye(mode.force_directions - mode.pressed)))
 
 
 def default_target_model(mode: Mode, n: int, K_e_hat: np.ndarray) -> dict[str, np.ndarray]:
@@ -137,7 +137,7 @@ def default_target_model(mode: Mode, n: int, K_e_hat: np.ndarray) -> dict[str, n
     M = np.full(n, 10.0)
     K = np.full(n, mode.stiffness)
     B = 2.0 * np.sqrt(K * M)
-    m = mode.m()
+    m = mode.force_directions
     K[:m] = 0.0
     if mode.rigid:
         M[:m], B[:m] = 15.0, 100.0
@@ -186,7 +186,7 @@ def matrices_of(scenario: Scenario, n: int) -> dict[str, np.ndarray]:
 def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceRange | None:
     """Range of surfaces on which the target model has to be stable: as stiff as the scenario's or as believed; None for
     none."""
-    contact, m, others = scenario.contact, mode.m(), scenario.surfaces[1:]
+    contact, m, others = scenario.contact, mode.force_directions, scenario.surfaces[1:]
     if not contact.nature.springs or mode.feedback != "all":
         return None
     if m:  # the normal has a coordinate of its own
@@ -258,13 +258,13 @@ def _require_passive(start: TargetModel, end: TargetModel, scenario: Scenario, m
     """Raise InvalidGain where only passive models are known to be stable, and one from `start` to `end` is not."""
     if mode.feedback != "all":
         return
-    if mode.m() < len(scenario.surfaces) > 1:
+    if mode.force_directions < len(scenario.surfaces) > 1:
         where = "among several surfaces"
     elif scenario.face.flat and not mode.on_surface:
         where = "with a flat tool"
     else:
         return
-    if not passive_throughout(start, end, mode.m()):
+    if not passive_throughout(start, end, mode.force_directions):
         which = "target_model" if start is end else "a model on the way"
         raise InvalidGain(
             f"{which}: not passive with its K_f, so {where} it may be unstable; allowed: K_f^-1 M_m, "

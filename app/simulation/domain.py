@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from app.scenario.errors import PathOutOfReach, ScenarioError
 from app.simulation.extremes import OUTSIDE, Effort, Objectives, ObjectiveValue, Omega, Place, largest
-from app.simulation.observation import Observer
+from app.simulation.observation import Observed, Observer
 from app.simulation.planned_reference import Planned
 from app.simulation.search_memory import Memory, Numbers, key_of
 from controllers.bounds import InertiaRange, Uncertainty
 from controllers.control_law import Reference
 from controllers.estimate_rates import NO_RATES, LinkRates, Lipschitz, Steepness
-from controllers.nominal_model import Estimate, NominalModel
-from controllers.task_space import TaskSpace
+from controllers.nominal_model import NominalModel
 from environments.step_resolution import Mobility
 from environments.surfaces.table import Surface
 
@@ -27,7 +27,15 @@ INERTIA, OTHERS = Effort(120, 3), Effort(40, 2)  # of the search; the other func
 MARGIN = 1.02  # factor on all results of searches; longer searches by another method find less than this above them
 SLOWEST = 1e-3  # Hz: for a surface that moves more slowly, only the first 1000 s count
 
-Observe = Callable[[np.ndarray, np.ndarray, float], tuple[Estimate, TaskSpace]]
+Observe = Callable[[np.ndarray, np.ndarray, float], Observed]
+
+
+class DesiredPosture(NamedTuple):
+    """Posture of the arm on the reference.
+    q, q_dot: (n,) rad and rad/s, q_d and q_d_dot."""
+
+    q: np.ndarray
+    q_dot: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -54,16 +62,16 @@ class Constants:
         return self.omega.radius
 
 
-def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
-    """Posture and its rate, q_d and q_d_dot, with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
-    _, task = observe(q, np.zeros_like(q), t)
+def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> DesiredPosture:
+    """Posture with r(q_d, t) = r_d and the rate of both, by Newton's method from q (n,) rad."""
+    task = observe(q, np.zeros_like(q), t).task
     for _ in range(8):
         away = task.J_q_inv @ (reference.r_d - task.r)
         if np.abs(away).max() < 1e-9:
             break
         q = q + away
-        _, task = observe(q, np.zeros_like(q), t)
-    return q, task.J_q_inv @ (reference.r_d_dot - task.v_t)
+        task = observe(q, np.zeros_like(q), t).task
+    return DesiredPosture(q, task.J_q_inv @ (reference.r_d_dot - task.v_t))
 
 
 def centres(
@@ -84,7 +92,7 @@ def centres(
         reference = unshifted.at(t)
         reference.r_d[:] += 0.5 * (1.0 - np.cos(2 * np.pi * SWEEPS * share)) * shift
         try:
-            q, _ = posture_at(observe, q, reference, t)
+            q = posture_at(observe, q, reference, t).q
         except ValueError:  # J_q exactly singular
             q = np.full_like(q, np.nan)
         if not np.linalg.norm(q - found[-1]) < 1.0:

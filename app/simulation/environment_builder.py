@@ -249,7 +249,7 @@ def positions_of(robot: robots.Robot) -> int:
 
 def _free(mode: Mode, layout: TaskLayout) -> range:
     """Coordinates that a trajectory may move."""
-    return range(mode.m(), layout.n if layout.joint else layout.end_of_places)
+    return range(mode.force_directions, layout.n if layout.joint else layout.end_of_places)
 
 
 def spread_over(path: str, displacement: tuple[float, ...], mode: Mode, layout: TaskLayout) -> np.ndarray:

@@ -44,6 +44,15 @@ Objective = Callable[[Place], ObjectiveValue]
 Objectives = Callable[[Place], tuple[ObjectiveValue, ...]]
 
 
+class Nearest(NamedTuple):
+    """Nearest centre of Omega.
+    number: of the centre, counted from 0.
+    distance: rad."""
+
+    number: int
+    distance: float
+
+
 @dataclass(frozen=True)
 class Omega:
     """Postures within `radius` (rad) of one of `centres` (N, n), at times from 0 to `span` s."""
@@ -52,15 +61,15 @@ class Omega:
     radius: float
     span: float = 0.0
 
-    def centre_near(self, q: np.ndarray) -> tuple[int, float]:
-        """Number of the centre nearest to q (n,) rad, and its distance, rad."""
+    def centre_near(self, q: np.ndarray) -> Nearest:
+        """Centre nearest to q (n,) rad."""
         squares = np.square(self.centres - q).sum(axis=1)
         nearest = int(squares.argmin())
-        return nearest, float(np.sqrt(squares[nearest]))
+        return Nearest(nearest, float(np.sqrt(squares[nearest])))
 
     def depth(self, q: np.ndarray) -> float:
         """Depth of q (n,) rad in Omega: 1 at a centre, 0 on the boundary, negative outside."""
-        return 1.0 - (self.centre_near(q)[1] / self.radius) ** 2
+        return 1.0 - (self.centre_near(q).distance / self.radius) ** 2
 
     def nearest(self, place: Place) -> Place:
         """The place in Omega nearest to a place."""

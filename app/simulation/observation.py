@@ -59,6 +59,15 @@ def _observe_alone(observation_model, momenta, C, J, J_dot, placements, t, seen)
     observe(observation_model[0], momenta, C, J, J_dot, placements, t, seen[0])
 
 
+class Observed(NamedTuple):
+    """Observation as the rest of the program uses it.
+    estimate: estimates of the arm.
+    task: task coordinates."""
+
+    estimate: Estimate
+    task: TaskSpace
+
+
 class Observer:
     """Observer of the arm: `observe` for use outside kernels."""
 
@@ -75,7 +84,7 @@ class Observer:
         """Bytes of `observation_model`: observers with the same bytes observe the same."""
         return self._record.data.tobytes()
 
-    def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
+    def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Observed:
         """Estimates and task coordinates at q (n,) rad, q_dot (n,) rad/s, time t (s).
 
         Raises ValueError where J_q is exactly singular.
@@ -83,4 +92,4 @@ class Observer:
         seen = self._blank.copy()
         seen.data["q"], seen.data["q_dot"] = q, q_dot
         _observe_alone(self._record.data, *self.model.update(q, q_dot), t, seen.data)
-        return seen.part("estimate"), seen.part("task")
+        return Observed(seen.part("estimate"), seen.part("task"))

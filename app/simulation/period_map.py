@@ -1,10 +1,11 @@
-"""Map of one control period: what becomes of a small deviation from rest at a posture, and its Jacobian, from the
-period itself: law, sensor and plant with its integrator, `docs/theory.md`."""
+"""Jacobian of one control period at rest, by central differences through law, sensor and plant; see
+`docs/theory.md`."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,25 @@ from kernels.records import Record
 
 STEP, FORCE_STEP = 1e-3, 1e-3  # steps of the differences: in boundary layers, and N
 NO_PUSH = TimedPush(np.zeros(3), 0.0, 0.0)
+NOTHING = np.zeros(6)
+
+
+class PeriodResult(NamedTuple):
+    """Result of one control period.
+    state: (k,), q, q_dot and the rest of the state that the next period depends on.
+    reading: (6,) N and N m, of the force sensor."""
+
+    state: np.ndarray
+    reading: np.ndarray
+
+
+class Linearisation(NamedTuple):
+    """Linear map of small deviations over one control period.
+    A: (k, k), Jacobian of the state.
+    C: (r, k), Jacobian of the sensor's reading in the period."""
+
+    A: np.ndarray
+    C: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -86,7 +106,6 @@ class PeriodMap:
         self._state = state = State.at(still, at.q, np.zeros_like(at.q), at.t)
         self._arm, self._row = ControlledArm(still, state), Record.zeros(Row, system.layout.n).data
         self._arm.settings.data["online"] = system.scenario.controller.estimates == "online"
-        self._added, self._reading = np.zeros(6), np.zeros(6)
         self._blank, controller = state.evaluation.copy(), system.controller
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
         if controller.law.robust:
@@ -119,10 +138,10 @@ class PeriodMap:
         state.evaluation.take(self._blank)
         state.t, state.x[:] = at.t, 0.0
         reference = Planned(plan).at(at.t)
-        estimate, seen = self._observer.at(state.arm.views.q, state.arm.views.q_dot, at.t)
+        seen = self._observer.at(state.arm.views.q, state.arm.views.q_dot, at.t)
         if system.scenario.controller.estimates == "along-reference":  # they do not move with q
-            state.evaluation.write("feedforward", FeedforwardModel.at(estimate))
-        e_r, e_r_dot = seen.r - reference.r_d, seen.r_dot - reference.r_d_dot
+            state.evaluation.write("feedforward", FeedforwardModel.at(seen.estimate))
+        e_r, e_r_dot = seen.task.r - reference.r_d, seen.task.r_dot - reference.r_d_dot
         state.evaluation.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
         state.reader = ForceReader(system.sensor, system.scenario.simulation.seed)
         while not state.reader.full:
@@ -158,8 +177,10 @@ class PeriodMap:
         """Readings in the sensor's memory, (k, 3) or (k, 6)."""
         return self._state.reader.memory[:, : self._felt]
 
-    def _after(self, vector: np.ndarray) -> np.ndarray:
-        """The state one period later. An elastic surface pushes as soon as it is met."""
+    def _after(self, vector: np.ndarray, added: np.ndarray = NOTHING, push: TimedPush | None = None) -> PeriodResult:
+        """Result of a period that begins in this state. An elastic surface pushes as soon as it is met.
+        added: (6,) N and N m, added to the reading of the force sensor.
+        push: on the tool, None for none."""
         state, arm = self._state, self._arm
         for part in self._parts:
             part[:], vector = vector[: len(part)], vector[len(part) :]
@@ -168,37 +189,32 @@ class PeriodMap:
             readings[:, : self._felt] = vector.reshape(-1, self._felt)
             state.reader.recall(readings)
         self._still.plant.find_load(state.arm, state.t)
-        self._reading = arm.measure() + self._added
-        arm.control(self._reading, self._row)
+        arm.scripted = push
+        reading = arm.measure() + added
+        arm.apply_law(reading, self._row)
         arm.move()
         arm.complete(self._row)
-        return self._vector()
+        return PeriodResult(self._vector(), reading)
 
     def jacobian(self) -> np.ndarray:
-        """Jacobian (k, k) of the period, by central differences."""
-        return self.linearised()[0]
+        """Jacobian (k, k) of the period."""
+        return self.linearised().A
 
-    def linearised(self) -> tuple[np.ndarray, np.ndarray]:
-        """Jacobian (k, k) of the period, and that of the sensor's reading in it (r, k)."""
+    def linearised(self) -> Linearisation:
+        """Linearisation of the period, by central differences."""
         changes, readings = [], []
         for way, step in zip(self._ways, self._steps, strict=True):
-            change = step * way
-            ahead, read_ahead = self._after(self._base + change), self._reading
-            behind, read_behind = self._after(self._base - change), self._reading
-            changes.append((ahead - behind) / (2.0 * step))
-            readings.append((read_ahead - read_behind)[: self._felt] / (2.0 * step))
-        return self._gather @ np.column_stack(changes), np.column_stack(readings)
+            ahead, behind = (self._after(self._base + sign * step * way) for sign in (1.0, -1.0))
+            changes.append((ahead.state - behind.state) / (2.0 * step))
+            readings.append((ahead.reading - behind.reading)[: self._felt] / (2.0 * step))
+        return Linearisation(self._gather @ np.column_stack(changes), np.column_stack(readings))
 
     def by_reading(self) -> np.ndarray:
         """Change (k, r) of the state after the period per N (N m) that is added to the reading."""
         changes = []
         for entry in range(self._felt):
-            after = []
-            for sign in (1.0, -1.0):
-                self._added[entry] = sign * FORCE_STEP
-                after.append(self._after(self._base))
-            self._added[entry] = 0.0
-            changes.append((after[0] - after[1]) / (2.0 * FORCE_STEP))
+            ahead, behind = (self._after(self._base, added=_one(entry, sign)).state for sign in (1.0, -1.0))
+            changes.append((ahead - behind) / (2.0 * FORCE_STEP))
         return self._gather @ np.column_stack(changes)
 
     def by_push(self) -> np.ndarray:
@@ -206,15 +222,15 @@ class PeriodMap:
         each."""
         changes = []
         for axis in range(6):
-            ahead, behind = (self._pushed(axis, sign * FORCE_STEP) for sign in (1.0, -1.0))
+            pushes = (_one(axis, sign) for sign in (1.0, -1.0))
+            timed = (TimedPush(push[:3], 0.0, math.inf, moment=push[3:]) for push in pushes)
+            ahead, behind = (self._after(self._base, push=push).state for push in timed)
             changes.append((ahead - behind) / (2.0 * FORCE_STEP))
         return self._gather @ np.column_stack(changes)
 
-    def _pushed(self, axis: int, size: float) -> np.ndarray:
-        """The state after a period at rest with a push."""
-        wrench = np.zeros(6)
-        wrench[axis] = size
-        self._arm.scripted = TimedPush(wrench[:3], 0.0, math.inf, moment=wrench[3:])
-        after = self._after(self._base)
-        self._arm.scripted = None
-        return after
+
+def _one(entry: int, sign: float) -> np.ndarray:
+    """Wrench (6,) with one entry, a step of the differences."""
+    wrench = np.zeros(6)
+    wrench[entry] = sign * FORCE_STEP
+    return wrench

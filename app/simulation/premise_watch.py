@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,13 +15,14 @@ from app.simulation.alarms import Alarm
 from app.simulation.control_period import Evaluation
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch
-from app.simulation.sampled_stability import RespondingLoop, SampledLoop, SampledLoops, worst_gain_by_force
+from app.simulation.sampled_force_loop import worst_gain_by_force
+from app.simulation.sampled_stability import RespondingLoop, SampledLoop, SampledLoops
 from app.simulation.state import Flag, Judged, State, epoch_at
 from app.simulation.stations import APART
 from app.simulation.system import System
 from app.simulation.verdict import sentence
 from controllers.blend import ModelBlend, blended
-from controllers.premises import Kept, Premise, judge, periods_between_looks
+from controllers.premises import Premise, PromiseRecord, judge, periods_between_checks
 from controllers.switching import Switching
 from environments.contact import Holding
 
@@ -30,18 +31,27 @@ SHARE = 0.02  # of a blend, between two judgements of the sampled loops
 ON_THE_WAY = (0.25, 0.5, 0.75, 1.0)  # shares of a blend that is planned, at which its model is judged
 
 
+class GainFeedbackShares(NamedTuple):
+    """Shares of the gain by (17) that are fed back to it, nan where there is no such loop.
+    chatter: by chattering.
+    force: by the force on the surface."""
+
+    chatter: float
+    force: float
+
+
 class PremiseWatch:
     """Watch of the promise of a run, in the memory of its state's evaluation; it writes into the state's `flagged` and
     `stopped` which premise the run has left, and when.
 
     system: follows the target model in force during a blend; share: of that blend, 0 without one.
-    every: control periods from one look at the posture to the next.
+    every: control periods from one posture check to the next.
     """
 
     def __init__(self, system: System, state: State, arm: ControlledArm) -> None:
         self.system = system
         self._state, self._arm, self._h = state, arm, system.scenario.controller.period
-        self.every = periods_between_looks.py_func(self._h)
+        self.every = periods_between_checks.py_func(self._h)
         self._stations, self._centres = system.stations, system.constants.centres
         self._table = state.evaluation.views.table
         self._sampled: SampledLoop | None = None
@@ -63,35 +73,37 @@ class PremiseWatch:
         state.epoch, state.steps = epoch_at(self.system, state.t, state.arm, state.evaluation), 0
         self._promise_anew()
         begun = self._arm.evaluated()
-        self._arm.look(begun)
-        state.evaluation.data["watched"] = begun.data["watched"]
+        self._arm.check_posture(begun)
+        state.evaluation.data["posture_check"] = begun.data["posture_check"]
         found = begun.views.table
-        judge.py_func(found, state.t)  # once more: the look has found what the period before it did not know
-        self._table.now[:] = found.now
+        judge.py_func(found, state.t)  # once more: the check has found what the period before it did not know
+        self._table.failing[:] = found.failing
         for premise in (Premise.LAYER, Premise.GAIN_BY_CHATTER):
             self._state_premise(premise, found.value[premise], found.limit[premise])
-        if not found.now.any():
+        if not found.failing.any():
             state.epoch = self._with_instants(state.epoch)
 
     def _with_instants(self, epoch: Epoch) -> Epoch:
         """The epoch with the instants by which ||s|| is promised to be within the boundary layer and within the
         band."""
-        watched, certificate = self._state.evaluation.part("watched"), epoch.certificate
-        banded = epoch.t + certificate.time_to(float(np.sqrt(2.0 * watched.V_band / watched.low)))
-        layered = watched.width > 0.0 and watched.radius <= watched.width  # V falls down to the layer
-        reached = epoch.t + certificate.time_to(watched.width) if layered else None
+        check, certificate = self._state.evaluation.part("posture_check"), epoch.certificate
+        band = epoch.t + certificate.time_to(float(np.sqrt(2.0 * check.V_band / check.H_min)))
+        falls = check.layer_width > 0.0 and check.radius <= check.layer_width  # V falls down to the layer
+        layer = epoch.t + certificate.time_to(check.layer_width) if falls else None
         if self.system.controller.switching is Switching.DISCONTINUOUS:
-            reached = banded
-        return replace(epoch, reached_by=reached, banded_by=banded)
+            layer = band
+        return replace(epoch, layer_reached_by=layer, band_reached_by=band)
 
     def _promise_anew(self) -> None:
         """Forget the promise; the record of how it was kept stays with the run."""
         state, system = self._state, self.system
-        evaluation, before = state.evaluation, state.evaluation.part("kept")
+        evaluation, before = state.evaluation, state.evaluation.part("promise_record")
         evaluation.data["saturated"] = evaluation.data["held"]["known"] = False
-        evaluation.data["watched"]["V_band"] = 0.0
-        anew = Kept.fresh()._replace(reaching=state.epoch.certificate.bound, broken=before.broken, begun=state.t)
-        evaluation.write("kept", anew._replace(periods=before.periods, lost=before.lost))
+        evaluation.data["posture_check"]["V_band"] = 0.0
+        anew = PromiseRecord.fresh()._replace(
+            reaching=state.epoch.certificate.bound, broken=before.broken, begun=state.t
+        )
+        evaluation.write("promise_record", anew._replace(periods=before.periods, lost=before.lost))
         self._state_premise(Premise.LAW, float(not system.controller.law.robust), 0.0)
         self._state_premise(Premise.DECLARED, float(len(system.outsiders)), 0.0)
         nearest, distance = system.constants.omega.centre_near(state.arm.views.q)
@@ -102,7 +114,7 @@ class PremiseWatch:
         if (system.plant.kind.rigid and (may_leave or absent > 0.0)) or limits.meets.any():
             self._state_premise(Premise.CONTACT, absent, 0.0)
         state.judged = Judged(None, np.full(system.robot.n, np.nan), state.t, self.share)
-        self.heed_posture(nearest)
+        self.judge_posture(nearest)
 
     def _state_premise(self, premise: Premise, value: float, limit: float) -> None:
         """Set the value of a premise that the compiled period does not compute; one with a value of nan does not
@@ -110,11 +122,18 @@ class PremiseWatch:
         table = self._table
         table.value[premise], table.limit[premise] = value, np.nan if np.isnan(value) else limit
 
-    def look(self) -> None:
+    def check_posture(self) -> None:
         """Judge the premises that depend on the arm's posture."""
-        self.heed_posture(self._arm.look(self._state.evaluation))
+        self.judge_posture(self._arm.check_posture(self._state.evaluation))
 
-    def heed_posture(self, nearest: int) -> None:
+    @property
+    def judged_station(self) -> int:
+        """Station along the reference where the sampled loops were judged last, -1 where they are to be judged anew at
+        the next posture check wherever the arm is."""
+        station = self._state.judged.station
+        return -1 if station is None or self.model_has_moved else station
+
+    def judge_posture(self, nearest: int) -> None:
         """Flag the run when q has left Omega, and judge the sampled loops when the arm or the target model has moved:
         near the reference at a station, off the reference at the present posture. nearest: number of the nearest centre
         of Omega."""
@@ -139,7 +158,7 @@ class PremiseWatch:
 
     @property
     def _outlasted(self) -> str:
-        """Words for a run that is longer than the stretch of the path that Omega is about, "" for another one."""
+        """Suffix for a run that outlasts `simulation.duration`, for which Omega was computed; else ""."""
         duration = self.system.scenario.simulation.duration
         if self._state.t <= duration:
             return ""
@@ -175,20 +194,20 @@ class PremiseWatch:
         return loop
 
     @property
-    def fed_back(self) -> tuple[float, float]:
-        """Shares of the gain by (17) that chattering and the force feed back, nan where there is no such loop."""
+    def fed_back(self) -> GainFeedbackShares:
+        """Feedback of the gain by (17) at present."""
         value = self._table.value
-        return float(value[Premise.GAIN_BY_CHATTER]), float(value[Premise.GAIN_BY_FORCE])
+        return GainFeedbackShares(float(value[Premise.GAIN_BY_CHATTER]), float(value[Premise.GAIN_BY_FORCE]))
 
-    def require_bounded_gain(self, before: tuple[float, float]) -> None:
+    def require_bounded_gain(self, before: GainFeedbackShares) -> None:
         """Raise UnboundedGain where the gain by (17) feeds itself: it would grow without bound whatever else is
-        chosen. before: the shares that were `fed_back` before the change, which is not to blame for those."""
+        chosen. before: the feedback before the change; only an increase is refused."""
         chatter, force = (0.0 if now <= earlier else now for now, earlier in zip(self.fed_back, before, strict=True))
         self._require_bounded(chatter, force, f"controller.bounds: with {self.system.controller.bounds!r}")
 
     def require_bounded_blend(self, blend: ModelBlend | None) -> None:
         """Raise UnboundedGain where the gain by (17) would feed itself with a model on the way of this blend."""
-        controller, chatter = self.system.controller, self.fed_back[0]
+        controller, chatter = self.system.controller, self.fed_back.chatter
         if blend is None or not controller.law.robust or controller.d is not None:
             return
         q, t = self._state.arm.views.q, self._state.t
@@ -206,11 +225,11 @@ class PremiseWatch:
             return
         if chatter == np.inf:
             raise UnboundedGain(
-                f"{self._largest_doubt()}: the declared errors leave no inertia at this posture (M_hat - E of (6) is "
+                f"{self._declared_bound()}: the declared errors leave no inertia at this posture (M_hat - E of (6) is "
                 "not positive definite), so no gain by (17) suffices; allowed: a smaller value"
             )
         others = "bounds = 'tight', " if controller.bounds == "paper" else ""
-        others += f"controller.gain = 'constant', or a smaller {self._largest_doubt()}"
+        others += f"controller.gain = 'constant', or a smaller {self._declared_bound()}"
         if chatter >= 1.0:
             raise UnboundedGain(
                 f"{lead} the gain (17) runs away at this control period: "
@@ -223,8 +242,8 @@ class PremiseWatch:
                 f"comes back (must be below 1), and no control period helps; allowed: {others}"
             )
 
-    def _largest_doubt(self) -> str:
-        """Field of the declaration from which delta_H follows."""
+    def _declared_bound(self) -> str:
+        """Dotted path of the declared bound from which delta_H follows, the first one of several."""
         declared = self.system.scenario.declared
         if declared.delta_M is not None:
             return "declared.delta_M"
@@ -232,27 +251,27 @@ class PremiseWatch:
         return f"declared.{next((name for name in links if getattr(declared, name) > 0.0), links[0])}"
 
     @property
-    def banded(self) -> float | None:
+    def band_reached(self) -> float | None:
         """Instant at which ||s|| was first within its band since the last change, s; None while it has not been."""
-        reached = self._state.evaluation.part("kept").reached
+        reached = self._state.evaluation.part("promise_record").band_reached
         return None if np.isnan(reached) else reached
 
     @property
-    def reached(self) -> float | None:
+    def layer_reached(self) -> float | None:
         """Instant at which ||s|| was first within the boundary layer, or within the band for a law that has no layer,
         since the last change, s; None while it has not been."""
         if self.system.controller.switching is Switching.DISCONTINUOUS:
-            return self.banded
-        entered = self._state.evaluation.part("kept").entered
-        return None if np.isnan(entered) else entered
+            return self.band_reached
+        reached = self._state.evaluation.part("promise_record").layer_reached
+        return None if np.isnan(reached) else reached
 
-    def heed(self, alarms: Alarm) -> None:
+    def handle(self, alarms: Alarm) -> None:
         """Handle the alarms of a period: note how and when the run has left the theorem's domain; stop it, or flag
         where the user chose so."""
         state, rules = self._state, self.system.scenario.simulation
         evaluation, arm = state.evaluation.read(), state.arm.read()
-        if Alarm.ENTERED in alarms or Alarm.REACHED in alarms:
-            state.epoch = replace(state.epoch, reached=self.reached, banded=self.banded)
+        if Alarm.LAYER_REACHED in alarms or Alarm.BAND_REACHED in alarms:
+            state.epoch = replace(state.epoch, layer_reached=self.layer_reached, band_reached=self.band_reached)
         rigid = self.system.plant.kind.rigid
         if Alarm.AWAY in alarms and not rigid:
             left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.pressed] != 0.0)))
@@ -272,11 +291,11 @@ class PremiseWatch:
             speed = self.system.units.told(float(np.linalg.norm(arm.q_dot)), "rad/s")
             self.left(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {speed})")
         if Alarm.OVER_BOUND in alarms:
-            rate = self.system.units.rate
+            rate, promise = self.system.units.rate, evaluation.promise_record
             self.left(
                 rules.bound_violation,
                 f"‖s‖ = {1e3 * evaluation.output.s_norm:.4g} {rate} is over (20) plus the band of sampling and layer, "
-                f"{1e3 * (evaluation.kept.bound + evaluation.kept.band):.4g} {rate}, though all premises hold",
+                f"{1e3 * (promise.bound + promise.band):.4g} {rate}, though all premises hold",
             )
 
     def left(self, choice: str, reason: str) -> None:

@@ -31,18 +31,19 @@ def _between(rows: np.ndarray, t_from: float, t_to: float) -> np.ndarray:
 class Epoch:
     """Epoch: the conditions of the rows from t (s) until the next epoch begins.
     scenario, model, certificate: in force; blend: instead of the model, None for no blend.
-    reached: when ||s|| was first within the boundary layer, or the band of a law without one, s, None while it was not.
-    banded: when ||s|| was first within the band, s, None while it was not.
-    reached_by, banded_by: promised instants of these, s, None where nothing is promised."""
+    layer_reached: s, when ||s|| was first within the boundary layer, or the band of a law without one, None while it
+    was not.
+    band_reached: s, when ||s|| was first within the band, None while it was not.
+    layer_reached_by, band_reached_by: s, promised instants of these, None where nothing is promised."""
 
     t: float
     scenario: Scenario
     model: TargetModel
     certificate: ReachingCertificate
-    reached: float | None = None
-    banded: float | None = None
-    reached_by: float | None = None
-    banded_by: float | None = None
+    layer_reached: float | None = None
+    band_reached: float | None = None
+    layer_reached_by: float | None = None
+    band_reached_by: float | None = None
     blend: ModelBlend | None = None
 
     def model_at(self, t: float) -> TargetModel:
@@ -51,9 +52,9 @@ class Epoch:
 
     def until(self, t: float) -> Epoch:
         """The epoch as it was known at t (s)."""
-        known = (None if instant is None or instant > t else instant for instant in (self.reached, self.banded))
-        reached, banded = known
-        return replace(self, reached=reached, banded=banded)
+        instants = self.layer_reached, self.band_reached
+        layer, band = (None if instant is None or instant > t else instant for instant in instants)
+        return replace(self, layer_reached=layer, band_reached=band)
 
 
 class Stretch(Mapping[str, np.ndarray]):
@@ -95,8 +96,8 @@ class _Block:
 class Recording:
     """A bounded table of rows. One thread adds; any thread reads whole rows.
 
-    history: number of rows that are kept at full rate. Older rows are thinned to one in `THINNING`, for at most as long
-    a time again; still older ones are removed. So memory has a bound: with six joints 0.7 GB.
+    history: number of rows that are kept at full rate. Older rows are thinned to one in `THINNING` and deleted after
+    twice the history; memory is bounded, with six joints by 0.7 GB.
     epochs: the last ones, oldest first; readers take a copy.
     """
 

@@ -16,8 +16,7 @@ def plant_key(scenario: Scenario) -> tuple[object, ...]:
 
 
 def sampled_loops_key(scenario: Scenario) -> Scenario:
-    """The scenario without what a sampled loop at rest at a station does not depend on: its names, and the forces that
-    are asked for."""
+    """The part of the scenario on which a sampled loop depends: all but its names and the desired forces."""
     plain = Scenario()
     second = msgspec.structs.replace(scenario.second, force=plain.second.force)
     third = msgspec.structs.replace(scenario.third, force=plain.third.force)
@@ -46,9 +45,8 @@ def domain_key(scenario: Scenario) -> tuple[object, ...]:
 
 
 def controller_key(scenario: Scenario) -> tuple[object, ...]:
-    """Parts of the scenario that the controller depends on, besides the constants over Omega: all but what it is not
-    told of the true arm and of the contact, and what is asked of it."""
-    told = (
+    """Fields that the controller is built from, without the true arm, the true contact and the reference."""
+    known = (
         "robot",
         "mode",
         "task_space",
@@ -61,4 +59,4 @@ def controller_key(scenario: Scenario) -> tuple[object, ...]:
         "face",
     )
     met = scenario.contact if MODES[scenario.mode].feedback == "all" else scenario.contact.nature
-    return *(getattr(scenario, name) for name in told), met, scenario.contact.unilateral
+    return *(getattr(scenario, name) for name in known), met, scenario.contact.unilateral

@@ -43,9 +43,9 @@ def write_row(row, t, arm, evaluation):
     row.d = output.d
     row.d_required = sum_of(needed)
     row.s_norm = output.s_norm
-    row.s_bound = evaluation.kept.bound
-    row.s_band = evaluation.kept.band
-    row.V_band = evaluation.watched.V_band if evaluation.kept.promised else np.nan
+    row.s_bound = evaluation.promise_record.bound
+    row.s_band = evaluation.promise_record.band
+    row.V_band = evaluation.posture_check.V_band if evaluation.promise_record.promised else np.nan
     row.held_error = evaluation.table.value[HELD]
     row.sigma_min = 1.0 / task.J_q_inv_norm
     copy(evaluation.residual, row.residual)

@@ -12,40 +12,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
-from app.simulation.environment_builder import SOFTEST
+from app.simulation.contact_model import model_poles
 from app.simulation.force_margin import ForceLoop
-from app.simulation.period_map import PeriodMap, Posture, free_directions
-from app.simulation.push_response import FORCE, MOMENT, PushAxis, PushResponse
+from app.simulation.period_map import PeriodMap, Posture
+from app.simulation.push_prediction import push_response
+from app.simulation.push_response import PushResponse
+from app.simulation.sampled_force_loop import gain_by_force, unit_loads, worst_force_loop
 from app.simulation.system import System
-from controllers.bounds import Equivalent, RequiredGain, required_gain
-from controllers.force_loop import LONGEST_LINE, force_loop_factors, through_sensor, with_gain
-from controllers.nominal_model import ON_LINE, Estimate
+from controllers.force_loop import LONGEST_LINE
 from controllers.premises import Premise
 from controllers.switching import Switching
-from controllers.target_model import TargetModel
-from controllers.task_space import TaskSpace
 from environments.step_resolution import ROUNDING
 
 NOISE = 1e-6  # of an eigenvalue
-SLIPS = 36  # directions of slip on one surface: the worst one of all is missed by at most 0.4 % of friction's part
-
-
-def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.ndarray | None = None) -> RequiredGain:
-    """Gain required by (17), without its epsilon, where all errors and all rates of the reference are zero, or for
-    another r_eq_ddot."""
-    still = np.zeros(system.layout.n)
-    q_eq_dot = -task.J_q_inv @ task.v_t
-    asked = still if r_eq_ddot is None else r_eq_ddot
-    q_eq_ddot = task.J_q_inv @ (asked - task.J_q_dot @ q_eq_dot - task.v_t_dot)
-    at_rest = Equivalent(still, asked, q_eq_dot, q_eq_ddot)
-    controller = system.controller
-    return required_gain(controller.bounds, controller.uncertainty, ON_LINE, estimate, task, still, at_rest)
-
-
 NO_POLES = np.zeros(0, dtype=complex)
 HALVED = 0.5  # of s is taken away in a period, in the direction of least inertia, where the law is kept on its surface
 
@@ -124,9 +106,9 @@ class SampledLoops:
         system = self.system
         try:
             at = Posture.of(system, q, t)
-            loads = _unit_loads(system, at)
-            given_back, added = zip(*(gain_by_force(system, at, load) for load in loads), strict=True)
-            force_loop, value = _worst_force_loop(system, at, loads, added)
+            loads = unit_loads(system, at)
+            feedback = [gain_by_force(system, at, load) for load in loads]
+            force_loop = worst_force_loop(system, at, loads, tuple(each.added for each in feedback))
             growth, A, C = math.nan, None, None
             if system.sensor.late > LONGEST_LINE:
                 growth = math.inf if _reads_contact(system) else math.nan
@@ -140,11 +122,11 @@ class SampledLoops:
         except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
             return SampledLoop(math.nan, {}, None, None)
         premises = {
-            Premise.FORCE_LOOP: value,
-            Premise.GAIN_BY_FORCE: max(given_back),
+            Premise.FORCE_LOOP: force_loop.premise,
+            Premise.GAIN_BY_FORCE: max(each.gain for each in feedback),
             Premise.SAMPLED_LOOP: growth - ROUNDING,
         }
-        return SampledLoop(force_loop, premises, A, C)
+        return SampledLoop(force_loop.factor, premises, A, C)
 
     def responding(self, loop: SampledLoop, q: np.ndarray, t: float) -> RespondingLoop:
         """The sampled loop of the posture q (n,) rad at time t (s), with its poles and responses."""
@@ -155,10 +137,10 @@ class SampledLoops:
         around_rest = self._map(at, touching=True)
         model, sampled = _poles(system, at, loop.A)
         if around_rest.keeps_moments:
-            response = _push_response(system, at, loop.A, around_rest.by_push())
+            response = push_response(system, at, loop.A, around_rest.by_push())
         else:
             pushed = self._map(at, touching=True, moments=True)
-            response = _push_response(system, at, pushed.jacobian(), pushed.by_push())
+            response = push_response(system, at, pushed.jacobian(), pushed.by_push())
         if _reads_contact(system):
             force_loop = ForceLoop(system.scenario.controller.period, loop.A, around_rest.by_reading(), loop.C)
         return RespondingLoop(**vars(loop), model=model, sampled=sampled, response=response, force_loop=force_loop)
@@ -211,7 +193,7 @@ def _chatters(system: System) -> bool:
 
 
 def _kept_on_surface(system: System, at: Posture) -> System:
-    """The system with a linear law that takes s away within some periods, in place of one that chatters about s = 0."""
+    """The system with a linear law that drives s to zero within a few periods, to linearise a discontinuous one."""
     controller = system.controller
     K_s = HALVED * np.linalg.eigvalsh(at.H_hat)[0] / system.scenario.controller.period * np.eye(system.layout.n)
     return system.with_controller(
@@ -223,191 +205,3 @@ def _reads_contact(system: System) -> bool:
     """Whether the law takes a sampled reading of the contact's force."""
     kind, ideal = system.plant.kind, system.scenario.sensor.ideal
     return kind.touches and system.controller.law.feels_force and not (kind.heavy and ideal)
-
-
-def model_poles(system: System, at: Posture) -> np.ndarray:
-    """Poles (k,) 1/s of (8) against the true contact, in the directions in which the arm can move."""
-    M, B, K = _in_contact(system, at)
-    return TargetModel(M, B, K, np.zeros_like(M)).poles()
-
-
-def _in_contact(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Inertia, damping and stiffness of (8) against the true contact, in the directions in which the arm can move."""
-    model, kind, basis = system.controller.model, system.plant.kind, free_directions(system, at)
-    M, B, K = model.M_m, model.B_m, model.K_m
-    a, environment, k = at.across, system.plant.environment, len(system.surfaces)
-    felt = model.K_f @ (system.controller.controlled[:, None] * a)
-    if kind.massive:
-        M = M + felt @ environment.M_e[:k, :k] @ a.T
-    if kind.springs:
-        B = B + felt @ environment.B_e[:k, :k] @ a.T
-        K = K + felt @ environment.K_e[:k, :k] @ a.T
-    moved = at.estimate.J_v @ at.task.J_q_inv  # velocity of the tool point by that of r
-    for surface, contact in zip(system.surfaces, system.plant.contacts if kind.touches else (), strict=False):
-        normal = surface.chart(at.estimate.p, at.t).G[0]
-        along = moved - np.outer(normal, normal @ moved) / (normal @ normal)
-        B = B + contact.friction_viscous * (model.K_f @ (system.controller.controlled[:, None] * (moved.T @ along)))
-    first, K_t = system.plant.contacts[0], system.scenario.face.K_t
-    for a in at.turning.T:
-        felt = model.K_f @ np.outer(system.controller.controlled * a, a)
-        B = B + felt * (first.B_e * K_t / max(first.K_e, SOFTEST) if kind.springs else 0.0)
-        K = K + felt * (K_t if kind.springs else 0.0)
-    return basis.T @ M @ basis, basis.T @ B @ basis, basis.T @ K @ basis
-
-
-def _push_response(system: System, at: Posture, A: np.ndarray, by_push: np.ndarray) -> PushResponse:
-    """Response of the tool to a push. A (k, k), by_push (k, 6): of the control period."""
-    controller, estimate, J_inv = system.controller, at.estimate, at.task.J_q_inv
-    axes = _push_axes(system, at)
-    wrenches = np.array([axis.wrench for axis in axes])
-    basis = free_directions(system, at)
-    place = wrenches @ np.vstack([estimate.J_v, estimate.J_w]) @ J_inv  # of the tool, from r
-    felt = controller.model.K_f @ (controller.controlled[:, None] * place.T)
-    M, D, K = _in_contact(system, at)
-    C = np.zeros((len(axes), len(A)))
-    C[:, : basis.shape[1]] = place @ basis
-    return PushResponse(
-        axes=axes,
-        period=system.scenario.controller.period,
-        l=system.layout.l,
-        A=A,
-        B=by_push @ wrenches.T,
-        C=C,
-        M=M,
-        D=D,
-        K=K,
-        pushed=basis.T @ felt,
-        place=place @ basis,
-    )
-
-
-def _push_axes(system: System, at: Posture) -> tuple[PushAxis, ...]:
-    """Axes of pushes: along the positions in r, and those about which the tool turns when one of its angles changes
-    alone; where r = q, along and about the world's axes as far as the arm can follow."""
-    layout, coordinates = system.layout, system.coordinates
-    rows = system.charted.chart(at.estimate.p, at.t).G[: layout.positions]
-    forces = np.hstack([rows / np.linalg.norm(rows, axis=1, keepdims=True), np.zeros_like(rows)])
-    planar = layout.positions == 2
-    if layout.joint:
-        names = ("x", "z") if planar else ("x", "y", "z")
-        about = ("y",) if planar and layout.n > 2 else ("x", "y", "z") if layout.n > 5 else ()
-        turns = {name: (f"about {name}", np.eye(3)["xyz".index(name)]) for name in about}
-    else:
-        names = tuple(coordinates[i].name for i in layout.places)
-        omega = at.estimate.J_w @ at.task.J_q_inv
-        turns = {
-            name: (f"about the axis of {name}", omega[:, i] / np.linalg.norm(omega[:, i]))
-            for i in layout.turns
-            for name in [coordinates[i].name.removeprefix("ℓ·")]
-        }
-    return (
-        *(PushAxis(name, f"along {name}", FORCE, wrench) for name, wrench in zip(names, forces, strict=True)),
-        *(PushAxis(name, words, MOMENT, np.concatenate([np.zeros(3), axis])) for name, (words, axis) in turns.items()),
-    )
-
-
-def force_factor(system: System, at: Posture) -> float:
-    """Force loop factor, see `controllers.force_loop`, with Coulomb friction in the direction of slip that makes it
-    largest; nan where no force is fed back through a loop that sampling closes."""
-    loads = _unit_loads(system, at)
-    return _worst_force_loop(system, at, loads, (0.0,) * len(loads))[0]
-
-
-def _worst_force_loop(
-    system: System, at: Posture, loads: list[np.ndarray], added: tuple[float, ...]
-) -> tuple[float, float]:
-    """Factor of the force loop of largest size among these loads, see `_unit_loads`, and the value of its premise, with
-    what d adds for each of them; nan where no force is fed back through a loop that sampling closes."""
-    if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
-        return math.nan, math.nan
-    model, masses, sensor = system.controller.model, _surface_mass(system), (system.sensor.gain, system.sensor.late)
-    loops = [
-        force_loop_factors(at.H_hat, at.H_hat, model, at.across, load, _felt(system, at, load), masses)
-        for load in loads
-    ]
-    factor = through_sensor(np.concatenate(loops), *sensor)
-    if not any(added):
-        return factor, abs(factor)
-    return factor, max(with_gain(loop, more, *sensor) for loop, more in zip(loops, added, strict=True))
-
-
-def _unit_loads(system: System, at: Posture) -> list[np.ndarray]:
-    """F_r (n, k) per unit of the multiplier of each of k surfaces: without Coulomb friction, and with that of a slip in
-    each direction along all surfaces."""
-    normals = np.array([each.chart(at.estimate.p, at.t).G[0] for each in system.surfaces])
-    contacts = system.plant.contacts[: len(normals)]
-    drag = [each.friction_coulomb * np.linalg.norm(row) for each, row in zip(contacts, normals, strict=True)]
-    if not system.plant.kind.heavy or not any(drag):
-        return [at.across]
-    across_plane = [[0.0, 1.0, 0.0]] if system.layout.positions == 2 else np.zeros((0, 3))
-    held = np.vstack([normals, across_plane])
-    along = np.linalg.svd(held)[2][len(held) :]
-    angles = np.linspace(0.0, 2 * np.pi, SLIPS, endpoint=False)
-    around = {0: [], 1: [[1.0], [-1.0]], 2: np.column_stack([np.cos(angles), np.sin(angles)])}[len(along)]
-    by_slip = at.task.J_q_inv.T @ at.estimate.J_v.T @ along.T
-    return [at.across, *(at.across + np.outer(by_slip @ slip, drag) for slip in around)]
-
-
-def _felt(system: System, at: Posture, load: np.ndarray) -> np.ndarray:
-    """Part (n, k) of `load` in F_c, see `controllers.sliding.controlled_force`: friction along a surface whose force
-    is controlled is not counted as its normal force."""
-    felt = load.copy()
-    felt[: system.controller.surfaces] = at.across[: system.controller.surfaces]
-    return system.controller.controlled[:, None] * felt
-
-
-def _surface_mass(system: System) -> np.ndarray:
-    """Mass of the surfaces (k, k) kg, infinite on the diagonal of rigid ones."""
-    k = len(system.surfaces)
-    return np.diag(np.full(k, math.inf)) if system.plant.kind.rigid else system.plant.environment.M_e[:k, :k]
-
-
-def gain_by_force(system: System, at: Posture, load: np.ndarray) -> tuple[float, float]:
-    """Gain of the loop from the force on rigid or heavy surfaces through d by (17) back to the force, when the loop
-    through the multiplier is solved; and the part that d adds to the size of the force loop's factor. nan and 0 where d
-    does not depend on the force. Of several surfaces, changes of all their forces add up. load: (n, k), see
-    `_unit_loads`."""
-    controller = system.controller
-    if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
-        return math.nan, 0.0
-    masses, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
-    asked = np.linalg.solve(controller.model.M_m, controller.model.K_f @ _felt(system, at, load))
-    slopes = np.array([_slope_of_gain(system, at, each) for each in asked.T])
-    yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ load, at.across.T @ asked))
-    return _largest(Y @ solved.T, slopes), _largest(Y @ yielding.T, slopes)
-
-
-def worst_gain_by_force(system: System, q: np.ndarray, t: float) -> float:
-    """Largest gain of `gain_by_force` over all directions of slip at the posture q (n,) rad at time t (s); nan where
-    there is none, or J_q is singular."""
-    if not system.plant.kind.heavy:
-        return math.nan
-    try:
-        at = Posture.of(system, q, t)
-        return max(gain_by_force(system, at, load)[0] for load in _unit_loads(system, at))
-    except (ValueError, np.linalg.LinAlgError):
-        return math.nan
-
-
-def _by_acceleration(masses: np.ndarray, mobility: np.ndarray) -> np.ndarray:
-    """Multipliers (k, k), N per m/s^2 of phi_ddot without them.
-    masses: (k, k) kg, of the surfaces, see `_surface_mass`.
-    mobility: (k, k) m/s^2 per N, by which the multipliers reduce phi_ddot."""
-    if np.isinf(masses).any():
-        return np.linalg.inv(mobility)
-    return np.linalg.solve(np.eye(len(masses)) + masses @ mobility, masses)
-
-
-def _largest(pull: np.ndarray, slopes: np.ndarray) -> float:
-    """Largest change of d by a unit vector (n,) of the switching term. pull: (n, k), change of the multipliers by that
-    vector; slopes: (k,), change of d by each multiplier."""
-    signs = product((1.0, -1.0), repeat=len(slopes))
-    return max(float(np.linalg.norm(pull @ (slopes * sign))) for sign in signs)
-
-
-def _slope_of_gain(system: System, at: Posture, r_eq_ddot: np.ndarray) -> float:
-    """Largest change of d by (17), N, per unit of r_eq_ddot's change in this direction."""
-    still = np.zeros_like(r_eq_ddot)
-    rest = at.task._replace(v_t=still, v_t_dot=still)
-    without, with_it = _needed(system, at.estimate, rest), _needed(system, at.estimate, rest, r_eq_ddot)
-    return float(with_it.inertia - without.inertia)

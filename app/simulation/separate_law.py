@@ -13,7 +13,7 @@ import numpy as np
 from app.scenario.own_code import OwnCodeError, located
 from app.scenario.own_laws import file_of
 from app.simulation.control_period import Evaluation, Setting, asked
-from controllers.control_law import ControlLaw
+from controllers.control_law import ControlLaw, no_parameters
 from controllers.controller import Controller
 from kernels import not_kept
 from kernels.records import Record
@@ -43,13 +43,14 @@ class SeparateLaw:
 
 def _interpreted(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
     """The law's torque as a function of an evaluation and of the law's own state, in the interpreter."""
-    ask, own = asked(law.torque).py_func, parameters or settings.fields.gains
+    ask, own = asked(law.torque).py_func, parameters or no_parameters.py_func(settings.fields.gains)
     return lambda evaluation, *state: ask(settings.fields, evaluation.fields, own, *state)
 
 
 def _compiled(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
     """The law's torque as a function of an evaluation and of the law's own state, compiled."""
-    answer, own = _kernel_of(law), Record(parameters).data if parameters else settings.data["gains"]
+    answer = _kernel_of(law)
+    own = Record(parameters).data if parameters else no_parameters.py_func(settings.data["gains"])
     return lambda evaluation, *state: answer(settings.data, evaluation.data, own, *state)
 
 

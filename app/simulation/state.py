@@ -109,24 +109,36 @@ UNPROMISED = ReachingCertificate(*5 * (np.nan,))
 CHANGING = (Record, ForceReader, np.ndarray)
 
 
-def observed(system: System, t: float, arm: PlantState) -> tuple[Estimate, TaskSpace, np.ndarray, np.ndarray]:
-    """Observation of an arm at t (s): estimates and task coordinates, with the errors e_r and e_r_dot, (n,)."""
+class TrackingState(NamedTuple):
+    """Observation of an arm with its tracking errors.
+    estimate: estimates of the arm.
+    task: task coordinates.
+    e_r, e_r_dot: (n,) m and m/s, r - r_d and its rate, (8)."""
+
+    estimate: Estimate
+    task: TaskSpace
+    e_r: np.ndarray
+    e_r_dot: np.ndarray
+
+
+def tracking_state(system: System, t: float, arm: PlantState) -> TrackingState:
+    """Tracking state of an arm at t (s)."""
     estimate, task = system.observe(arm.views.q, arm.views.q_dot, t)
     reference = system.reference(t)
-    return estimate, task, task.r - reference.r_d, task.r_dot - reference.r_d_dot
+    return TrackingState(estimate, task, task.r - reference.r_d, task.r_dot - reference.r_d_dot)
 
 
 def epoch_at(system: System, t: float, arm: PlantState, evaluation: Record[Evaluation]) -> Epoch:
     """Epoch that begins at t (s): the theorem promises anew, from the present s."""
     controller, constants = system.controller, system.constants
-    estimate, task, e_r, e_r_dot = observed(system, t, arm)
-    s = e_r_dot + controller.compensator.F_1 @ e_r + controller.compensator.F_2 @ evaluation.views.z
-    H_high = InertiaRange.at(controller.uncertainty, estimate, task).H_high
+    seen, compensator = tracking_state(system, t, arm), controller.compensator
+    s = seen.e_r_dot + compensator.F_1 @ seen.e_r + compensator.F_2 @ evaluation.views.z
+    H_high = InertiaRange.at(controller.uncertainty, seen.estimate, seen.task).H_high
     certificate = ReachingCertificate(
         constants.k_r_low,
         constants.k_r_high,
         float(np.linalg.eigvalsh(controller.K_s)[0]) * (1.0 - SAMPLING_SHARE),
-        controller.epsilon * controller.switching.kept,
+        controller.epsilon * controller.switching.reaching_share,
         V_0=float(0.5 * s @ H_high @ s),
     )
     return Epoch(t, system.scenario, controller.model, certificate, blend=system.blend)

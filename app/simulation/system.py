@@ -11,9 +11,9 @@ import numpy as np
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.scenario.units import Units, kinds_of
-from app.simulation.domain import Constants, posture_at
+from app.simulation.domain import Constants, DesiredPosture, posture_at
 from app.simulation.error_model import ErrorModel
-from app.simulation.observation import Observer
+from app.simulation.observation import Observed, Observer
 from app.simulation.planned_reference import Planned, ReferencePlan
 from app.simulation.search_memory import Memory
 from app.simulation.stations import Stations
@@ -21,8 +21,8 @@ from controllers.blend import ModelBlend
 from controllers.control_law import Reference
 from controllers.controller import Controller
 from controllers.modes import Mode
-from controllers.nominal_model import Estimate, NominalModel
-from controllers.task_space import TaskLayout, TaskSpace
+from controllers.nominal_model import NominalModel
+from controllers.task_space import TaskLayout
 from environments import robots
 from environments.plant import Plant
 from environments.push import TimedPush
@@ -93,8 +93,8 @@ class System:
 
     @property
     def m(self) -> int:
-        """Number of directions in which a force or a moment is controlled."""
-        return self.mode.m()
+        """Number m of force-controlled directions."""
+        return self.mode.force_directions
 
     @property
     def pressed(self) -> int:
@@ -126,17 +126,16 @@ class System:
         """Units in which r, s and the forces, of the task space and of all joints, are shown."""
         return Units(self.scenario.task_space.kind, kinds_of(self.robot.slides))
 
-    def observe(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
-        """Observation of a state by the controller: estimates and task coordinates."""
+    def observe(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Observed:
+        """Observation of a state by the controller."""
         return self.observer.at(q, q_dot, t)
 
     def reference(self, t: float) -> Reference:
         """r_d and F_cd with their derivatives at time t (s)."""
         return self.planned.at(t)
 
-    def posture_at(self, q: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Posture and its rate, q_d and q_d_dot, with r(q_d, t) = r_d(t) and its rate, by Newton's method from q (n,)
-        rad."""
+    def posture_at(self, q: np.ndarray, t: float) -> DesiredPosture:
+        """Posture on the reference at t (s), by Newton's method from q (n,) rad."""
         return posture_at(self.observe, q, self.reference(t), t)
 
     def after(self, previous: System, t: float) -> System:

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from app.scenario.units import Units
 from controllers.premise_statements import STATEMENTS
-from controllers.premises import Kept, Premise, PremiseTable
+from controllers.premises import Premise, PremiseTable, PromiseRecord
 
 Outcome = Literal["holds", "broken", "nothing promised"]
 
@@ -52,7 +52,7 @@ class Standing:
     were lost, and when. waiting: whether the run has changed, and no control period been computed since."""
 
     table: PremiseTable
-    kept: Kept
+    promise_record: PromiseRecord
     stopped: str | None
     outsiders: Sequence[str]
     units: Units
@@ -75,27 +75,28 @@ class Standing:
             limit=float(table.limit[premise]),
             unit=unit_of(premise, self.units),
             margin=_number(margin),
-            holds=not table.now[premise],
+            holds=not table.failing[premise],
             failed=_number(failed),
         )
 
     @property
     def now(self) -> PromiseVerdict:
         """Verdict on this instant."""
-        if self.stopped is None and not math.isnan(self.kept.broken):
+        if self.stopped is None and not math.isnan(self.promise_record.broken):
             return self._promise("broken", self._broken())
         if self.stopped is not None:
             return self._promise("nothing promised", f"the run has stopped: {self.stopped}")
-        failing = [p for p in Premise if self.table.now[p]]
+        failing = [p for p in Premise if self.table.failing[p]]
         if failing:
             return self._promise("nothing promised", self._said(failing[0]))
         if self.waiting:
-            what = "the change" if self.kept.periods else "the run"
+            what = "the change" if self.promise_record.periods else "the run"
             return self._promise("nothing promised", f"{what} is judged in the next control period")
-        if not self.kept.promised:
+        if not self.promise_record.promised:
             return self._promise("nothing promised", "a premise failed a control period ago")
         return self._promise(
-            "holds", f"all premises hold, and ‖s‖ is under (20) plus the band, since t = {self.kept.since:.4g} s"
+            "holds",
+            f"all premises hold, and ‖s‖ is under (20) plus the band, since t = {self.promise_record.since:.4g} s",
         )
 
     @property
@@ -103,15 +104,15 @@ class Standing:
         """Reason of the verdict on this instant, in a few words."""
         if self.stopped is not None:
             return "stopped"
-        usual = f"all premises hold since t = {self.kept.since:.4g} s" if self.kept.promised else ""
+        usual = f"all premises hold since t = {self.promise_record.since:.4g} s" if self.promise_record.promised else ""
         if self.waiting:
             usual = "judged in the next control period"
-        return next((f"premise not met: {STATEMENTS[p].title}" for p in Premise if self.table.now[p]), usual)
+        return next((f"premise not met: {STATEMENTS[p].title}" for p in Premise if self.table.failing[p]), usual)
 
     @property
     def run(self) -> PromiseVerdict:
         """Verdict on the run as a whole: after one failure of a premise nothing is promised."""
-        if not math.isnan(self.kept.broken):
+        if not math.isnan(self.promise_record.broken):
             return self._promise("broken", self._broken())
         failed = [p for p in Premise if not math.isnan(self.table.failed[p])]
         if failed:
@@ -123,12 +124,12 @@ class Standing:
             )
         if self.stopped is not None:
             return self._promise("nothing promised", f"the run has stopped: {self.stopped}")
-        if not self.kept.periods:
+        if not self.promise_record.periods:
             return self._promise("nothing promised", "no control period has been computed")
         return self._promise("holds", "all premises held, and ‖s‖ stayed under (20) plus the band")
 
     def _broken(self) -> str:
-        return f"at t = {self.kept.broken:.4g} s ‖s‖ was over (20) plus the band, though all premises held"
+        return f"at t = {self.promise_record.broken:.4g} s ‖s‖ was over (20) plus the band, though all premises held"
 
     def _said(self, premise: Premise) -> str:
         if premise is Premise.DECLARED and self.outsiders:
@@ -138,8 +139,10 @@ class Standing:
         return sentence(premise, self.table.value[premise], self.table.limit[premise], self.units)
 
     def _promise(self, verdict: Outcome, because: str) -> PromiseVerdict:
-        share = 1.0 - self.kept.lost / max(self.kept.periods, 1)
-        return PromiseVerdict(verdict, because, share, self.kept.since if self.kept.promised else None)
+        share = 1.0 - self.promise_record.lost / max(self.promise_record.periods, 1)
+        return PromiseVerdict(
+            verdict, because, share, self.promise_record.since if self.promise_record.promised else None
+        )
 
 
 def unit_of(premise: Premise, units: Units) -> str:

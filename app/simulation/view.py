@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.simulation.control_period import Evaluation
 from controllers.premises import Premise
 from kernels.records import Record
+
+if TYPE_CHECKING:
+    from app.simulation.closed_loop import ClosedLoop
 
 
 @dataclass(frozen=True)
@@ -61,8 +65,8 @@ class LiveMetrics:
         layer_factor = evaluation.table.value[Premise.LAYER]
         return {
             "s_norm": output.s_norm,
-            "s_bound": evaluation.kept.bound,
-            "s_band": evaluation.kept.band,
+            "s_bound": evaluation.promise_record.bound,
+            "s_band": evaluation.promise_record.band,
             "d": output.d,
             "d_required": required,
             "gain_margin": output.d - required,
@@ -74,3 +78,29 @@ class LiveMetrics:
             "layer_loop_factor": layer_factor if np.isfinite(evaluation.table.limit[Premise.LAYER]) else np.nan,
             "force_loop_factor": self.force_factor,
         }
+
+
+def view_of(loop: ClosedLoop) -> View:
+    """View of the present state of a loop."""
+    system, state = loop.system, loop.state
+    arm, evaluated = state.arm.views, loop.evaluated()
+    seen, reference = evaluated.data["seen"], evaluated.data["reference"]
+    normals = seen["task"]["normals"][0]
+    metrics = LiveMetrics(
+        evaluated,
+        state.evaluation.views.residual.copy(),
+        loop.certificate.t_r,
+        np.nan if loop.reaching_time is None else loop.reaching_time,
+        loop.sampled.force_factor,
+    )
+    push = loop.controlled_arm.push
+    return View(
+        arm.q.copy(),
+        seen["estimate"]["p"][0],
+        None if system.layout.joint else system.tool_at(reference["r_d"][0], state.t),
+        arm.load.wrench[:3].copy(),
+        reference["F_cd"][0, : system.pressed] @ normals[: system.pressed],
+        push[:3].copy(),
+        push[3:].copy(),
+        metrics,
+    )

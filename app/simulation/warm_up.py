@@ -14,7 +14,7 @@ SILENT = ControlLaw("silent", "silent", "It asks for no torque.", torque=lambda 
 
 def warm_up(scenario: Scenario) -> ClosedLoop:
     """Run of the scenario after one period, as the page would show it."""
-    loop = ClosedLoop.begin(scenario, history=1)
+    loop = ClosedLoop.from_scenario(scenario, history=1)
     loop.step()
     loop.view()
     return loop
@@ -23,4 +23,4 @@ def warm_up(scenario: Scenario) -> ClosedLoop:
 def warm_up_for_own_laws(system: System) -> None:
     """Compile the functions between which laws of a user's own are called; the system itself does not change."""
     silent = replace(system, controller=replace(system.controller, law=SILENT, parameters={}))
-    ClosedLoop.of(silent, history=1).step()
+    ClosedLoop.from_system(silent, history=1).step()

@@ -14,6 +14,14 @@ from app.scenario.data import from_plain, to_plain
 from app.simulation.recording import EPOCHS, Epoch
 from controllers.blend import ModelBlend
 
+# names that files of earlier versions have for fields of `Epoch`
+FORMER = {
+    "reached": "layer_reached",
+    "banded": "band_reached",
+    "reached_by": "layer_reached_by",
+    "banded_by": "band_reached_by",
+}
+
 
 def to_bytes(epochs: Iterable[Epoch]) -> bytes:
     """Bytes (MessagePack, which keeps every bit of a number) of these epochs."""
@@ -23,7 +31,8 @@ def to_bytes(epochs: Iterable[Epoch]) -> bytes:
 def from_bytes(content: bytes, n: int) -> tuple[Epoch, ...]:
     """Epochs of an arm with n joints from bytes that `to_bytes` made. Raises ValueError for any others."""
     try:
-        epochs = msgspec.msgpack.decode(content, type=tuple[Epoch, ...], dec_hook=_whole)
+        plain = msgspec.msgpack.decode(content)
+        epochs = msgspec.convert(_renamed(plain), tuple[Epoch, ...], dec_hook=_whole)
     except (msgspec.MsgspecError, RecursionError) as error:
         raise ValueError(f"conditions are not those of a run: {error}") from error
     for epoch in epochs:
@@ -33,6 +42,13 @@ def from_bytes(content: bytes, n: int) -> tuple[Epoch, ...]:
     if not 1 <= len(epochs) <= EPOCHS or any(later < before for before, later in pairwise(times)):
         raise ValueError(f"conditions of {len(epochs)} epochs; allowed: 1 to {EPOCHS}, in the order of time")
     return epochs
+
+
+def _renamed(plain: Any) -> Any:
+    """Plain data of epochs with the present names of their fields."""
+    if not isinstance(plain, list):
+        return plain
+    return [{FORMER.get(k, k): v for k, v in each.items()} if isinstance(each, dict) else each for each in plain]
 
 
 def _require_usable(epoch: Epoch, n: int) -> None:

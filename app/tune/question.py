@@ -89,7 +89,7 @@ def _known(scenario: Scenario) -> list[str]:
     if scenario.face.flat and mode.on_surface:
         places += 2  # its tilts
     without = {
-        "motion_error": not joint and mode.m() >= places,
+        "motion_error": not joint and mode.force_directions >= places,
         "angle_error": joint or robot.n == places,
         "force_error": not mode.on_surface,
         "constraint_violation": "rigid" not in mode.contacts,

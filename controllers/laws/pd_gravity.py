@@ -13,14 +13,14 @@ from kernels.algebra import copy, row_times, transposed_times
 
 
 @inline
-def torque(told, out):
+def torque(given, out):
     """Compute J_q^T (F_cd - K_m e_r - B_m e_r_dot) + G_hat."""
-    model, terms, pulled = told.gains.model, out.terms, told.work.u
+    model, terms, pulled = given.gains.model, out.terms, given.work.u
     for i in range(out.tau.shape[0]):
         pulled[i] = -row_times(model.K_m, i, out.e_r) - row_times(model.B_m, i, out.e_r_dot)
-    transposed_times(told.task.J_q, pulled, terms.linear)
-    transposed_times(told.task.J_q, told.reference.F_cd, terms.force)
-    copy(told.feedforward.G_hat, terms.gravity)
+    transposed_times(given.task.J_q, pulled, terms.linear)
+    transposed_times(given.task.J_q, given.reference.F_cd, terms.force)
+    copy(given.feedforward.G_hat, terms.gravity)
 
 
 LAW = ControlLaw(

@@ -22,6 +22,6 @@ _torque = choice([LAWS[kind].torque for kind in WITHIN])
 
 
 @inline
-def torque(told, out):
-    """Compute the torque of the law within the compiled period that `told.gains` names."""
-    _torque(told.gains.law, told, out)
+def torque(given, out):
+    """Compute the torque of the law within the compiled period that `given.gains` names."""
+    _torque(given.gains.law, given, out)

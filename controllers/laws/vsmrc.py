@@ -10,10 +10,10 @@ from kernels.algebra import copy, times
 
 
 @inline
-def torque(told, out):
+def torque(given, out):
     """Compute M_hat q_eq_ddot + C_hat q_eq_dot + G_hat + J^T F - J_q^T (K_s s + d sigma(s)), (25)."""
-    gains, model, J_q = told.gains, told.feedforward, told.task.J_q
-    eq, terms, reached = out.equivalent, out.terms, told.work.u
+    gains, model, J_q = given.gains, given.feedforward, given.task.J_q
+    eq, terms, reached = out.equivalent, out.terms, given.work.u
     times(model.M_hat, eq.q_ddot, terms.inertia)
     times(model.C_hat, eq.q_dot, terms.coriolis)
     copy(model.G_hat, terms.gravity)

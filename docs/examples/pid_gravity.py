@@ -7,14 +7,14 @@ from controllers.control_law import ControlLaw
 from parameters import Parameter
 
 
-def torque(told, out, x, x_dot):
+def torque(given, out, x, x_dot):
     """J_q^T (F_cd - K_m e_r - B_m e_r_dot - k_i x) + G_hat, where x is the integral of e_r."""
-    model, J_q = told.gains.model, told.task.J_q
+    model, J_q = given.gains.model, given.task.J_q
     x_dot[:] = out.e_r
-    pulled = model.K_m @ out.e_r + model.B_m @ out.e_r_dot + told.parameters.k_i * x
+    pulled = model.K_m @ out.e_r + model.B_m @ out.e_r_dot + given.parameters.k_i * x
     out.terms.linear[:] = -J_q.T @ pulled
-    out.terms.force[:] = J_q.T @ told.reference.F_cd
-    out.terms.gravity[:] = told.feedforward.G_hat
+    out.terms.force[:] = J_q.T @ given.reference.F_cd
+    out.terms.gravity[:] = given.feedforward.G_hat
 
 
 LAW = ControlLaw(

@@ -16,7 +16,7 @@ from app.storage.constants_store import kept_memory
 
 @pytest.mark.parametrize("name", ["planar3r-hybrid", "ur5-motion"])
 def test_the_end_of_a_run_and_the_same_stretch_have_the_same_figures(name: str) -> None:
-    loop = ClosedLoop.begin(shipped()[name], memory=kept_memory())
+    loop = ClosedLoop.from_scenario(shipped()[name], memory=kept_memory())
     while loop.t < 0.5 - 0.5 * loop.period:
         loop.advance()
     whole, t = metrics_of(loop), loop.recording.stretch()["t"]
@@ -37,7 +37,7 @@ def test_the_end_of_a_run_and_the_same_stretch_have_the_same_figures(name: str) 
 
 
 def running(scenario: Scenario, seconds: float) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario, memory=kept_memory())
+    loop = ClosedLoop.from_scenario(scenario, memory=kept_memory())
     while loop.t < seconds - 0.5 * loop.period:
         loop.advance()
     return loop

@@ -35,7 +35,7 @@ def pushed() -> Scenario:
 
 
 def test_edits_pushes_and_forks_are_found_where_they_were(pushed: Scenario) -> None:
-    line, watch = ran(Timeline(ClosedLoop.begin(pushed)), 0.2), RunEvents()
+    line, watch = ran(Timeline(ClosedLoop.from_scenario(pushed)), 0.2), RunEvents()
     assert (0.1, "push") in events(line, watch)
     line.edit(edited(line.loop.system.scenario, "force.value", 25.0))
     ran(line, 0.3)
@@ -61,7 +61,7 @@ def test_edits_pushes_and_forks_are_found_where_they_were(pushed: Scenario) -> N
 
 
 def test_a_push_by_the_button_is_no_edit_and_an_edit_says_what(pushed: Scenario) -> None:
-    line = ran(Timeline(ClosedLoop.begin(pushed)), 0.15)
+    line = ran(Timeline(ClosedLoop.from_scenario(pushed)), 0.15)
     line.edit(edited(pushed, "truth.push_start", 0.2))
     ran(line, 0.25)
     assert [kind for t, kind in events(line) if t > 0.1 - 1e-9] == ["push", "push"]
@@ -92,13 +92,13 @@ def test_a_contact_is_told_of_each_surface_as_it_is_at_last(further: str) -> Non
 
 
 def test_contact_and_a_run_that_leaves_the_domain() -> None:
-    line = ran(Timeline(ClosedLoop.begin(load("ur5-hybrid"))), 0.8)
+    line = ran(Timeline(ClosedLoop.from_scenario(load("ur5-hybrid"))), 0.8)
     rows = line.recording.signals(("t", "phi", "F_true"))
     first = rows["t"][np.flatnonzero(np.linalg.norm(rows["F_true"], axis=1) > 0.0)[0]]
     assert first > 0.0
     assert events(line) == [(pytest.approx(first, abs=2e-3), "contact")]
     weak = edited(load("ur5-hybrid"), "truth.torque_limit", 0.1)
-    line = Timeline(ClosedLoop.begin(edited(weak, "simulation.leaving_domain", "flag")))
+    line = Timeline(ClosedLoop.from_scenario(edited(weak, "simulation.leaving_domain", "flag")))
     while line.loop.state.flagged is None and line.end < 2.0:
         line.step()
     flag = line.loop.state.flagged

@@ -26,7 +26,7 @@ CHANGED = edited(SCENARIO, "controller.layer", 0.02)
 
 
 def test_a_page_continues_where_it_was_left_off(tmp_path: Path, open_page: Callable[..., Page]) -> None:
-    line = Timeline(ClosedLoop.begin(SCENARIO, 10_000))
+    line = Timeline(ClosedLoop.from_scenario(SCENARIO, 10_000))
     for _ in range(2):
         for _ in range(100):
             line.step()

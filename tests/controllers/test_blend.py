@@ -186,13 +186,13 @@ def run(loop: ClosedLoop, periods: int) -> ClosedLoop:
 
 
 def test_a_blend_in_the_loop() -> None:
-    of_plan = run(ClosedLoop.begin(planned(0.4)), 1000)
+    of_plan = run(ClosedLoop.from_scenario(planned(0.4)), 1000)
     rows, columns = of_plan.recording.rows(), of_plan.recording.columns
     assert [epoch.t for epoch in of_plan.recording.epochs] == pytest.approx([0.0, 0.4, 0.7])
     assert of_plan.system.scenario == edited(edited(shipped()["planar3r-hybrid"], "target_model.B_m", TO["B_m"]),
                                              "target_model.K_m", TO["K_m"])  # fmt: skip
     np.testing.assert_array_equal(np.diag(of_plan.system.controller.model.K_m), TO["K_m"])
-    posted = run(ClosedLoop.begin(shipped()["planar3r-hybrid"]), 400)
+    posted = run(ClosedLoop.from_scenario(shipped()["planar3r-hybrid"]), 400)
     posted.edit(edited(posted.system.scenario, "blend", {"to": TO, "at": posted.t, "over": 0.3}))
     np.testing.assert_array_equal(run(posted, 600).recording.rows(), rows)
 
@@ -204,7 +204,7 @@ def test_a_blend_in_the_loop() -> None:
 
 
 def test_the_model_in_force_is_the_blend() -> None:
-    loop = ClosedLoop.begin(planned(0.0, over=0.2))
+    loop = ClosedLoop.from_scenario(planned(0.0, over=0.2))
     start, blend = loop.system.controller.model, loop.system.blend
     assert blend is not None
     run(loop, 100)
@@ -215,28 +215,28 @@ def test_the_model_in_force_is_the_blend() -> None:
         np.testing.assert_allclose(sides[2], (1 - alpha) * sides[0] + alpha * sides[1], atol=1e-9)
     q, F_1, A = (getattr(loop.system.controller.compensator, name) for name in ("K_vz", "F_1", "A"))
     np.testing.assert_allclose(q, np.linalg.solve(model.M_m, model.B_m) - F_1 + A, atol=1e-9)  # (13), F_2 = 1
-    np.testing.assert_array_equal(loop._arm.settings.read().gains.K_vz, q)
+    np.testing.assert_array_equal(loop.controlled_arm.settings.read().gains.K_vz, q)
 
 
 def test_a_blend_that_begins_with_its_epoch_or_is_taken_back_is_told_by_it() -> None:
     """At t = 0, and for an edit of the same instant, there is no earlier epoch; one that is taken back never acts."""
     plan = planned(0.0).blend
     scenario = shipped()["planar3r-hybrid"]
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     loop.edit(msgspec.structs.replace(scenario, blend=plan))
     run(loop, 100)
     in_force = loop.system.controller.model.B_m
     told = loop.recording.epochs[-1].model_at(loop.t - loop.period).B_m
     np.testing.assert_allclose(told, in_force, rtol=1e-9)
-    assert not np.allclose(in_force, ClosedLoop.begin(scenario).system.controller.model.B_m, rtol=1e-3)
-    later = ClosedLoop.begin(planned(0.05))
+    assert not np.allclose(in_force, ClosedLoop.from_scenario(scenario).system.controller.model.B_m, rtol=1e-3)
+    later = ClosedLoop.from_scenario(planned(0.05))
     later.edit(scenario)
     run(later, 100)
     np.testing.assert_array_equal(later.recording.epochs[-1].model_at(later.t).B_m, later.system.controller.model.B_m)
 
 
 def test_fork_before_a_planned_blend_is_not_labelled_as_blended() -> None:
-    line = Timeline(ClosedLoop.begin(shipped()["planar3r-hybrid"]))
+    line = Timeline(ClosedLoop.from_scenario(shipped()["planar3r-hybrid"]))
     begun = line.loop.system.controller.model.B_m
     for _ in range(100):
         line.step()
@@ -279,7 +279,7 @@ def test_a_blend_to_a_model_that_would_be_refused_is_refused() -> None:
 
 
 def test_a_blend_is_shown_again_to_the_last_bit() -> None:
-    line = Timeline(ClosedLoop.begin(planned(0.2)))
+    line = Timeline(ClosedLoop.from_scenario(planned(0.2)))
     for _ in range(800):
         line.step()
     rows = line.recording.rows()
@@ -298,7 +298,7 @@ def test_a_blend_is_shown_again_to_the_last_bit() -> None:
 
 def test_a_refusal_leaves_the_loop_as_it_was() -> None:
     start, end = disturbing_scenario()
-    loop = run(ClosedLoop.begin(start), 50)
+    loop = run(ClosedLoop.from_scenario(start), 50)
     with pytest.raises(ScenarioError, match=r"blend.to: refused: at α = 0\.\d+ a pole at [\d.]+ 1/s; allowed"):
         loop.edit(blending_to(start, end, loop.t, 1.0))
     assert loop.system.scenario == start
@@ -307,7 +307,7 @@ def test_a_refusal_leaves_the_loop_as_it_was() -> None:
         assemble(edited(shipped()["planar3r-hybrid"], "blend.to.K_m", [0.0, -1.0, 1.0]))
     with pytest.raises(ScenarioError, match=r"blend.to: a target model of motion mode; allowed: one of impedance mode"):
         blending_to(start, shipped()["ur5-motion"], 0.0, 1.0)
-    under_way = run(ClosedLoop.begin(planned(0.0, over=0.2)), 50)
+    under_way = run(ClosedLoop.from_scenario(planned(0.0, over=0.2)), 50)
     with pytest.raises(ScenarioError, match=r"a blend is under way; allowed: from its end on, t = 0.2 s"):
         under_way.edit(edited(under_way.system.scenario, "target_model.M_m", [9.0] * 3))
     under_way.edit(edited(under_way.system.scenario, "force.value", 22.0))  # anything else may change meanwhile

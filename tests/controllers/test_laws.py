@@ -34,7 +34,7 @@ def test_each_law_says_what_it_is_and_which_alone_is_robust() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_law_between_the_halves_of_a_period_gives_the_same_run_to_the_last_bit(kind: str) -> None:
     system = assemble(edited(load("ur5-hybrid-moving"), "controller.law", kind))
-    within, between = ClosedLoop.of(system), ClosedLoop.of(apart(system))
+    within, between = ClosedLoop.from_system(system), ClosedLoop.from_system(apart(system))
     assert number_of(within.system.controller.law) >= 0 > number_of(between.system.controller.law)
     for _ in range(300):
         within.step()

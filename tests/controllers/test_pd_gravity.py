@@ -36,7 +36,7 @@ def test_pd_leaves_the_target_model_with_the_arm_s_own_inertia(robot: str) -> No
 def test_pd_presses_as_asked_without_a_sensor() -> None:
     """At rest, with gravity as believed and K_m1 = 0, nothing but J^T F_cd is left; the reading has no part in it."""
     deaf = {"controller.law": "pd-gravity", "truth.link_scaling": 1.0, "motion": "hold", "sensor.noise": 5.0}
-    loop = ClosedLoop.begin(with_values(shipped()["ur5-hybrid"], deaf))
+    loop = ClosedLoop.from_scenario(with_values(shipped()["ur5-hybrid"], deaf))
     for _ in range(round(3.0 / loop.period)):
         loop.advance()
     record = loop.recording.signals(("multiplier", "F_c"))

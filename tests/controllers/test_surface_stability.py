@@ -159,7 +159,7 @@ def test_it_is_refused_when_the_surface_comes_later_or_grows_stiffer() -> None:
         (twisted("free"), "contact.kind", "elastic"),
         (edited(twisted(K_e=20.0), "controller.K_e_hat", 20.0), "contact.K_e", 9000.0),
     ):
-        loop = ClosedLoop.begin(before)
+        loop = ClosedLoop.from_scenario(before)
         with pytest.raises(ScenarioError, match="unstable by itself"):
             loop.edit(edited(before, path, value))
 

@@ -34,7 +34,7 @@ def test_layer_ends_where_the_switching_term_keeps_its_share_of_the_margin(kind:
     width = layer_width(int(kind), LAYER, d, epsilon)
     assert width == pytest.approx(widths[kind], rel=1e-12)
     lost = d * (1.0 - ETA[kind](width, LAYER))
-    assert lost == pytest.approx((1.0 - SAMPLING_SHARE - kind.kept) * epsilon, abs=1e-12)
+    assert lost == pytest.approx((1.0 - SAMPLING_SHARE - kind.reaching_share) * epsilon, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", [Switching.RATIONAL, Switching.TANH])

@@ -18,7 +18,7 @@ def rows(scenario: str, **changes: object) -> dict[str, list[str]]:
     chosen = load(scenario)
     for path, value in changes.items():
         chosen = edited(chosen, path.replace("__", "."), value)
-    html = constants_html(snapshot_of(ClosedLoop.begin(chosen, history=1)))
+    html = constants_html(snapshot_of(ClosedLoop.from_scenario(chosen, history=1)))
     lines = re.findall(r"<tr title=.*?</tr>", html)
     cells = [re.findall(r"<td>(.*?)</td>", line) for line in lines]
     return {name: rest for name, *rest in cells}
@@ -26,7 +26,9 @@ def rows(scenario: str, **changes: object) -> dict[str, list[str]]:
 
 def test_declared_bounds_are_used_as_they_are_and_found_ones_with_their_margin() -> None:
     shown = rows("ur5-hybrid", declared__payload_mass=1.5)
-    constants = ClosedLoop.begin(edited(load("ur5-hybrid"), "declared.payload_mass", 1.5), history=1).system.constants
+    constants = ClosedLoop.from_scenario(
+        edited(load("ur5-hybrid"), "declared.payload_mass", 1.5), history=1
+    ).system.constants
     assert shown["link scaling"] == ["0.15", "—", "0.15", ""]
     assert shown["payload mass"] == ["1.5", "—", "1.5", "kg"]
     stated = ("delta_M", "delta_C", "delta_G", "delta_f", "least_inertia")  # shown where they are

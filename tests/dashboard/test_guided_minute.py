@@ -15,7 +15,7 @@ from controllers.modes import MODES
 
 
 def ran(scenario: Scenario, to: float) -> dict[str, np.ndarray]:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     while loop.t < to:
         loop.advance()
         assert loop.stopped is None

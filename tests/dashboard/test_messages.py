@@ -112,10 +112,10 @@ def test_the_reaching_phase_is_offered_where_there_is_one() -> None:
     snapshot = snapshot_of(runner._loop)
     again, epoch = reaching(replace(snapshot, first=0.0)), snapshot.state.epoch
     assert again is not None
-    assert epoch.reached is not None
+    assert epoch.layer_reached is not None
     # the whole of it, until s is within the layer, in some seconds
     assert again.start == 0.0
-    assert epoch.reached < again.end < 2.0 * epoch.reached
+    assert epoch.layer_reached < again.end < 2.0 * epoch.layer_reached
     assert 3.0 < (again.end - again.start) / again.factor < 10.0
     # no longer, when the recording begins after it
     assert reaching(replace(snapshot, first=0.2)) is None

@@ -28,7 +28,7 @@ LONG = 1.0  # s, window of the plots here
 
 def test_a_course_that_is_continued_is_that_of_all_rows() -> None:
     """For every line of every tab, over a push, which is reached, and a change of the law's gain."""
-    loop = ClosedLoop.begin(edited(shipped()["ur5-hybrid"], "truth.push", [0.0, 0.0, 5.0]))
+    loop = ClosedLoop.from_scenario(edited(shipped()["ur5-hybrid"], "truth.push", [0.0, 0.0, 5.0]))
     analysis, setup = PerturbationAnalysis(loop.system), Setup.of(snapshot_of(loop), 0, 0)
     plots = [plot for tab in TABS.values() for plot in tab.plots if not plot.spectral]
     lines = [line for plot in plots if (drawing := plot.draw(setup)) for line in drawing.lines]

@@ -35,7 +35,7 @@ from controllers.reaching import lyapunov_bound
 
 
 def ran(scenario: Scenario, seconds: float) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     while loop.t < seconds - 1e-9:
         assert loop.stopped is None, loop.stopped
         loop.step()
@@ -286,12 +286,12 @@ def setup_of(loop: ClosedLoop) -> Setup:
 
 
 def test_units_are_those_of_the_task_space():
-    joint = ClosedLoop.begin(edited(load("ur5-motion"), "task_space.kind", "joint"), 10)
+    joint = ClosedLoop.from_scenario(edited(load("ur5-motion"), "task_space.kind", "joint"), 10)
     drawings = [plot.draw(setup_of(joint)) for tab in TABS.values() for plot in tab.plots]
     titles = [drawing.title for drawing in drawings if drawing is not None]
     assert not [title for title in titles if "mm" in title]
     assert {"tracking error  e_r  [mrad]", "sliding variable  ‖s‖  [mrad/s]", "s  [mrad/s]"} <= set(titles)
-    cartesian = ClosedLoop.begin(load("ur5-motion"), 10)
+    cartesian = ClosedLoop.from_scenario(load("ur5-motion"), 10)
     units = {figure.field: figure.units([cartesian.system, joint.system]) for figure in ACCOUNT_METRICS}
     assert units["path_rms"] == "mm or mrad"
     assert units["effort"] == "N·m"

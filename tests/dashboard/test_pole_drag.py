@@ -17,7 +17,7 @@ def seen(scenario: str, **matrices: object) -> Snapshot:
     chosen = load(scenario)
     for name, value in matrices.items():
         chosen = edited(chosen, f"target_model.{name}", value)
-    return snapshot_of(ClosedLoop.begin(chosen, history=1))
+    return snapshot_of(ClosedLoop.from_scenario(chosen, history=1))
 
 
 @pytest.mark.parametrize(("omega", "zeta"), [(10.0, 0.2), (3.0, 1.0), (40.0, 2.5)])

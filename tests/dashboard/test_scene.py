@@ -78,7 +78,7 @@ def test_a_ball_that_is_turned_follows_the_hand_on_its_outside() -> None:
 
 @pytest.mark.parametrize("second", ["push", "target"])
 def test_a_tool_that_a_page_pulls_is_held_by_no_other_one_until_it_is_let_go_or_the_page_has_gone(second: str) -> None:
-    snapshot, connected = snapshot_of(ClosedLoop.begin(load("ur5-impedance"), history=1)), {1, 2}
+    snapshot, connected = snapshot_of(ClosedLoop.from_scenario(load("ur5-impedance"), history=1)), {1, 2}
     desk, posted = MagicMock(), []
     desk.snapshot, desk.viewing = lambda: snapshot, Viewing()
     desk.post = lambda command: posted.append(command) or True

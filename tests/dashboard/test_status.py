@@ -22,7 +22,7 @@ AGAIN = "; all premises hold again since t = "
 
 @pytest.fixture(scope="module")
 def snapshot() -> Snapshot:
-    return snapshot_of(ClosedLoop.begin(SHIPPED))
+    return snapshot_of(ClosedLoop.from_scenario(SHIPPED))
 
 
 def title(snapshot: Snapshot, scenario: Scenario) -> str:
@@ -47,7 +47,7 @@ def test_a_title_says_that_the_scenario_was_edited_and_is_another_where_it_would
 
 def test_what_only_the_next_period_can_judge_is_not_said_to_be_unpromised() -> None:
     """Before the first period, and after an edit while paused; a premise that fails already is said at once."""
-    loop = ClosedLoop.begin(SHIPPED)
+    loop = ClosedLoop.from_scenario(SHIPPED)
 
     def words() -> list[tuple[str, str]]:
         html = status_html(snapshot_of(loop), "") + premises_html(snapshot_of(loop))
@@ -68,7 +68,7 @@ def test_a_warning_says_when_its_cause_is_over() -> None:
     """Drives that saturate under a strong push, and no longer after it."""
     limits = [120.0] * 6
     pushed = edited(edited(load("ur5-motion"), "truth.push", [0.0, 0.0, -250.0]), "truth.push_duration", 0.1)
-    loop = ClosedLoop.begin(edited(edited(pushed, "truth.push_start", 0.2), "truth.torque_limit", limits))
+    loop = ClosedLoop.from_scenario(edited(edited(pushed, "truth.push_start", 0.2), "truth.torque_limit", limits))
     while not loop.warning and loop.t < 0.4:
         loop.step()
     assert loop.warning is not None
@@ -76,7 +76,7 @@ def test_a_warning_says_when_its_cause_is_over() -> None:
     assert AGAIN not in status_html(snapshot_of(loop), "")
     while loop.standing.now.verdict != "holds" and loop.t < 3.0:
         loop.step()
-    assert f"{loop.warning}{AGAIN}{loop.kept.since:.3f} s" in status_html(snapshot_of(loop), "")
+    assert f"{loop.warning}{AGAIN}{loop.promise_record.since:.3f} s" in status_html(snapshot_of(loop), "")
 
 
 def test_a_run_that_is_being_prepared_does_not_say_that_it_runs(snapshot: Snapshot) -> None:

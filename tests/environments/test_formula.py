@@ -238,7 +238,7 @@ def test_what_is_no_surface_for_the_tool(text: str, sentence: str) -> None:
 
 
 def rows(scenario: Scenario, steps: int = 300) -> dict[str, np.ndarray]:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     for _ in range(steps):
         loop.step()
         assert loop.stopped is None

@@ -109,7 +109,7 @@ def test_another_arm_brings_what_depends_on_it_and_can_be_saved() -> None:
     assert own.robot.urdf == str(BENT)
     assert (own.title, own.controller.K_s, own.truth.link_scaling, own.robot.posture) == ("bent3r", 50.0, 1.0, None)
     assert from_toml(to_toml(own)) == own
-    loop = ClosedLoop.begin(own)
+    loop = ClosedLoop.from_scenario(own)
     for _ in range(2000):
         loop.step()
     assert loop.stopped is None

@@ -254,7 +254,7 @@ def test_film_has_a_row_for_each_thirtieth_of_a_second(loop: ClosedLoop) -> None
 
 
 def test_film_shows_what_the_page_showed() -> None:
-    loop = ClosedLoop.begin(load("ur5-hybrid-moving"))
+    loop = ClosedLoop.from_scenario(load("ur5-hybrid-moving"))
     for _ in range(700):
         loop.step()
     seen = snapshot_of(loop)
@@ -409,7 +409,7 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
 def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path: Path) -> None:
     """Bounds, V, perturbation and marks are those of each stretch's own conditions."""
     begun = edited(load("ur5-hybrid"), "truth.payload_mass", 1.0)
-    loop = ClosedLoop.begin(begun, 3000, memory=kept_memory())
+    loop = ClosedLoop.from_scenario(begun, 3000, memory=kept_memory())
     for instant, path, value in (
         (0.1, "truth.payload_mass", 3.0),
         (0.2, "contact.K_e", 3e4),
@@ -447,7 +447,7 @@ def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path
 
 def played_again(begun: Scenario, changes: list[str], until: float) -> ClosedLoop:
     """A run with the changes that a file tells."""
-    loop = ClosedLoop.begin(begun, 3000, memory=kept_memory())
+    loop = ClosedLoop.from_scenario(begun, 3000, memory=kept_memory())
     for line in changes:
         t, path, value = re.fullmatch(r"from t = (\S+) s: (\S+) = (.*)", line).groups()  # pyright: ignore[reportOptionalMemberAccess]
         run_to(loop, float(t))
@@ -468,7 +468,7 @@ def told_in_csv(recording: Recording, scenario: Scenario, since: float = 0.0) ->
 def test_a_scenario_that_held_for_no_row_is_not_that_of_a_file() -> None:
     """An edit of a paused run; and of a run in which nothing was changed the file is the same as before there was a
     list of changes."""
-    loop = ClosedLoop.begin(load("ur5-hybrid"), 100, memory=kept_memory())
+    loop = ClosedLoop.from_scenario(load("ur5-hybrid"), 100, memory=kept_memory())
     run_to(loop, 0.02)
     whole, held = io.BytesIO(), loop.system.scenario
     write_csv(RecordingTable(held, 6, 20, 0.02, loop.recording.pieces()), whole)
@@ -482,7 +482,7 @@ def test_the_end_of_a_planned_blend_is_told() -> None:
     planned = blending_to(
         load("ur5-hybrid"), edited(load("ur5-hybrid"), "target_model.K_m", [0.0, *[900.0] * 5]), 0.02, 0.02
     )
-    loop = ClosedLoop.begin(planned, 100, memory=kept_memory())
+    loop = ClosedLoop.from_scenario(planned, 100, memory=kept_memory())
     run_to(loop, 0.06)
     first, changes = told_in_csv(loop.recording, loop.system.scenario)
     assert first == planned
@@ -495,7 +495,7 @@ def run_to(loop: ClosedLoop, t: float) -> None:
 
 
 def test_units_of_files_are_those_of_the_task_space() -> None:
-    loop = ClosedLoop.begin(edited(load("ur5-motion"), "task_space.kind", "joint"), 10)
+    loop = ClosedLoop.from_scenario(edited(load("ur5-motion"), "task_space.kind", "joint"), 10)
     loop.step()
     text, archive = io.BytesIO(), io.BytesIO()
     write_csv(table(loop.system.scenario, loop.recording), text)

@@ -148,7 +148,7 @@ def test_a_figure_shows_only_the_lines_that_were_asked_for(snapshot: Snapshot) -
 
 def test_what_the_page_does_not_draw_the_figure_does_not_either() -> None:
     """Under computed torque s has no bound; when the law is swapped, the lines end there and begin there."""
-    loop = ClosedLoop.begin(edited(load("ur5-hybrid"), "controller.law", "computed-torque"), 3000)
+    loop = ClosedLoop.from_scenario(edited(load("ur5-hybrid"), "controller.law", "computed-torque"), 3000)
     for _ in range(300):
         loop.advance()
     shown = figure_of(plots_of([ALL_PLOTS]), snapshot_of(loop), Setup.of(snapshot_of(loop), 0, 0), 0.0, 1.0)

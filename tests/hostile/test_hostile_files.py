@@ -175,7 +175,7 @@ def npz(**changed: np.ndarray | None) -> bytes:
 
 def conditions() -> np.ndarray:
     """Those of a run of another arm."""
-    return np.frombuffer(to_bytes(ClosedLoop.begin(load("ur5-impedance"), 1).recording.epochs), np.uint8)
+    return np.frombuffer(to_bytes(ClosedLoop.from_scenario(load("ur5-impedance"), 1).recording.epochs), np.uint8)
 
 
 def claiming(shape: str) -> bytes:

@@ -129,7 +129,7 @@ def test_record_is_one_memory_seen_by_name() -> None:
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-impedance", "planar2r-semicircle"])
 def test_nothing_of_the_last_period_leaks_into_this_one(name: str) -> None:
     """Whatever the memory between input and output holds, the row is the same."""
-    loop = ClosedLoop.begin(load(name))
+    loop = ClosedLoop.from_scenario(load(name))
     for _ in range(20):
         loop.step()
     rows = []
@@ -140,7 +140,9 @@ def test_nothing_of_the_last_period_leaks_into_this_one(name: str) -> None:
         row, arm = Record(Row.zeros(loop.recording.n)).data, loop.state.arm
         row.view(float)[:] = np.nan
         terms = loop.system.nominal.update(arm.views.q, arm.views.q_dot)
-        control_period(loop._arm.settings.data, evaluation.data, *terms, arm.data, arm.views.load.wrench, loop.t, row)
+        control_period(
+            loop.controlled_arm.settings.data, evaluation.data, *terms, arm.data, arm.views.load.wrench, loop.t, row
+        )
         rows.append(row.view(float))
     assert np.isfinite(rows[0]).all()
     assert np.array_equal(*rows)

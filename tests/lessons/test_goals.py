@@ -18,7 +18,7 @@ CALM, RESTLESS = 290.0, 60.0  # N·s/m
 def loop_with(damping: float) -> tuple[Goal, ClosedLoop]:
     assert isinstance(LESSON.block, Goal)
     assert LESSON.scenario is not None
-    return LESSON.block, ClosedLoop.begin(
+    return LESSON.block, ClosedLoop.from_scenario(
         with_values(LESSON.scenario, {"target_model.B_m.2": damping}), memory=kept_memory()
     )
 
@@ -69,6 +69,8 @@ def test_a_change_after_the_judgement_takes_nothing_back() -> None:
 
 def test_the_run_of_an_earlier_step_is_not_judged() -> None:
     _, loop = loop_with(CALM)
-    earlier = ClosedLoop.begin(with_values(loop.system.scenario, {"target_model.M_m.2": 10.0}), memory=kept_memory())
+    earlier = ClosedLoop.from_scenario(
+        with_values(loop.system.scenario, {"target_model.M_m.2": 10.0}), memory=kept_memory()
+    )
     run_to(earlier, 5.0)
     assert judgement(earlier).waiting.startswith("It is judged at t = 4 s")

@@ -188,7 +188,7 @@ TaskPanel(desk)
 WorldPanel(desk)
 fields = [call.args[0] for call in desk.gui.add_text.call_args_list]
 menus = [list(call.args[1]) for call in desk.gui.add_dropdown.call_args_list]
-loop = ClosedLoop.begin(edited(edited(load("mine"), "controller.law", "damping"), "mode", "soft"))
+loop = ClosedLoop.from_scenario(edited(edited(load("mine"), "controller.law", "damping"), "mode", "soft"))
 for _ in range(20):
     loop.step()
 row = loop.recording.rows()[-1]
@@ -200,7 +200,7 @@ for path, value in {
 }.items():
     added = edited(added, path, value)
 tool = loop.view().tool
-other = ClosedLoop.begin(edited(added, "surface.origin", tool.tolist()))
+other = ClosedLoop.from_scenario(edited(added, "surface.origin", tool.tolist()))
 for _ in range(20):
     other.step()
 print(json.dumps({
@@ -329,7 +329,7 @@ def test_a_kind_of_contact_is_a_row(extended: dict[str, Any]) -> None:
 def test_an_arm_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     entry = replace(CATALOGUE["planar3r"], title="Mine", tool_offset=(0.05, 0.0, 0.0))
     monkeypatch.setitem(CATALOGUE, "mine", entry)
-    loop = ClosedLoop.begin(on_robot(load("planar3r-hybrid"), "mine"))
+    loop = ClosedLoop.from_scenario(on_robot(load("planar3r-hybrid"), "mine"))
     for _ in range(20):
         loop.step()
     assert loop.stopped is None
@@ -343,7 +343,7 @@ def test_a_plot_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
         return Drawing("height of the tool  [m]", [ChartLine("z", (66, 135, 245), column("tool", 2))])
 
     monkeypatch.setitem(plot_table.TABS, "Mine", Tab((Plot("height", heights),)))
-    loop = ClosedLoop.begin(load("planar3r-hybrid"))
+    loop = ClosedLoop.from_scenario(load("planar3r-hybrid"))
     for _ in range(20):
         loop.step()
     snapshot = snapshot_of(loop)
@@ -355,7 +355,9 @@ def test_a_plot_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_surface_is_a_formula() -> None:
-    loop = ClosedLoop.begin(edited(on_surface(load("ur5-hybrid"), "formula"), "surface.text", "z - 0.01*cos(5*x)"))
+    loop = ClosedLoop.from_scenario(
+        edited(on_surface(load("ur5-hybrid"), "formula"), "surface.text", "z - 0.01*cos(5*x)")
+    )
     for _ in range(20):
         loop.step()
     assert loop.stopped is None

@@ -68,7 +68,7 @@ def under(law: str, **changes: object) -> Scenario:
 @pytest.mark.parametrize("torque", [NUMPY, COMPILED], ids=["numpy", "compiled"])
 def test_a_law_of_one_s_own_gives_the_run_of_the_same_law_of_ours(torque: str, written: Callable[[str], Path]) -> None:
     use([written(HEAD + torque + LAW.format(""))])
-    mine, ours = ClosedLoop.begin(under("mine")), ClosedLoop.begin(under("pd-gravity"))
+    mine, ours = ClosedLoop.from_scenario(under("mine")), ClosedLoop.from_scenario(under("pd-gravity"))
     for _ in range(200):
         mine.step()
         ours.step()
@@ -97,14 +97,14 @@ def test_the_integral_of_the_example_takes_away_what_weight_leaves() -> None:
 
 def test_its_own_state_is_kept_forked_and_begun_anew() -> None:
     use([PID])
-    loop = ClosedLoop.begin(under("pid-gravity"))
+    loop = ClosedLoop.from_scenario(under("pid-gravity"))
     for _ in range(100):
         loop.step()
     kept = loop.state.copy()
     for _ in range(50):
         loop.step()
     assert (loop.state.x != kept.x).any()
-    again = ClosedLoop.resume(kept, previous=loop.system)
+    again = ClosedLoop.from_state(kept, previous=loop.system)
     for _ in range(50):
         again.step()
     np.testing.assert_array_equal(again.state.x, loop.state.x)
@@ -123,7 +123,7 @@ def test_its_parameters_are_said_by_the_scenario() -> None:
     use([PID])
     scenario = under("pid-gravity", **{"controller__own__pid-gravity__k_i": 123.0})
     assert from_toml(to_toml(scenario)) == scenario
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     assert loop.system.controller.parameters == {"k_i": 123.0}
     for change, said in (
         ({"k_i": -1.0}, "controller.own.pid-gravity.k_i: -1 N/(m·s); allowed: 0 to 50000 N/(m·s)"),
@@ -228,7 +228,7 @@ def test_a_law_that_cannot_answer_is_refused_and_what_runs_goes_on(
     torque: str, said: str, written: Callable[[str], Path]
 ) -> None:
     use([written(HEAD + torque + LAW.format(""))])
-    loop = ClosedLoop.begin(load("ur5-hybrid"))
+    loop = ClosedLoop.from_scenario(load("ur5-hybrid"))
     loop.step()
     with pytest.raises(ScenarioError) as refused:
         loop.edit(under("mine"))
@@ -242,7 +242,7 @@ def test_a_law_that_cannot_answer_is_refused_and_what_runs_goes_on(
 def test_a_law_that_fails_later_stops_the_run_and_keeps_its_recording(written: Callable[[str], Path]) -> None:
     late = "def torque(told, out, x, x_dot):\n    x_dot[0] = 1.0\n    out.d = 1.0 / float(x[0] < 0.05)\n"
     use([written(HEAD + late + LAW.format(", states=lambda n: 1"))])
-    loop = ClosedLoop.begin(under("mine", declared__link_scaling=0.0))
+    loop = ClosedLoop.from_scenario(under("mine", declared__link_scaling=0.0))
     while loop.stopped is None and loop.t < 1.0:
         loop.advance()
     assert loop.stopped is not None
@@ -256,7 +256,7 @@ def test_laws_are_known_by_the_command_line_only(tmp_path: Path, written: Callab
     path = written(HEAD + NUMPY + LAW.format(""))
     for law in ("mine", str(path)):
         with pytest.raises(ScenarioError, match=r"controller\.law: .*allowed: vsmrc, computed-torque, pd-gravity \(or"):
-            ClosedLoop.begin(under(law))
+            ClosedLoop.from_scenario(under(law))
     assert execute(["run", "ur5-hybrid", "--set", "controller.law=mine", "--out", str(tmp_path / "out")]) == 2
 
 
@@ -281,4 +281,4 @@ def test_the_caption_says_which_law_it_was() -> None:
 def test_a_law_that_ends_the_program_is_said_with_its_line(written: Callable[[str], Path]) -> None:
     use([written(HEAD + "def torque(told, out):\n    raise SystemExit(7)\n\n\n" + LAW.format(""))])
     with pytest.raises(OwnCodeError, match=r"my_law\.py, line 5: SystemExit: 7"):
-        ClosedLoop.begin(under("mine"))
+        ClosedLoop.from_scenario(under("mine"))

@@ -66,7 +66,7 @@ def written(tmp_path: Path) -> Callable[[str], Path]:
 
 
 def rows(scenario: Scenario, periods: int = 150) -> np.ndarray:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     for _ in range(periods):
         loop.step()
     return loop.recording.rows()
@@ -128,7 +128,7 @@ def test_the_examples_are_pressed_and_followed() -> None:
     scenario = edited(edited(load("ur5-hybrid"), "motion", "own:figure-eight"), "simulation.duration", 4.0)
     scenario = edited(scenario, "motion.parameters.width", 0.03)
     scenario = on_surface(scenario, "own:cone")
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     assert abs(loop.system.surface.chart(loop.view().tool, 0.0).g[0]) <= 0.03
     again = in_mode(in_mode(scenario, "motion"), "hybrid")
     assert again.surface == scenario.surface
@@ -141,7 +141,7 @@ def test_the_examples_are_pressed_and_followed() -> None:
 def test_where_there_is_none_of_its_name_the_scenario_is_kept_and_the_field_is_named(
     written: Callable[[str, str], Path],
 ) -> None:
-    loop = ClosedLoop.begin(load("ur5-hybrid"))
+    loop = ClosedLoop.from_scenario(load("ur5-hybrid"))
     now = loop.system.scenario
     for change, said in (
         (("motion", "own:ring"), "motion.name: 'ring'; allowed: none, since no file that --use names has one"),
@@ -185,13 +185,13 @@ def test_a_file_that_cannot_be_used_is_refused(text: str, said: str, written: Ca
 def test_what_does_not_compile_is_said_with_its_line(written: Callable[[str, str], Path]) -> None:
     use([written(CIRCLE.replace("np.cos(w * t)", "np.cos(p.nothing)"), "ring")])
     with pytest.raises(OwnCodeError, match=r"ring\.py, line 10: TypingError: Unknown attribute .nothing"):
-        ClosedLoop.begin(edited(load("ur5-hybrid"), "motion", "own:ring"))
+        ClosedLoop.from_scenario(edited(load("ur5-hybrid"), "motion", "own:ring"))
 
 
 def test_derivatives_that_differences_do_not_confirm_are_refused(written: Callable[[str, str], Path]) -> None:
     use([written(PLANE.format(slope=-1.2), "floor")])
     with pytest.raises(ScenarioError, match=r"surface\.name: near .* its derivatives are not what differences say"):
-        ClosedLoop.begin(
+        ClosedLoop.from_scenario(
             edited(load("ur5-hybrid"), "surface", {"kind": "own", "name": "floor", "origin": [0, 0, 0.17]})
         )
 

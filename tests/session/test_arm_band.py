@@ -26,7 +26,7 @@ COUNT, HORIZON = 3, 0.2
 
 
 def running(scenario: Scenario) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     CompiledRun(loop).advance(300)
     return loop
 
@@ -65,7 +65,7 @@ def test_each_arm_goes_on_as_a_loop_with_that_arm(name: str) -> None:
     assert band.arms == COUNT
     assert band.stopped == 0
     for number in range(COUNT):
-        own = ClosedLoop.resume(loop.state.copy())
+        own = ClosedLoop.from_state(loop.state.copy())
         own.edit(scenario)
         arm = assemble(msgspec.structs.replace(scenario, truth=truth_of(scenario, number, own.recording.n)))
         # not all of it: a rigid surface moves the start, and so reference and layout, with the masses
@@ -101,7 +101,7 @@ def test_arms_in_two_threads_share_no_model_of_the_arm() -> None:
     assert all(system.observer.model is system.nominal for system in systems)
     band = whole(arms.run(stretch, COUNT))
     for number in range(COUNT):
-        own = ClosedLoop.resume(loop.state.copy())
+        own = ClosedLoop.from_state(loop.state.copy())
         alone = own.with_truth(truth_of(own.system.scenario, number, own.recording.n), stretch.rows, None)
         CompiledRun(alone).advance(stretch.rows)
         its = alone.recording.signals(("e_r",))["e_r"][stretch.points]

@@ -39,7 +39,7 @@ CHANGES: dict[str, tuple[Callable[[Scenario, str], Scenario], list[str]]] = {
 def test_every_shipped_scenario_goes_into_every_mode_onto_every_arm_and_surface(name: str, change: str) -> None:
     changed, values = CHANGES[change]
     for value in values:
-        loop = possible(changed(shipped()[name], value), ClosedLoop.begin)
+        loop = possible(changed(shipped()[name], value), ClosedLoop.from_scenario)
         for _ in range(20):
             loop.step()
         assert loop.stopped is None, value
@@ -59,7 +59,7 @@ def test_two_changes_one_after_the_other_are_possible(
 ) -> None:
     scenario = shipped()[name]
     for change, value in (first, second):
-        loop = possible(CHANGES[change][0](scenario, value), ClosedLoop.begin)
+        loop = possible(CHANGES[change][0](scenario, value), ClosedLoop.from_scenario)
         scenario = loop.system.scenario
         loop.step()
         assert loop.stopped is None
@@ -95,9 +95,9 @@ def test_of_a_path_in_space_a_planar_arm_keeps_what_lies_in_its_plane() -> None:
 def test_joints_as_coordinates_keep_the_promise_with_gains_converted_by_the_characteristic_length(arm: str) -> None:
     scenario = shipped()["ur5-motion"]
     if arm != "ur5":
-        scenario = possible(on_robot(scenario, arm), ClosedLoop.begin).system.scenario
+        scenario = possible(on_robot(scenario, arm), ClosedLoop.from_scenario).system.scenario
     asked = edited(scenario, "task_space.kind", "joint")
-    loop = possible(in_coordinates(scenario, "kind", "joint"), ClosedLoop.begin)
+    loop = possible(in_coordinates(scenario, "kind", "joint"), ClosedLoop.from_scenario)
     done, l = loop.system.scenario, scenario.task_space.characteristic_length
     assert done.controller.layer == pytest.approx(scenario.controller.layer / l, rel=2e-3)
     assert done.controller.K_s == pytest.approx(scenario.controller.K_s * l**2, rel=2e-3)
@@ -127,7 +127,7 @@ def test_a_path_that_is_too_long_for_an_arm_is_halved_until_it_can_be_followed()
 
 def test_a_gain_that_would_grow_without_bound_is_constant_and_that_is_said() -> None:
     scenario = on_robot(shipped()["planar2r-semicircle"], "z1")
-    done = possible(scenario, ClosedLoop.begin).system.scenario
+    done = possible(scenario, ClosedLoop.from_scenario).system.scenario
     assert done.controller.gain == "constant" != scenario.controller.gain
     assert "gain d constant" in adaptation_sentence(scenario, done)
 
@@ -191,7 +191,7 @@ def test_a_bound_that_the_mode_refuses_is_no_way_out() -> None:
 @pytest.mark.parametrize("name", ["ur5-hybrid", "planar3r-hybrid"])
 def test_a_push_by_the_button_is_felt_by_every_arm(name: str) -> None:
     runner = Runner(shipped()[name])
-    alone = ClosedLoop.begin(shipped()[name])
+    alone = ClosedLoop.from_scenario(shipped()[name])
     runner._obey([PushNow()])
     for _ in range(100):
         runner._commanded.step()

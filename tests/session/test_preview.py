@@ -44,7 +44,7 @@ EDITS: dict[str, object] = {
 
 
 def running(scenario: Scenario, periods: int = 400) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     for _ in range(periods):
         loop.step()
     return loop
@@ -95,7 +95,7 @@ def test_an_edit_does_what_it_would_do_in_the_loop(scenario: Scenario, path: str
 def test_a_state_is_not_changed_by_what_goes_on_from_it() -> None:
     loop = running(disturbed())
     state = loop.state.copy()
-    first, second = (ClosedLoop.resume(state, previous=loop.system) for _ in range(2))
+    first, second = (ClosedLoop.from_state(state, previous=loop.system) for _ in range(2))
     for going in (loop, first, second):
         for _ in range(50):
             going.step()
@@ -245,7 +245,7 @@ def preview_metrics(question: Question) -> PreviewMetrics:
 def test_an_arm_on_a_moving_surface_is_not_pushed(name: str, moving: str) -> None:
     still = edited(edited(shipped()[name], "motion", "hold"), "rotation", "hold")
     for scenario, pushed in ((still, 20.0), (edited(still, moving, 0.01), 0.0)):
-        loop = ClosedLoop.begin(scenario)
+        loop = ClosedLoop.from_scenario(scenario)
         assert Foresight(Question(1, loop.state.copy(), scenario, 1.0, push=20.0))._push == pushed
 
 
@@ -443,7 +443,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.session.preview_client import Previewer
 from app.scenario.data import shipped
 previewer = Previewer()
-state = ClosedLoop.begin(shipped()["ur5-hybrid"]).state.copy()
+state = ClosedLoop.from_scenario(shipped()["ur5-hybrid"]).state.copy()
 previewer.ask(state, state.scenario, 20.0)
 while previewer.newest is None:
     time.sleep(0.01)

@@ -16,7 +16,7 @@ CLEAR = "that the tool touches nothing there (the lines are those of the contact
 
 
 def running(scenario: Scenario, periods: int) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     for _ in range(periods):
         loop.step()
     return loop

@@ -33,7 +33,7 @@ SCENARIO = load("planar2r-semicircle")
 
 @pytest.fixture(scope="module")
 def pinned() -> tuple[Pinned, ...]:
-    line = Timeline(ClosedLoop.begin(SCENARIO, 10_000))
+    line = Timeline(ClosedLoop.from_scenario(SCENARIO, 10_000))
     for _ in range(3):
         for _ in range(100):
             line.step()
@@ -299,7 +299,7 @@ from app.scenario.data import edited, load
 from app.session.timeline import Timeline
 
 scenario = load("planar2r-semicircle")
-line = Timeline(ClosedLoop.begin(scenario, 10_000))
+line = Timeline(ClosedLoop.from_scenario(scenario, 10_000))
 for _ in range(100):
     line.step()
 def scenarios():

@@ -258,9 +258,9 @@ def test_estimates_along_the_reference_are_a_block_at_a_time_and_the_same_again(
     line = run(line_of(scenario), 700)
     calls = []
     posture = line.loop.system.posture_at
-    assert line.loop._arm.along is not None
-    assert len(line.loop._arm.along._block) == 20
-    line.loop._arm.along._posture = lambda q, t: calls.append(t) or posture(q, t)
+    assert line.loop.controlled_arm.along is not None
+    assert len(line.loop.controlled_arm.along._block) == 20
+    line.loop.controlled_arm.along._posture = lambda q, t: calls.append(t) or posture(q, t)
     run(line, 100)
     assert len(calls) <= 120  # one for each period, not from the beginning
     before = line.recording.rows()
@@ -272,9 +272,9 @@ def test_estimates_along_the_reference_are_a_block_at_a_time_and_the_same_again(
     line.to_end()
     edit = edited(line.loop.system.scenario, "force.value", 25.0)
     line.edit(edit)
-    assert line.loop._arm.along.start.k == 800  # and an edit goes on from there
+    assert line.loop.controlled_arm.along.start.k == 800  # and an edit goes on from there
     run(line, 50)
-    twin = ClosedLoop.resume(line.loop.state.copy(), previous=line.loop.system)
+    twin = ClosedLoop.from_state(line.loop.state.copy(), previous=line.loop.system)
     for _ in range(50):
         line.step()
         twin.step()

@@ -59,7 +59,7 @@ def assert_first_order(error: Callable[[float], float], at_most: float) -> None:
 
 def moved_aside(scenario: Scenario, displacement: list[float]) -> ClosedLoop:
     """A loop whose reference jumps aside after a few periods."""
-    loop = steps(ClosedLoop.begin(scenario), 0.01)
+    loop = steps(ClosedLoop.from_scenario(scenario), 0.01)
     loop.edit(changed(scenario, motion={"kind": "point-to-point", "displacement": displacement, "duration": 1e-3}))
     return loop
 
@@ -120,7 +120,7 @@ def test_normal_error_is_the_forced_response_with_a_wrong_stiffness(robot: str, 
             force={"kind": "sinusoid", "value": mean, "amplitude": swing, "frequency": omega / (2 * np.pi)},
             motion={"kind": "line", "displacement": [0.05], "period": 1.0, "ramp": 0.2},
         )
-        seen = record(steps(ClosedLoop.begin(scenario), 0.4))
+        seen = record(steps(ClosedLoop.from_scenario(scenario), 0.4))
         start = [seen["e_r"][0, 0], seen["e_r_dot"][0, 0]]
         exact = solve_ivp(slope, (0.0, 0.4), start, "DOP853", seen["t"], rtol=1e-10, atol=1e-12).y[0]
         np.testing.assert_allclose(seen["multiplier"], K_e * seen["phi"], atol=1e-9)
@@ -145,7 +145,7 @@ def test_error_along_the_surface_yields_to_friction() -> None:
             controller=FREE | {"period": period},
             motion={"kind": "line", "displacement": [away], "period": 1.0, "ramp": 0.0},
         )
-        seen = record(steps(ClosedLoop.begin(scenario), 0.5))
+        seen = record(steps(ClosedLoop.from_scenario(scenario), 0.5))
         exact = solve_ivp(
             lambda t, e: [e[1], -(B_m * e[1] + K_m * e[0] + b * (e[1] + away / 2 * omega * np.sin(omega * t))) / M_m],
             (0.0, 0.5), [0.0, 0.0], "DOP853", seen["t"], rtol=1e-10, atol=1e-12,
@@ -167,7 +167,7 @@ def on_a_mass(mode: str, factor: float, M_e: float, *, ideal: bool) -> tuple[Clo
         force={"kind": "constant", "value": 10.0},
     )
     base = changed(base, truth={"push": [0.0, 0.0, -5.0], "push_start": 0.0})  # at rest nothing would grow
-    system = ClosedLoop.begin(base).system
+    system = ClosedLoop.from_scenario(base).system
     estimate, task = system.observe(system.q_0, np.zeros(6), 0.0)
     H = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
     normal = np.linalg.solve(task.J_q.T, estimate.J_v.T @ system.surface.chart(estimate.p, 0.0).G[0])
@@ -179,7 +179,7 @@ def on_a_mass(mode: str, factor: float, M_e: float, *, ideal: bool) -> tuple[Clo
         target_model={"M_m": inert, "B_m": [100.0 if m == M_m1 else 400.0 for m in inert]},
         sensor={"ideal": ideal},
     )
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     felt = loop.system.controller.controlled * normal
     columns = normal[:, None], normal[:, None], felt[:, None], np.array([[M_e]])
     assert force_loop_factors(H, H, loop.system.controller.model, *columns) == pytest.approx(factor, rel=1e-6)
@@ -217,7 +217,7 @@ def test_multiplier_on_a_moving_rigid_surface(robot: str, surface: str) -> None:
         motion={"kind": "line", "displacement": [0.05], "period": 1.0, "ramp": 0.2},
         simulation={"integrator": "semi-implicit-euler"},  # the plant takes the force at the instant of the law
     )
-    seen = record(steps(ClosedLoop.begin(scenario), 0.5))
+    seen = record(steps(ClosedLoop.from_scenario(scenario), 0.5))
     assert np.abs(seen["phi"]).max() < 1e-14
     np.testing.assert_allclose(seen["multiplier"], seen["F_cd"][:, 0], atol=0.01)
     assert np.abs(seen["e_r"][-100:, 1]).max() < 1e-3

@@ -84,7 +84,7 @@ def scenarios() -> dict[str, Scenario]:
 
 def loops(scenario: Scenario, periods: tuple[int, int, int]) -> tuple[ClosedLoop, ClosedLoop]:
     """The run by steps, and the other, by turns compiled and by steps; no two of them share memory."""
-    stepped, compiled = ClosedLoop.begin(scenario), ClosedLoop.begin(scenario)
+    stepped, compiled = ClosedLoop.from_scenario(scenario), ClosedLoop.from_scenario(scenario)
     for _ in range(sum(periods)):
         stepped.advance()
     run = CompiledRun(compiled)
@@ -113,8 +113,8 @@ def test_shipped_scenarios_have_the_rows_of_the_steps_for_eight_seconds(name: st
 
 def test_a_discontinuous_law_chatters_as_much_in_both() -> None:
     stepped, compiled = (
-        ClosedLoop.begin(load("ur5-motion-discontinuous")),
-        ClosedLoop.begin(load("ur5-motion-discontinuous")),
+        ClosedLoop.from_scenario(load("ur5-motion-discontinuous")),
+        ClosedLoop.from_scenario(load("ur5-motion-discontinuous")),
     )
     CompiledRun(compiled).advance(2000)
     for _ in range(2000):
@@ -125,7 +125,7 @@ def test_a_discontinuous_law_chatters_as_much_in_both() -> None:
 
 
 def test_reader_continues_with_the_same_noise_after_any_number_of_readings() -> None:
-    loop, other = (ClosedLoop.begin(changed("ur5-impedance-6d: twisted, noisy, late")) for _ in range(2))
+    loop, other = (ClosedLoop.from_scenario(changed("ur5-impedance-6d: twisted, noisy, late")) for _ in range(2))
     CompiledRun(loop).advance(7)
     for _ in range(7):
         other.advance()
@@ -136,19 +136,19 @@ def test_reader_continues_with_the_same_noise_after_any_number_of_readings() -> 
 
 def test_obstacle_names_why_a_run_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     base = load("ur5-hybrid")
-    held = ClosedLoop.begin(base)
+    held = ClosedLoop.from_scenario(base)
     assert obstacle(held) is None
     held.hold(Grip((0.0, 0.0, 0.0)))
     assert obstacle(held) == "a hand holds the tool"
 
-    system = ClosedLoop.begin(base).system
+    system = ClosedLoop.from_scenario(base).system
     own = replace(system, controller=replace(system.controller, law=SILENT, parameters={}))
     with pytest.raises(ValueError, match=r"controller\.law: 'silent' is a law of your own"):
-        CompiledRun(ClosedLoop.of(own))
+        CompiledRun(ClosedLoop.from_system(own))
 
     class Clip(sensors.Bias):
         """A stage that the compiled run does not know."""
 
     monkeypatch.setattr(sensors, "STAGES", (Clip,))
-    clipped = ClosedLoop.begin(edited(base, "sensor.bias", [1.0, 0.0, 0.0]))
+    clipped = ClosedLoop.from_scenario(edited(base, "sensor.bias", [1.0, 0.0, 0.0]))
     assert obstacle(clipped) == "the force sensor has a stage that is known to the interpreter only"

@@ -46,14 +46,14 @@ def table(loop: ClosedLoop) -> np.ndarray:
 def test_run_is_finite_repeats_bit_for_bit_and_is_the_same_compiled(case: tuple[str, str, str, str]) -> None:
     scenario = scenario_of(*case)
     before = to_toml(scenario)
-    loop = ClosedLoop.begin(scenario)
-    first, second = table(loop), table(ClosedLoop.begin(scenario, previous=loop.system))
+    loop = ClosedLoop.from_scenario(scenario)
+    first, second = table(loop), table(ClosedLoop.from_scenario(scenario, previous=loop.system))
     massive = loop.system.plant.kind.massive
     if massive:
         # the tool begins where phi = 0: rounding would decide whether a one-sided surface's mass joins it at once
-        loop = ClosedLoop.begin(edited(scenario, "contact.unilateral", False))
+        loop = ClosedLoop.from_scenario(edited(scenario, "contact.unilateral", False))
         table(loop)
-    compiled = ClosedLoop.begin(loop.system.scenario, previous=loop.system)
+    compiled = ClosedLoop.from_scenario(loop.system.scenario, previous=loop.system)
     CompiledRun(compiled).advance(STEPS)
     require_same_rows(loop, compiled, PRECISE, precision=AMPLIFIED if massive else PRECISION)
     assert len(first) == STEPS
@@ -78,7 +78,7 @@ def test_dashboard_has_the_numbers_of_a_headless_run(name: str) -> None:
         live = runner.snapshot.recording.rows(t_to=0.3)
     finally:
         runner.close()
-    loop = ClosedLoop.begin(shipped()[name])
+    loop = ClosedLoop.from_scenario(shipped()[name])
     for _ in range(len(live)):
         loop.step()
     assert len(live) > 250
@@ -91,7 +91,7 @@ def test_edits_while_running_equal_edits_headless() -> None:
     changed = edited(base, "force.value", 25.0)
     tables = []
     for _ in range(2):
-        loop = ClosedLoop.begin(base)
+        loop = ClosedLoop.from_scenario(base)
         for step in range(200):
             if step == 100:
                 loop.edit(changed)

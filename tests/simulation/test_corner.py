@@ -114,7 +114,7 @@ def test_normal_errors_obey_35_with_full_matrices_and_settle_at_37(between: floa
     for period in (1e-3, 5e-4):
         given = {"target_model": COUPLED, "second.surface": OBLIQUE, "controller.period": period, "coupling": coupling}
         believed = {"controller.K_e_hat": 8000.0, "second.K_e_hat": 7000.0, "second.contact.K_e": 5000.0}
-        loop = ClosedLoop.begin(bilateral(**given, **believed))
+        loop = ClosedLoop.from_scenario(bilateral(**given, **believed))
         system, model = loop.system, loop.system.controller.model
         K_e, K_e_hat = (
             np.array([[first, beside], [beside, second]])
@@ -214,7 +214,7 @@ def sampled(M_m1: float) -> ClosedLoop:
     """A rigid corner with this inertia of the model across both surfaces, nudged."""
     constant = {"controller.law": "computed-torque", "target_model": {"M_m": [M_m1, M_m1, 10.0, 10.0, 10.0, 10.0]}}
     nudge = {"truth.push": [0.0, 3.0, -3.0], "truth.push_start": 0.0, "truth.push_duration": 0.01}
-    return ClosedLoop.begin(bilateral("ur5-corner-rigid", **constant, **nudge, **{"sensor.ideal": False}))
+    return ClosedLoop.from_scenario(bilateral("ur5-corner-rigid", **constant, **nudge, **{"sensor.ideal": False}))
 
 
 def test_the_force_loop_of_a_corner_swings_up_where_its_factor_says() -> None:
@@ -310,7 +310,7 @@ def test_a_further_surface_can_be_added_to_any_scenario_in_contact_and_taken_awa
     if before.second.present:
         before = edited(before, "second.contact.kind", "free")
     asked = with_further(before, "second", "elastic")
-    loop = possible(asked, ClosedLoop.begin)
+    loop = possible(asked, ClosedLoop.from_scenario)
     assert len(loop.system.surfaces) == (1 if before.contact.nature.rigid and loop.system.layout.n == 2 else 2)
     for _ in range(150):
         loop.advance()
@@ -340,5 +340,5 @@ def test_three_surfaces_hold_the_tool_in_a_point_and_each_gets_its_force() -> No
     forces = [last[name][0] for name in ("multiplier", "multiplier_2", "multiplier_3")]
     assert forces == pytest.approx([20.0, 10.0, 15.0], abs=0.1)
     assert metrics_of(loop).promise.verdict == "holds"
-    in_rigid = possible(in_mode(loop.system.scenario, "constrained"), ClosedLoop.begin)
+    in_rigid = possible(in_mode(loop.system.scenario, "constrained"), ClosedLoop.from_scenario)
     assert in_rigid.system.m == 3

@@ -22,7 +22,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.controller_builder import believed_compliance, believed_stiffness, true_stiffness
 from app.simulation.period_map import PeriodMap, Posture
-from app.simulation.sampled_stability import force_factor
+from app.simulation.sampled_force_loop import force_factor
 from app.simulation.system import System
 from environments.coupled_surfaces import EnvironmentMatrices
 from environments.plant import Plant
@@ -161,7 +161,7 @@ def test_a_body_that_is_left_and_met_again_keeps_the_energy() -> None:
 @pytest.mark.parametrize(("k", "kind"), [(2, "elastic"), (3, "mass-damper-spring")])
 def test_both_engines_have_the_same_rows(k: int, kind: str, fields: dict[str, object]) -> None:
     scenario = faces(k, kind, **{"simulation.substeps": 2, **fields})
-    stepped, compiled = ClosedLoop.begin(scenario), ClosedLoop.begin(scenario)
+    stepped, compiled = ClosedLoop.from_scenario(scenario), ClosedLoop.from_scenario(scenario)
     for _ in range(150):
         stepped.advance()
     CompiledRun(compiled).advance(150)
@@ -226,7 +226,7 @@ def test_pressing_one_face_and_following_another_of_the_same_body(k: int, p: int
 def test_a_followed_face_is_met_and_left_without_a_force_error() -> None:
     """With the believed body the true one (36) holds, and with another one and K_m1 > 0 the steady force is
     predicted."""
-    loop = ClosedLoop.begin(following(2, 1, **{"simulation.integrator": "leapfrog"}))
+    loop = ClosedLoop.from_scenario(following(2, 1, **{"simulation.integrator": "leapfrog"}))
     CompiledRun(loop).advance(4000)
     seen = loop.recording.signals(("t", "multiplier", "multiplier_2"))
     settled = seen["t"] > 1.0
@@ -239,7 +239,7 @@ def test_a_followed_face_is_met_and_left_without_a_force_error() -> None:
     for depth in (0.004, -0.004):
         wrong = {"coupling.K_e_hat": [-500.0, 0.0, 0.0], "target_model.K_m": [900.0, 4000.0] + 4 * [4000.0]}
         resting = following(2, 1, **wrong, **{"motion.displacement": [0.0], "shift.by": [depth], "shift.duration": 0.5})
-        loop = ClosedLoop.begin(resting)
+        loop = ClosedLoop.from_scenario(resting)
         CompiledRun(loop).advance(3000)
         last = loop.recording.at(loop.t)
         assert (last["multiplier_2"][0] > 0.0) == (depth > 0.0)
@@ -321,7 +321,7 @@ def test_changes_of_a_coupled_corner_that_are_made_with_one_choice() -> None:
     assert possible(in_mode(scenario, "constrained"), assemble).plant.kind.rigid
     assert possible(in_mode(scenario, "impedance"), assemble).plant.environment.coupled
     assert not possible(with_further(scenario, "second", "free"), assemble).plant.environment.coupled
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     model = loop.system.controller.model
     matrices = {name: getattr(model, name) for name in ("M_m", "B_m", "K_m", "K_f")}
     assert "Coupling: K_e = (2000, 0, 0) N/m" in caption(

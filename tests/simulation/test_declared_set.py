@@ -81,7 +81,7 @@ def test_shipped_scenarios_are_inside_and_a_payload_that_is_not_there_has_no_pla
 def test_noise_is_judged_behind_the_low_pass() -> None:
     """First-order low-pass of white noise, simulated as the sensor does it."""
     scenario = changed(Scenario(), {"sensor.noise": 1.0, "sensor.cutoff": 20.0})
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     readings = np.array([loop.state.reader.read(np.zeros(6))[:3] for _ in range(40_000)])[500:]
     spread = 4.0 * float(readings.std())
     assert outside(edited(scenario, "declared.force_error", 1.1 * spread), CARTESIAN) == ()
@@ -95,7 +95,7 @@ def test_bias_and_noise_of_a_sensor_count_where_they_reach_the_reading() -> None
     for name, known in (("ur5-constrained", 0), ("ur5-hybrid", 1)):
         scenario = changed(shipped()[name], faulty | {"simulation.leaving_domain": "flag"})
         assert sum(said.startswith("force error") for said in outside(scenario, CARTESIAN)) == known
-        loop = ClosedLoop.begin(scenario)
+        loop = ClosedLoop.from_scenario(scenario)
         for _ in range(50):
             loop.step()
         last = loop.recording.at(loop.t)
@@ -136,7 +136,7 @@ def base() -> Scenario:
 
 
 def run_on(base: Scenario, fields: dict[str, object]) -> ClosedLoop:
-    loop = ClosedLoop.begin(base)
+    loop = ClosedLoop.from_scenario(base)
     for step in range(120):
         if step == 60:
             loop.edit(changed(base, fields))
@@ -186,7 +186,7 @@ def test_a_run_judges_whether_the_true_arm_is_within_stated_bounds(
     """Whatever is declared of the links: then these are not judged. The numbers are those of Pinocchio's true arm."""
     lighter = {"declared.link_scaling": 0.0, "truth.link_scaling": 0.9, "controller.gain": "constant"}
     base = changed(shipped()["planar3r-hybrid"], STATED | lighter)
-    loop = ClosedLoop.begin(changed(base, {"truth.disturbance": 1.0, "truth.viscous": 0.2} | tighter))
+    loop = ClosedLoop.from_scenario(changed(base, {"truth.disturbance": 1.0, "truth.viscous": 0.2} | tighter))
     run = CompiledRun(loop) if engine == "compiled" else loop
     run.advance(100) if isinstance(run, CompiledRun) else [loop.step() for _ in range(100)]
     standing, errors = loop.standing, loop.state.evaluation.part("errors")
@@ -233,4 +233,4 @@ def test_a_run_judges_whether_the_true_arm_is_within_stated_bounds(
 )
 def test_a_bound_or_a_link_that_makes_no_sense_is_refused_with_a_sentence(path: str, value: object, said: str) -> None:
     with pytest.raises(ScenarioError, match=re.escape(said)):
-        ClosedLoop.begin(edited(shipped()["planar3r-hybrid"], path, value))
+        ClosedLoop.from_scenario(edited(shipped()["planar3r-hybrid"], path, value))

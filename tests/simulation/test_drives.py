@@ -27,7 +27,7 @@ AT_THE_STATE = {"simulation.integrator": "semi-implicit-euler"}  # the accelerat
 
 
 def run(scenario: Scenario, seconds: float) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     for _ in range(round(seconds / loop.period)):
         loop.advance()
     return loop
@@ -79,7 +79,7 @@ def test_limits_by_factor_and_in_newton_metres_are_the_same_and_none_is_none() -
 
 
 def test_a_saturated_past_comes_back_to_the_last_bit() -> None:
-    line = Timeline(ClosedLoop.begin(with_values(shipped()["ur5-motion"], SPEEDY)))
+    line = Timeline(ClosedLoop.from_scenario(with_values(shipped()["ur5-motion"], SPEEDY)))
     for _ in range(700):
         line.step()
     rows = line.recording.rows()
@@ -93,7 +93,7 @@ def test_a_saturated_past_comes_back_to_the_last_bit() -> None:
 def test_the_multiplier_is_solved_for_what_the_drives_give() -> None:
     """Rigid surface, ideal reading: the law reads the force that the cut torque causes."""
     weak = {"sensor.ideal": True, "truth.torque_limit": [150.0, 150.0, 9.9, 28.0, 28.0, 28.0], "force.value": 60.0}
-    loop = ClosedLoop.begin(with_values(shipped()["ur5-constrained"], weak))
+    loop = ClosedLoop.from_scenario(with_values(shipped()["ur5-constrained"], weak))
     for _ in range(300):
         loop.advance()
     record = loop.recording.signals(("F", "F_true", "tau", "tau_applied"))

@@ -9,6 +9,7 @@ from app.scenario.data import edited, shipped, with_values
 from app.scenario.errors import ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
+from app.simulation.premise_watch import GainFeedbackShares
 from controllers.premises import Premise
 from kernels.records import Record
 
@@ -28,7 +29,7 @@ def finding(loop: ClosedLoop, premise: str) -> float | None:
 )
 def test_another_second_surface_begins_the_run_anew(path: str, value: object) -> None:
     """A rigid surface that moved in a running loop took the tool with it, and the promise was called broken."""
-    loop = ClosedLoop.begin(shipped()["ur5-corner-rigid"])
+    loop = ClosedLoop.from_scenario(shipped()["ur5-corner-rigid"])
     CompiledRun(loop).advance(300)
     x, y, z = loop.system.scenario.second.surface.origin
     loop.edit(edited(loop.system.scenario, path, (x, y + 0.01, z) if value is None else value))
@@ -45,7 +46,7 @@ def test_a_bilateral_surface_that_is_not_touched_promises_nothing() -> None:
         "simulation.leaving_domain": "flag", "truth.push": (0.0, 0.0, 60.0), "truth.push_start": 0.1,
         "truth.push_duration": 0.05,
     }  # fmt: skip
-    loop = ClosedLoop.begin(with_values(shipped()["ur5-constrained"], fields))
+    loop = ClosedLoop.from_scenario(with_values(shipped()["ur5-constrained"], fields))
     CompiledRun(loop).advance(140)
     assert loop.state.arm.views.holding.held[0] == 0
     loop.edit(edited(loop.system.scenario, "contact.unilateral", False))
@@ -70,7 +71,7 @@ def test_meeting_a_mass_ends_the_promise(M_e: float) -> None:
             "controller.K_e_hat": 2000.0,
         },
     )  # fmt: skip
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     CompiledRun(loop).advance(2000)
     pressed = loop.recording.signals(("multiplier",))["multiplier"] > 0.0
     met = loop.recording.signals(("t",))["t"][np.flatnonzero(np.diff(pressed.astype(int)) == 1) + 1]
@@ -83,8 +84,8 @@ def test_meeting_a_mass_ends_the_promise(M_e: float) -> None:
 def test_a_blend_to_a_model_with_which_the_gain_runs_away_is_refused() -> None:
     blend = {"blend.to.B_m": (20000.0,) * 6, "blend.at": 0.3, "blend.over": 0.5, "simulation.duration": 3.0}
     with pytest.raises(ScenarioError, match=r"blend\.to: on the way to this target model.*runs away"):
-        ClosedLoop.begin(with_values(shipped()["ur5-motion"], blend))
-    loop = ClosedLoop.begin(shipped()["ur5-motion"])
+        ClosedLoop.from_scenario(with_values(shipped()["ur5-motion"], blend))
+    loop = ClosedLoop.from_scenario(shipped()["ur5-motion"])
     CompiledRun(loop).advance(100)
     with pytest.raises(ScenarioError, match=r"blend\.to: .*runs away"):
         loop.edit(with_values(loop.system.scenario, blend))
@@ -99,16 +100,16 @@ def test_a_blend_that_makes_force_and_gain_raise_each_other_is_refused() -> None
     M_m[0, 1] = M_m[1, 0] = 11.0
     coupled = tuple(map(tuple, M_m.tolist()))
     with pytest.raises(ScenarioError, match=r"controller\.bounds: .*raise each other"):
-        ClosedLoop.begin(with_values(scenario, {"target_model.M_m": coupled}))
+        ClosedLoop.from_scenario(with_values(scenario, {"target_model.M_m": coupled}))
     with pytest.raises(ScenarioError, match=r"blend\.to: on the way to this target model.*raise each other"):
-        ClosedLoop.begin(with_values(scenario, {"blend.to.M_m": coupled, "blend.at": 0.3, "blend.over": 0.5}))
+        ClosedLoop.from_scenario(with_values(scenario, {"blend.to.M_m": coupled, "blend.at": 0.3, "blend.over": 0.5}))
 
 
 def test_an_edit_is_not_to_blame_for_what_it_does_not_raise() -> None:
-    loop = ClosedLoop.begin(shipped()["ur5-motion"])
-    watch, value = loop._watch, loop.state.evaluation.views.table.value
+    loop = ClosedLoop.from_scenario(shipped()["ur5-motion"])
+    watch, value = loop.premise_watch, loop.state.evaluation.views.table.value
     value[Premise.GAIN_BY_CHATTER] = 1.5
-    watch.require_bounded_gain((1.5, np.nan))
+    watch.require_bounded_gain(GainFeedbackShares(1.5, np.nan))
     with pytest.raises(ScenarioError, match="runs away"):
-        watch.require_bounded_gain((1.2, np.nan))
+        watch.require_bounded_gain(GainFeedbackShares(1.2, np.nan))
     assert isinstance(loop.state.evaluation, Record)

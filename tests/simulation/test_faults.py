@@ -42,7 +42,7 @@ def assert_kept_and_reset_works(runner: Runner, stopped: Snapshot) -> None:
     ("of", "part", "stage"),
     [
         ("arm", "measure", "the measurement"),
-        ("arm", "control", "the control law"),
+        ("arm", "apply_law", "the control law"),
         ("arm", "complete", "the record"),
         ("loop", "view", "the view of the loop"),
     ],
@@ -53,7 +53,7 @@ def test_an_exception_in_any_stage_ends_the_run_and_not_its_thread(
 ) -> None:
     begun(runner, load("ur5-hybrid"))
     loop = runner._commanded.line.loop
-    broken = loop if of == "loop" else loop._arm
+    broken = loop if of == "loop" else loop.controlled_arm
     setattr(broken, part, boom)
     stopped = ended(runner)
     assert stopped.reason == f"t = {stopped.end:.3f} s: {stage} failed (KeyError: 'boom')"
@@ -86,13 +86,13 @@ def test_the_loop_itself_failing_ends_the_run_and_not_its_thread(
 def test_a_law_that_gives_no_number_ends_the_run(runner: Runner) -> None:
     begun(runner, load("ur5-hybrid"))
     loop = runner._commanded.line.loop
-    law = loop._arm._control
+    law = loop.controlled_arm._control_period
 
     def failing(*arguments: object) -> None:
         law(*arguments)
         loop.state.evaluation.views.output.tau[:] = loop.state.evaluation.views.applied[:] = np.nan
 
-    loop._arm._control = failing
+    loop.controlled_arm._control_period = failing
     stopped = ended(runner)
     assert "the control law asks for a torque that is no finite number: [nan, nan" in stopped.reason
     assert_kept_and_reset_works(runner, stopped)
@@ -133,7 +133,7 @@ def test_a_command_that_fails_unexpectedly_is_refused_and_the_run_goes_on(runner
 
 
 def test_an_edit_that_fails_half_way_leaves_the_loop_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    loop, twin = ClosedLoop.begin(load("ur5-hybrid"), 1000), ClosedLoop.begin(load("ur5-hybrid"), 1000)
+    loop, twin = ClosedLoop.from_scenario(load("ur5-hybrid"), 1000), ClosedLoop.from_scenario(load("ur5-hybrid"), 1000)
     for _ in range(5):
         loop.step()
         twin.step()

@@ -170,7 +170,7 @@ def test_steady_moment_is_that_of_37_with_a_matrix(K_m1: float) -> None:
     still = {"motion": "hold", "surface__tilt": {}, "surface__normal": [0.0, 0.0, -1.0], "truth__link_scaling": 1.0}
     scenario = changed(shipped()[ALIGN], **still, face__K_t_hat=10.0, face__moment=[0.05, -0.03])
     scenario = edited(scenario, "target_model.K_m", [K_m1, K_m1, K_m1, *4 * [4000.0]])
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     CompiledRun(loop).advance(4000)
     assert loop.stopped is None
     last, l = loop.recording.at(loop.t), loop.system.layout.l
@@ -197,7 +197,7 @@ def test_steady_moment_of_an_impedance_against_a_tilted_plane() -> None:
         face__K_t=K_t,
         target_model={"M_m": [8.0] * 6, "B_m": [150.0] * 6, "K_m": [900.0] * 6, "K_f": [1.0] * 6},
     )
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     CompiledRun(loop).advance(3000)
     assert loop.stopped is None
     last = loop.recording.at(loop.t)
@@ -210,7 +210,7 @@ def test_steady_moment_of_an_impedance_against_a_tilted_plane() -> None:
 
 def test_compiled_run_has_the_rows_of_the_steps() -> None:
     noise = {"sensor__moment_noise": 0.01, "sensor__moment_delay": 0.002, "contact__B_e": 20.0}
-    stepped, compiled = (ClosedLoop.begin(changed(shipped()[ALIGN], **noise)) for _ in range(2))
+    stepped, compiled = (ClosedLoop.from_scenario(changed(shipped()[ALIGN], **noise)) for _ in range(2))
     CompiledRun(compiled).advance(300)
     for _ in range(300):
         stepped.advance()
@@ -263,7 +263,7 @@ def test_a_moment_just_below_that_which_lifts_a_side_is_reached() -> None:
     """|m| < f_n a / 2, a = sqrt(2 K_t / K_e): on a plane at rest the foot that is pressed least still presses."""
     scenario, largest = shipped()[ALIGN], 0.5 * 20.0 * np.sqrt(2.0 * 15.0 / 1e4)
     still = {"motion": "hold", "surface__tilt": {}, "surface__normal": [0.0, 0.0, -1.0]}
-    loop = ClosedLoop.begin(changed(scenario, **still, face__moment=[0.0, float(0.98 * largest)]))
+    loop = ClosedLoop.from_scenario(changed(scenario, **still, face__moment=[0.0, float(0.98 * largest)]))
     CompiledRun(loop).advance(4000)
     assert loop.stopped is None
     last = loop.recording.at(loop.t)

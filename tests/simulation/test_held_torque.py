@@ -20,7 +20,7 @@ from app.simulation.compiled_run import CompiledRun
 def test_a_reference_that_moves_between_two_samples_ends_the_promise(name: str, field: str, value: object) -> None:
     """s jumps with it over bound and band, which is no fault of the law: the theorem is about a differentiable
     reference."""
-    loop = ClosedLoop.begin(edited(shipped()[name], field, value))
+    loop = ClosedLoop.from_scenario(edited(shipped()[name], field, value))
     CompiledRun(loop).advance(700)
     assert loop.standing.run.verdict == "nothing promised"
     assert [each.premise for each in loop.standing.findings if each.failed is not None] == ["held"]
@@ -42,7 +42,7 @@ def test_the_band_follows_the_gain_at_once_when_a_push_begins(*, compiled: bool)
         ("truth.push_every", 0.0),
     ):
         scenario = edited(scenario, field, value)
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     if compiled:
         CompiledRun(loop).advance(300)
     else:

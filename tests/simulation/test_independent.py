@@ -50,7 +50,7 @@ TWINS = {
 @pytest.mark.parametrize("twin", TWINS.values(), ids=TWINS.keys())
 def test_each_term_at_random_states(twin: Twin) -> None:
     """r, r_dot, J_q, J_q_dot, v_t, v_t_dot of (3); s, z_dot, tau of (10), (9), (15); q_ddot and lambda of (2)."""
-    loop, paper, random = ClosedLoop.begin(twin.scenario(0.001)), twin.paper(), np.random.default_rng(0)
+    loop, paper, random = ClosedLoop.from_scenario(twin.scenario(0.001)), twin.paper(), np.random.default_rng(0)
     system, n = loop.system, twin.n
     for _ in range(4):
         t = random.uniform(0.1, 1.0)
@@ -102,7 +102,7 @@ PLANTS = ALONE | {
 )
 def test_recorded_residual_is_that_of_the_target_model(twin: Twin) -> None:
     """M_m e_ddot + B_m e_dot + K_m e + K_f e_Fc (8), with q_ddot under the recorded torque by (2)."""
-    loop, paper, g = ClosedLoop.begin(twin.scenario(0.001)), twin.paper(), twin.gains()
+    loop, paper, g = ClosedLoop.from_scenario(twin.scenario(0.001)), twin.paper(), twin.gains()
     for _ in range(20):
         loop.step()
     seen = loop.recording.signals(("t", "q", "q_dot", "tau", "residual"))

@@ -25,7 +25,7 @@ def judged_value(loop: ClosedLoop) -> float:
 
 def test_the_sampled_loops_are_judged_along_the_way() -> None:
     """At stations along the reference, once each however often they are passed, and where the arm is off it."""
-    loop = ClosedLoop.begin(edited(short("ur5-motion"), "simulation.duration", 3.0))
+    loop = ClosedLoop.from_scenario(edited(short("ur5-motion"), "simulation.duration", 3.0))
     seen: dict[int, float] = {}
     for _ in range(3000):
         loop.step()
@@ -52,7 +52,7 @@ def test_the_sampled_loops_are_judged_along_the_way() -> None:
 
 def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
     still = edited(short("ur5-impedance"), "motion", {"kind": "hold"})
-    loop = ClosedLoop.begin(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
+    loop = ClosedLoop.from_scenario(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
     before = judged_value(loop)
     while loop.t < 0.3:
         loop.step()
@@ -66,7 +66,7 @@ def test_during_a_blend_the_sampled_loops_are_those_of_the_model_in_force(*, com
     """The force loop of the model at the end diverges, and that is said as soon as the one in force does."""
     still = edited(short("ur5-constrained"), "motion", {"kind": "hold"})
     blend = {"to": {"M_m": [2.0, *5 * [10.0]]}, "at": 0.0, "over": 4.0}
-    loop, begun, factors = ClosedLoop.begin(edited(still, "blend", blend)), 0.0, list[float]()
+    loop, begun, factors = ClosedLoop.from_scenario(edited(still, "blend", blend)), 0.0, list[float]()
     while loop.t < 3.9 and loop.stopped is None:
         if compiled:
             CompiledRun(loop).advance(20)
@@ -90,7 +90,7 @@ def test_during_a_blend_the_sampled_loops_are_those_of_the_model_in_force(*, com
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-corner", "ur5-constrained", "ur5-corner-rigid"])
 def test_sampled_loops_are_judged_anew_but_for_another_force(name: str) -> None:
     """What is asked of the force changes no sampled loop, so that a slider that moves it need not wait for them."""
-    system = ClosedLoop.begin(short(name)).system
+    system = ClosedLoop.from_scenario(short(name)).system
     pressed = assemble(edited(edited(system.scenario, "force.value", 17.0), "second.force.value", 9.0), system)
     assert pressed.sampled_loops is system.sampled_loops
     known = system.sampled_loops[0]
@@ -112,13 +112,13 @@ def test_sampled_loops_are_judged_anew_but_for_another_force(name: str) -> None:
 def test_a_run_taken_up_before_a_blend_knows_nothing_of_the_model_within_it() -> None:
     """As a timeline takes it up, with the system of the instant that is left."""
     still = edited(short("ur5-impedance"), "motion", {"kind": "hold"})
-    loop = ClosedLoop.begin(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
+    loop = ClosedLoop.from_scenario(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
     begun, station = loop.state.copy(), loop.state.judged.station
     while loop.t < 0.1:
         loop.step()
     assert station is not None
     within = loop.system.sampled_loops[station] = sampled_loop(loop.system, begun.judged.q, begun.judged.t)
-    again = ClosedLoop.resume(begun, previous=loop.system)
+    again = ClosedLoop.from_state(begun, previous=loop.system)
     alone = sampled_loop(assemble(begun.scenario), begun.judged.q, begun.judged.t)
     np.testing.assert_array_equal(again.sampled.sampled, alone.sampled)
     assert np.abs(within.sampled - alone.sampled).max() > 0.1

@@ -36,7 +36,7 @@ def pulled(name: str, push: list[float], leaving: str = "flag", **fields: object
 
 def run(scenario: Scenario, seconds: float) -> ClosedLoop:
     """A run of so many seconds, or until it stops."""
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     while loop.t < seconds - 0.5 * H and loop.stopped is None:
         loop.advance()
     return loop
@@ -215,7 +215,7 @@ def test_the_verdict_names_the_surface_and_the_instants_of_loss_and_impact() -> 
     assert loop.standing.now.because == (
         "contact with a rigid surface is missing: the second surface, lost at t = 0.0505 s"
     )
-    assert np.isnan(loop.kept.bound)
+    assert np.isnan(loop.promise_record.bound)
     assert "contact lost, the second surface would have to pull (λ = -" in (loop.warning or "")
     while loop.t < 1.5:
         loop.advance()
@@ -226,8 +226,8 @@ def test_the_verdict_names_the_surface_and_the_instants_of_loss_and_impact() -> 
     assert found.holds
     assert found.failed == pytest.approx(0.051)
     assert loop.standing.now.verdict == "holds"
-    assert loop.kept.since > made + H  # an impact breaks no promise, and none reaches over it
-    assert np.isnan(loop.kept.broken)
+    assert loop.promise_record.since > made + H  # an impact breaks no promise, and none reaches over it
+    assert np.isnan(loop.promise_record.broken)
 
 
 @pytest.mark.parametrize("which", ["second", "third"])
@@ -246,8 +246,8 @@ def test_a_run_is_resumed_exactly_before_within_and_after_a_loss() -> None:
     assert 0 < len(absent) < 20
     for begun in (absent[0] - 1, absent[0], absent[0] + 1, absent[-1], absent[-1] + 1):
         first = run(scenario, begun * H)
-        again = ClosedLoop.resume(pickle.loads(pickle.dumps(first.state.copy())))
-        compiled = ClosedLoop.resume(first.state.copy())
+        again = ClosedLoop.from_state(pickle.loads(pickle.dumps(first.state.copy())))
+        compiled = ClosedLoop.from_state(first.state.copy())
         CompiledRun(compiled).advance(100 - begun)
         while again.t < 0.1 - 0.5 * H:
             again.advance()

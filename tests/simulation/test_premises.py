@@ -19,9 +19,10 @@ from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
+from app.simulation.premise_watch import GainFeedbackShares
 from controllers.bounds import inertia_spread
 from controllers.premise_statements import STATEMENTS
-from controllers.premises import Premise, periods_between_looks
+from controllers.premises import Premise, periods_between_checks
 from tests.support.arms import random_spd
 from tests.support.cases import short
 
@@ -76,7 +77,7 @@ def test_shipped_runs_hold_with_all_premises(name: str) -> None:
 
 def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:
     """A drive that is too weak for a moment; then V_0 is that of the instant when it is strong enough again."""
-    loop = ClosedLoop.begin(short("ur5-hybrid"))
+    loop = ClosedLoop.from_scenario(short("ur5-hybrid"))
     weak = edited(loop.system.scenario, "truth.link_scaling", 1.3)
     for _ in range(50):
         loop.step()
@@ -100,8 +101,8 @@ def test_the_band_does_not_grow_with_the_gain_that_it_bounds() -> None:
     rows = loop.recording.signals(("d", "s_band"))
     assert rows["d"].max() > 1.25 * rows["d"].min()
     assert rows["s_band"].max() < 1.05 * rows["s_band"].min()
-    watched = loop.state.evaluation.part("watched")
-    assert rows["s_band"][-1] == pytest.approx(0.01 * math.sqrt(watched.high / watched.low), rel=0.05)
+    check = loop.state.evaluation.part("posture_check")
+    assert rows["s_band"][-1] == pytest.approx(0.01 * math.sqrt(check.H_max / check.H_min), rel=0.05)
 
 
 def test_chattering_raises_d_but_not_the_band() -> None:
@@ -117,16 +118,16 @@ def test_chattering_raises_d_but_not_the_band() -> None:
 
 def test_a_promise_from_far_begins_where_s_is() -> None:
     """s is away from zero, under a premise that fails at first: what is promised later begins from the s of then."""
-    loop = ClosedLoop.begin(short("ur5-hybrid-reaching", truth__link_scaling=1.3))
+    loop = ClosedLoop.from_scenario(short("ur5-hybrid-reaching", truth__link_scaling=1.3))
     for _ in range(20):
         loop.step()
-    assert math.isnan(loop.kept.bound)
+    assert math.isnan(loop.promise_record.bound)
     loop.edit(short("ur5-hybrid-reaching", controller__on_change="watch"))
     for _ in range(2):
         loop.step()
     s = float(loop.recording.at(loop.t)["s_norm"][0])
-    assert s > 3.0 * loop.kept.band
-    assert loop.kept.bound > s
+    assert s > 3.0 * loop.promise_record.band
+    assert loop.promise_record.bound > s
     assert loop.standing.now.verdict == "holds"
 
 
@@ -136,7 +137,7 @@ def test_a_run_that_diverges_promises_nothing() -> None:
     with pytest.raises(
         ScenarioError, match=r"controller\.bounds: with 'paper' .* runs away .* controller\.period <= 0\.0"
     ):
-        ClosedLoop.begin(short("ur5-motion", controller__bounds="paper", **fields))
+        ClosedLoop.from_scenario(short("ur5-motion", controller__bounds="paper", **fields))
     thin = {"controller__gain": "constant", "controller__d": 2000.0}
     loop, metrics = simulate(short("ur5-motion", **thin, **fields))
     assert metrics.promise.verdict == "nothing promised"
@@ -146,11 +147,11 @@ def test_a_run_that_diverges_promises_nothing() -> None:
 @pytest.mark.parametrize("name", ["ur5-constrained", "ur5-wave-constrained"])
 def test_the_gain_of_7_on_a_rigid_surface_is_refused_for_its_cause(name: str) -> None:
     with pytest.raises(ScenarioError, match="raise each other"):
-        ClosedLoop.begin(short(name, controller__bounds="paper"))
+        ClosedLoop.from_scenario(short(name, controller__bounds="paper"))
 
 
 def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
-    loop = ClosedLoop.begin(short("ur5-constrained"))
+    loop = ClosedLoop.from_scenario(short("ur5-constrained"))
     for _ in range(20):
         loop.step()
     before = loop.state.copy()
@@ -165,7 +166,7 @@ def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
 
 def test_a_caption_says_what_was_promised() -> None:
     names = ("s_norm", "s_bound", "s_band")
-    loop = ClosedLoop.begin(short("ur5-hybrid"))
+    loop = ClosedLoop.from_scenario(short("ur5-hybrid"))
     for _ in range(50):
         loop.step()
     assert promised(loop.recording.signals(names)).endswith("holds throughout.")
@@ -217,29 +218,29 @@ def test_the_band_is_what_one_period_of_the_worst_perturbation_leaves() -> None:
 
 def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one() -> None:
     """The same arm at the same place, with the rates that make s zero, asks for nearly twice the gain of now."""
-    loop = ClosedLoop.begin(short("ur5-hybrid-reaching", controller__switching="discontinuous"))
-    now = loop._arm.evaluated()
+    loop = ClosedLoop.from_scenario(short("ur5-hybrid-reaching", controller__switching="discontinuous"))
+    now = loop.controlled_arm.evaluated()
     loop.state.arm.views.q_dot[:] -= now.part("seen").task.J_q_inv @ now.part("output").s
-    on_surface = loop._arm.evaluated().part("output")
+    on_surface = loop.controlled_arm.evaluated().part("output")
     assert np.linalg.norm(on_surface.s) < 1e-12
     assert on_surface.d > 1.8 * now.part("output").d
-    assert loop.state.evaluation.part("watched").d == pytest.approx(
+    assert loop.state.evaluation.part("posture_check").d == pytest.approx(
         on_surface.d, rel=0.05
     )  # chattering adds, Coriolis takes
 
 
 def test_a_period_counts_once_however_often_the_loop_through_the_multiplier_asks_for_the_law() -> None:
     loop, metrics = simulate(short("ur5-constrained", sensor__ideal=True))
-    assert loop.kept.periods == len(loop.recording.signals(("t",))["t"])
+    assert loop.promise_record.periods == len(loop.recording.signals(("t",))["t"])
     assert metrics.promise.verdict == "holds"
-    assert loop.recording.epochs[-1].reached == loop.kept.entered
+    assert loop.recording.epochs[-1].layer_reached == loop.promise_record.layer_reached
     held = loop.recording.signals(("held_error",), t_from=0.002)["held_error"]
     assert held.min() > 1e-4  # from period to period, not from one iteration to the next
     assert held.max() < 0.1
 
 
 def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_period() -> None:
-    loop = ClosedLoop.begin(edited(short("ur5-motion"), "controller.law", "computed-torque"))
+    loop = ClosedLoop.from_scenario(edited(short("ur5-motion"), "controller.law", "computed-torque"))
     for _ in range(5):
         loop.step()
     assert "law" in loop.standing.now.because
@@ -253,18 +254,18 @@ def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_peri
 
 def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> None:
     """Omega surrounds the path of the run's duration, as of a run of a map that the page opens."""
-    loop = ClosedLoop.begin(edited(shipped()["ur5-hybrid"], "simulation.duration", 1.0))
+    loop = ClosedLoop.from_scenario(edited(shipped()["ur5-hybrid"], "simulation.duration", 1.0))
     CompiledRun(loop).advance(1000)
     assert loop.warning is None
     CompiledRun(loop).advance(2000)
     assert "for the first 1 s of the path (simulation.duration); allowed: a longer duration" in str(loop.warning)
-    whole = ClosedLoop.begin(shipped()["ur5-hybrid"])
+    whole = ClosedLoop.from_scenario(shipped()["ur5-hybrid"])
     CompiledRun(whole).advance(3000)
     assert whole.warning is None
 
 
 def test_before_the_first_period_nothing_is_promised() -> None:
-    sound = ClosedLoop.begin(short("ur5-hybrid")).standing
+    sound = ClosedLoop.from_scenario(short("ur5-hybrid")).standing
     said = (sound.now.verdict, sound.now.because)
     assert said == ("nothing promised", "the run is judged in the next control period")
     assert (sound.run.verdict, sound.run.because) == ("nothing promised", "no control period has been computed")
@@ -273,63 +274,63 @@ def test_before_the_first_period_nothing_is_promised() -> None:
         ({"controller__law": "computed-torque"}, "the law is not the robust one"),
         ({"truth__link_scaling": 1.3}, "the true arm is outside the declared set"),
     ):
-        standing = ClosedLoop.begin(short("ur5-hybrid", **fields)).standing
+        standing = ClosedLoop.from_scenario(short("ur5-hybrid", **fields)).standing
         assert said in standing.now.because
         assert [finding.holds for finding in standing.findings].count(False) == 1
 
 
 def test_a_layer_that_is_too_thin_leaves_no_promised_instant_and_one_that_is_mended_has_one() -> None:
-    loop = ClosedLoop.begin(short("ur5-motion", controller__layer=0.001))
-    assert loop.state.epoch.banded_by is None
+    loop = ClosedLoop.from_scenario(short("ur5-motion", controller__layer=0.001))
+    assert loop.state.epoch.band_reached_by is None
     loop.advance()
     loop.edit(edited(loop.system.scenario, "controller.layer", 0.01))
-    assert loop.state.epoch.banded_by is not None
+    assert loop.state.epoch.band_reached_by is not None
     loop.edit(edited(loop.system.scenario, "controller.layer", 0.001))
-    assert loop.state.epoch.banded_by is None
+    assert loop.state.epoch.band_reached_by is None
 
 
 def test_without_a_layer_the_robust_terms_have_a_limit_too() -> None:
     """From (λ_max(K_s) + ¼ λ_min(K_s)) T = 2 λ_min(H) on, s may grow each period, and (c) of docs/theory.md has no
     value."""
     given = {"controller__switching": "discontinuous", "controller__gain": "constant", "controller__d": 50.0}
-    watched = ClosedLoop.begin(short("ur5-motion", **given)).state.evaluation.part("watched")
-    limit = 2.0 * watched.low / 1.25e-3
+    check = ClosedLoop.from_scenario(short("ur5-motion", **given)).state.evaluation.part("posture_check")
+    limit = 2.0 * check.H_min / 1.25e-3
     for share, holds in ((0.98, True), (1.02, False)):
-        loop = ClosedLoop.begin(short("ur5-motion", **given, controller__K_s=[share * limit] * 6))
-        table, watched = loop.state.evaluation.part("table"), loop.state.evaluation.part("watched")
-        assert bool(table.now[Premise.LAYER]) is not holds
-        assert np.isfinite(watched.radius) == holds
+        loop = ClosedLoop.from_scenario(short("ur5-motion", **given, controller__K_s=[share * limit] * 6))
+        table, check = loop.state.evaluation.part("table"), loop.state.evaluation.part("posture_check")
+        assert bool(table.failing[Premise.LAYER]) is not holds
+        assert np.isfinite(check.radius) == holds
 
 
 def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> None:
     """M_hat - E is positive definite at some postures of Omega only."""
     given = {"declared__link_centre": 0.06, "controller__gain": "constant", "controller__d": 5.0}
-    system = ClosedLoop.begin(short("planar3r-hybrid", **given)).system
+    system = ClosedLoop.from_scenario(short("planar3r-hybrid", **given)).system
     random, found = np.random.default_rng(0), set[bool]()
-    loop = ClosedLoop.begin(system.scenario)
+    loop = ClosedLoop.from_scenario(system.scenario)
     for _ in range(40):
         loop.state.arm.views.q[:] = system.q_0 + random.uniform(-0.1, 0.1, 3)
-        evaluated = loop._arm.evaluated()
-        loop._arm.look(evaluated)
+        evaluated = loop.controlled_arm.evaluated()
+        loop.controlled_arm.check_posture(evaluated)
         estimate, u = evaluated.part("seen").estimate, system.controller.gains.uncertainty
         E = np.zeros((3, 3))
         inertia_spread.py_func(u, estimate, E)
         definite = bool(np.linalg.eigvalsh(estimate.M_hat - E)[0] > 0.0)
         found.add(definite)
-        assert (evaluated.part("watched").low > 0.0) == definite
+        assert (evaluated.part("posture_check").H_min > 0.0) == definite
         assert (evaluated.part("table").value[Premise.LAYER] < np.inf) == definite
     assert found == {False, True}
-    doubted = ClosedLoop.begin(short("ur5-hybrid"))
+    doubted = ClosedLoop.from_scenario(short("ur5-hybrid"))
     doubted.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER] = np.inf
     with pytest.raises(
         UnboundedGain, match=r"declared\.link_scaling: .* leave no inertia .*; allowed: a smaller value"
     ):
-        doubted._watch.require_bounded_gain((np.nan, np.nan))
+        doubted.premise_watch.require_bounded_gain(GainFeedbackShares(np.nan, np.nan))
 
 
 def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:
     """The formula is tried up to simulation.duration; later it is the root of a negative number."""
-    loop = ClosedLoop.begin(short("ur5-motion", declared__delta_f="1 + sqrt(0.31 - t)", truth__disturbance=0.5))
+    loop = ClosedLoop.from_scenario(short("ur5-motion", declared__delta_f="1 + sqrt(0.31 - t)", truth__disturbance=0.5))
     CompiledRun(loop).advance(300)
     assert loop.standing.run.verdict == "holds"
     CompiledRun(loop).advance(100)
@@ -339,4 +340,4 @@ def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:
 
 
 def test_a_long_control_period_does_not_space_out_the_looks() -> None:
-    assert [periods_between_looks.py_func(T) for T in (2e-4, 1e-3, 4e-3, 0.05)] == [40, 40, 10, 1]
+    assert [periods_between_checks.py_func(T) for T in (2e-4, 1e-3, 4e-3, 0.05)] == [40, 40, 10, 1]

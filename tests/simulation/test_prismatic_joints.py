@@ -36,7 +36,7 @@ def on_rail(**fields: object) -> Scenario:
 
 
 def ran(scenario: Scenario, periods: int) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     for _ in range(periods):
         loop.step()
     assert loop.stopped is None, loop.stopped

@@ -42,7 +42,7 @@ def test_an_impedance_yields_to_a_push_as_its_stiffness_says(law: str, scaling: 
     Computed torque has nothing that would hide a wrong force on the plant; the robust law would.
     """
     push = {"truth.push": FORCE.tolist(), "truth.push_start": 0.1, "truth.push_duration": 10.0}
-    loop = ClosedLoop.begin(impedance(**{"controller.law": law, "truth.link_scaling": scaling, **push}))
+    loop = ClosedLoop.from_scenario(impedance(**{"controller.law": law, "truth.link_scaling": scaling, **push}))
     run(loop, 1.5)
     last = loop.recording.at(loop.t)
     model = loop.system.controller.model
@@ -54,7 +54,7 @@ def test_an_impedance_yields_to_a_push_as_its_stiffness_says(law: str, scaling: 
 
 def test_motion_control_does_not_yield_and_comes_to_no_harm() -> None:
     scenario = edited(edited(shipped()["ur5-motion"], "truth.push", FORCE.tolist()), "truth.push_start", 0.05)
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     run(loop, 0.3)
     record = loop.recording.signals(("e_r", "F_push", "s_norm", "s_bound", "s_band"))
     assert record["F_push"].any()
@@ -64,7 +64,7 @@ def test_motion_control_does_not_yield_and_comes_to_no_harm() -> None:
 
 def test_a_hand_on_a_wall_is_felt_beside_the_wall() -> None:
     """Force control presses a hand's force more than it was told to, as with a real wrist sensor."""
-    loop = ClosedLoop.begin(shipped()["ur5-hybrid"])
+    loop = ClosedLoop.from_scenario(shipped()["ur5-hybrid"])
     run(loop, 1.0)
     view = loop.view()
     n = loop.system.surface.chart(view.tool, loop.t).G[0]
@@ -79,7 +79,7 @@ def test_a_hand_on_a_wall_is_felt_beside_the_wall() -> None:
 @pytest.mark.parametrize("ideal", [False, True])
 def test_a_push_along_a_rigid_surface_and_into_it(ideal: bool) -> None:
     scenario = edited(edited(shipped()["ur5-constrained"], "sensor.ideal", ideal), "motion", "hold")
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     run(loop, 0.5)
     view = loop.view()
     n = loop.system.surface.chart(view.tool, loop.t).G[0]
@@ -109,9 +109,9 @@ def pushed_about(loop: ClosedLoop) -> np.ndarray:
 
 
 def test_the_same_hand_leaves_the_same_rows() -> None:
-    rows = [pushed_about(ClosedLoop.begin(impedance())) for _ in range(2)]
+    rows = [pushed_about(ClosedLoop.from_scenario(impedance())) for _ in range(2)]
     assert np.array_equal(rows[0], rows[1])
-    push = rows[0][:, ClosedLoop.begin(impedance()).recording.columns["F_push"]]
+    push = rows[0][:, ClosedLoop.from_scenario(impedance()).recording.columns["F_push"]]
     size = np.linalg.norm(push, axis=1)
     assert not size[:50].any()
     assert size[50:150].all()
@@ -121,13 +121,13 @@ def test_the_same_hand_leaves_the_same_rows() -> None:
 
 
 def test_a_run_resumed_under_a_hand_and_a_shift_goes_on_exactly() -> None:
-    loop = ClosedLoop.begin(impedance())
+    loop = ClosedLoop.from_scenario(impedance())
     run(loop, 0.1)
     loop.hold(Grip(beside(loop.view().tool, 0.03)))
     loop.edit(edited(loop.system.scenario, "shift.by", [0.02, 0.01]))
     run(loop, 0.1)
-    twin = ClosedLoop.resume(loop.state.copy())
-    free = ClosedLoop.resume(replace(loop.state.copy(), grip=None))
+    twin = ClosedLoop.from_state(loop.state.copy())
+    free = ClosedLoop.from_state(replace(loop.state.copy(), grip=None))
     for one in (loop, twin, free):
         run(one, 0.1)
     mine, its = loop.recording.rows(0.2), twin.recording.rows()
@@ -136,7 +136,7 @@ def test_a_run_resumed_under_a_hand_and_a_shift_goes_on_exactly() -> None:
 
 
 def test_rows_hold_what_their_names_say() -> None:
-    loop = ClosedLoop.begin(impedance())
+    loop = ClosedLoop.from_scenario(impedance())
     run(loop, 0.02)
     loop.hold(Grip((9.0, 9.0, 9.0), limit=7.0))
     before = loop.view()
@@ -225,7 +225,7 @@ def test_a_shift_keeps_two_derivatives_wherever_it_is_turned() -> None:
 
 
 def test_a_shift_moves_the_target_without_a_jump_and_stays_in_omega() -> None:
-    loop = ClosedLoop.begin(shipped()["ur5-hybrid"])
+    loop = ClosedLoop.from_scenario(shipped()["ur5-hybrid"])
     run(loop, 2.0)
     loop.edit(edited(loop.system.scenario, "shift.by", [0.06, -0.04]))
     loop.edit(edited(loop.system.scenario, "controller.layer", 0.011))
@@ -233,7 +233,7 @@ def test_a_shift_moves_the_target_without_a_jump_and_stays_in_omega() -> None:
     record = loop.recording.signals(("r_d", "e_r", "s_norm", "s_bound", "s_band"))
     jumps = np.abs(np.diff(record["r_d"], n=3, axis=0))  # of the acceleration, times T^2
     assert jumps.max() < 1e-7
-    base = ClosedLoop.begin(shipped()["ur5-hybrid"]).system.reference(3.0).r_d
+    base = ClosedLoop.from_scenario(shipped()["ur5-hybrid"]).system.reference(3.0).r_d
     moved = loop.system.reference(3.0).r_d - base
     np.testing.assert_allclose(moved, [0.0, 0.06, -0.04, 0.0, 0.0, 0.0], atol=1e-9)
     assert np.abs(record["e_r"][:, 1:3]).max() < 2e-4

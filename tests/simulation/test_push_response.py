@@ -113,7 +113,7 @@ def test_a_sinusoidal_push_on_the_whole_simulation_meets_the_predicted_admittanc
     data["surface"].get("tilt", {})["amplitude"] = 0.0
     data["contact"] |= {"friction_coulomb": 0.0, "unilateral": False}  # kinks, which no linear system has
     data["shift"] = {}
-    loop = ClosedLoop.begin(from_plain(data))
+    loop = ClosedLoop.from_scenario(from_plain(data))
     for _ in range(500):  # the force has settled
         loop.step()
     found = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t).response
@@ -134,7 +134,7 @@ def test_a_chirp_measures_mass_damper_and_spring_in_the_midst_of_a_motion() -> N
     data = to_plain(known_arm())
     data["motion"] = {"kind": "circle", "radius": 0.05, "period": 3.0}
     data["sensor"] = {"noise": 0.2}
-    loop = ClosedLoop.begin(from_plain(data))
+    loop = ClosedLoop.from_scenario(from_plain(data))
     for _ in range(300):
         loop.step()
     assert np.linalg.norm(loop.recording.at(loop.t)["r_dot"]) > 0.01
@@ -158,7 +158,7 @@ def test_a_chirp_measures_mass_damper_and_spring_in_the_midst_of_a_motion() -> N
 def test_a_measurement_far_from_its_prediction_says_what_that_leaves_out() -> None:
     data = to_plain(known_arm())
     data["truth"] |= {"coulomb": 5.0}
-    loop = ClosedLoop.begin(from_plain(data))
+    loop = ClosedLoop.from_scenario(from_plain(data))
     found = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t).response
     assert found is not None
     sentence = told([PushExperiment(loop.state, found.axes).sine(2.0)], found, not_linear(loop.state))
@@ -171,7 +171,7 @@ def test_a_gain_by_17_that_grows_with_the_push_is_named_where_it_is_the_reason()
     errors, sentences = [], []
     for gain in ("theorem", "constant"):
         scenario = edited(edited(load("ur5-impedance-6d"), "controller.gain", gain), "controller.d", 60.0)
-        loop = ClosedLoop.begin(scenario)
+        loop = ClosedLoop.from_scenario(scenario)
         found = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t).response
         assert found is not None
         points = PushExperiment(loop.state, found.axes).chirp(Chirp(low=10.0, high=100.0, seconds=2.0, points=5))

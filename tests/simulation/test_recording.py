@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import threading
 
+import msgspec
 import numpy as np
 
-from app.simulation.recording import BLOCK, THINNING, Recording
+from app.scenario.data import load
+from app.simulation.recording import BLOCK, THINNING, Epoch, Recording
+from app.simulation.state import UNPROMISED
+from app.storage.epoch_bytes import FORMER, from_bytes, to_bytes
+from controllers.target_model import TargetModel
 
 
 def filled(rows: int, history: int) -> Recording:
@@ -85,3 +90,15 @@ def test_reader_never_sees_an_incomplete_row() -> None:
         looks += 1
     writer.join()
     assert looks > 0
+
+
+def test_epochs_of_files_of_earlier_versions_are_read_by_the_former_names() -> None:
+    instants = {"layer_reached": 0.1, "band_reached": 0.2, "layer_reached_by": 0.3, "band_reached_by": 0.4}
+    epoch = Epoch(0.0, load("ur5-hybrid"), TargetModel(*np.ones((4, 1, 1))), UNPROMISED, **instants)
+    (plain,) = msgspec.msgpack.decode(to_bytes([epoch]))
+    former = {present: name for name, present in FORMER.items()}
+    earlier = msgspec.msgpack.encode([{former.get(name, name): value for name, value in plain.items()}])
+    assert b"layer_reached" not in earlier
+    (read,) = from_bytes(earlier, 1)
+    assert {name: getattr(read, name) for name in instants} == instants
+    assert to_bytes([read]) == to_bytes([epoch])

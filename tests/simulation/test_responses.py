@@ -19,7 +19,7 @@ from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.period_map import Posture
-from app.simulation.sampled_stability import force_factor
+from app.simulation.sampled_force_loop import force_factor
 from app.simulation.state import State
 from app.simulation.system import System
 from controllers.force_loop import force_loop_factors
@@ -54,7 +54,7 @@ def test_the_foretold_force_is_that_of_a_law_without_a_sensor_too(law: str) -> N
             "target_model.K_f": ((3.0,) + (0.0,) * 5,) + ((0.0,) * 6,) * 5,
         },
     )  # fmt: skip
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     CompiledRun(loop).advance(3000)
     last = loop.recording.at(loop.t)
     error = last["multiplier"][0] - last["F_cd"][0]
@@ -239,11 +239,11 @@ def test_lost_contact_with_an_elastic_surface_is_said_with_its_instant() -> None
     pulled = changed(
         shipped()["ur5-hybrid"], truth={"push": [0.0, 0.0, 200.0], "push_start": 0.5, "push_duration": 0.2}
     )
-    loop = ClosedLoop.begin(pulled)
+    loop = ClosedLoop.from_scenario(pulled)
     while loop.t < 0.5:
         loop.step()
     assert loop.warning is None
-    resumed = ClosedLoop.resume(loop.state.copy())
+    resumed = ClosedLoop.from_state(loop.state.copy())
     for each in (loop, resumed):
         while each.t < 0.7:
             each.step()
@@ -345,7 +345,7 @@ def after_a_reading(system: System, q_dot: np.ndarray) -> float:
     """Change of the force in the period after a reading, per change of that reading, at a velocity of the arm."""
     found, size = [], 1e-3
     for share in (-size, size):
-        loop = ClosedLoop.continuing(system, State.at(system, system.q_0, q_dot, 0.0))
+        loop = ClosedLoop.from_system_and_state(system, State.at(system, system.q_0, q_dot, 0.0))
         loop.step()
         load = loop.state.arm.views.load
         before = load.multiplier[0]

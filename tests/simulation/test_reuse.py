@@ -54,8 +54,12 @@ def test_the_controller_stays_where_it_is_told_of_no_change() -> None:
 
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained"])
 def test_another_true_arm_has_the_settings_of_a_system_built_with_it(name: str) -> None:
-    loop = ClosedLoop.begin(edited(short(name), "declared.delta_G", 30.0))
+    loop = ClosedLoop.from_scenario(edited(short(name), "declared.delta_G", 30.0))
     truth = msgspec.structs.replace(loop.system.scenario.truth, payload_mass=0.4, viscous=2.0, torque_limit=80.0)
     twin = loop.with_truth(truth, 10, None)
     built = ControlledArm(twin.system, twin.state).settings
-    assert twin.kernel_data[0].tobytes() == built.data.tobytes() != loop.kernel_data[0].tobytes()
+    assert (
+        twin.controlled_arm.kernel_data.setting.tobytes()
+        == built.data.tobytes()
+        != loop.controlled_arm.kernel_data.setting.tobytes()
+    )

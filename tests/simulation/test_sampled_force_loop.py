@@ -76,7 +76,7 @@ def test_a_force_loop_that_a_low_pass_calms_is_not_said_to_diverge() -> None:
     scenario = changed(shipped()["ur5-constrained"], target_model={"M_m": [2.5] + [10.0] * 5}, **fields)
     factors = []
     for cutoff in (0.0, 20.0):
-        loop = ClosedLoop.begin(changed(scenario, sensor={"cutoff": cutoff}))
+        loop = ClosedLoop.from_scenario(changed(scenario, sensor={"cutoff": cutoff}))
         for _ in range(400):
             loop.advance()
         last = loop.recording.at(loop.t)

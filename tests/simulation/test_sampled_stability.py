@@ -41,7 +41,7 @@ def test_growth_on_the_surface_is_what_the_loop_does(robot: str, fields: dict[st
     system = assemble(scenario)
     growth = growth_per_period(system)
     f_nd = 1e-5 if growth > 1.0 else 10.0
-    loop = ClosedLoop.begin(edited(scenario, "force.value", f_nd))
+    loop = ClosedLoop.from_scenario(edited(scenario, "force.value", f_nd))
     for _ in range(round(math.log(1e5) / abs(math.log(growth)))):
         loop.step()
     error = np.abs(loop.recording.signals(("multiplier",))["multiplier"] - f_nd)
@@ -90,7 +90,7 @@ def test_runs_on_either_side_of_the_limit_diverge_and_do_not(case: str) -> None:
 
     def swing(value: float) -> float:
         """Of the force around 1e-5 N, late over early: of a deviation too small for anything but the linear."""
-        loop = ClosedLoop.begin(edited(at(value), "force.value", 1e-5))
+        loop = ClosedLoop.from_scenario(edited(at(value), "force.value", 1e-5))
         rate = abs(math.log(growth_per_period(loop.system)))
         for _ in range(round(math.log(1e4) / rate)):
             loop.step()
@@ -117,7 +117,7 @@ def test_estimates_along_the_reference_do_not_move_with_the_arm(law: str) -> Non
                 "simulation.domain_radius": 0.6,
             },
         )  # fmt: skip
-        loop = ClosedLoop.begin(scenario)
+        loop = ClosedLoop.from_scenario(scenario)
         loop.state.arm.views.q[1:3] += 1e-4
         CompiledRun(loop).advance(3000)
         away = np.linalg.norm(loop.recording.signals(("e_r",))["e_r"], axis=1)
@@ -132,7 +132,7 @@ def test_growth_is_foretold_where_the_normal_is_oblique_to_every_coordinate() ->
     system, normal = arm("planar3r"), np.array([0.3, 0.0, -0.95])
     normal /= np.linalg.norm(normal)
     touched = system.nominal.evaluate(system.q_0, np.zeros(3)).p - 1e-12 * normal
-    loop = ClosedLoop.begin(
+    loop = ClosedLoop.from_scenario(
         changed(
             in_mode(pressing("planar3r", 1e4, H), "impedance"), contact__K_e=2e6, contact__unilateral=False,
             sensor__delay=0.003, surface__origin=touched.tolist(), surface__normal=normal.tolist(),

@@ -140,14 +140,14 @@ def test_stiff_contact_is_refused_with_a_remedy(robot: str, K_e: float, period: 
     settles to f_nd (36), whatever the estimate of the stiffness."""
     scenario = pressing(robot, K_e, period, simulation__integrator=integrator, controller__layer=0.2)
     with pytest.raises(ScenarioError) as refusal:
-        ClosedLoop.begin(scenario)
+        ClosedLoop.from_scenario(scenario)
     said = str(refusal.value)
     assert said.startswith(f"contact.K_e: 1e+06 N/m is too stiff for 1 step(s) of {integrator}")
     enough = int(said.split("simulation.substeps >= ")[1].split(",")[0])
     assert enough > 1
     if enough > 3:
         with pytest.raises(ScenarioError, match=r"contact\.K_e"):
-            ClosedLoop.begin(edited(scenario, "simulation.substeps", enough // 2))
+            ClosedLoop.from_scenario(edited(scenario, "simulation.substeps", enough // 2))
     remedied = changed(
         scenario, simulation__substeps=enough, target_model={"B_m": [2000.0] + [400.0] * (2 if robot != "ur5" else 5)}
     )

@@ -63,7 +63,7 @@ def test_angles_follow_a_path_of_their_own_beside_the_positions(kind: str) -> No
 
 def test_joints_of_ones_choice_take_the_place_of_the_tools_angles() -> None:
     scenario = edited(load("ur5-motion"), "task_space.supplemental", [4, 5, 6])
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     system = loop.system
     assert [c.name for c in system.coordinates] == ["x", "y", "z", "ℓ·q4", "ℓ·q5", "ℓ·q6"]
     q, l = system.q_0 + 0.1, system.layout.l
@@ -155,13 +155,13 @@ def test_cartesian_axes_are_turned_as_asked() -> None:
 def test_z_begins_as_given_where_it_is_kept() -> None:
     z_0 = [0.02, 0.0, -0.01, 0.0, 0.0, 0.0]
     kept = edited(edited(load("ur5-motion"), "controller.on_change", "watch"), "controller.z_0", z_0)
-    loop = ClosedLoop.begin(kept)
+    loop = ClosedLoop.from_scenario(kept)
     loop.step()
     row = loop.recording.signals(("s", "z", "e_r", "e_r_dot"))
     gains = loop.system.controller.compensator
     assert row["z"][0] == pytest.approx(z_0)
     assert row["s"][0] == pytest.approx(row["e_r_dot"][0] + gains.F_1 @ row["e_r"][0] + gains.F_2 @ np.array(z_0))
-    removed = ClosedLoop.begin(edited(kept, "controller.on_change", "remove"))
+    removed = ClosedLoop.from_scenario(edited(kept, "controller.on_change", "remove"))
     removed.step()
     assert removed.recording.signals(("s",))["s"][0] == pytest.approx(np.zeros(6), abs=1e-9)
     with pytest.raises(ScenarioError, match=r"controller.z_0: 2 values; allowed: 6"):
@@ -177,7 +177,7 @@ def test_another_arm_or_other_coordinates_keep_what_remains_of_a_rotation() -> N
     swinging = load("panda-elbow")
     there = on_robot(swinging, "ur5")
     assert there.rotation.displacement == (0.0, 0.0, 0.0)  # pyright: ignore[reportAttributeAccessIssue]
-    assert possible(there, lambda asked: ClosedLoop.begin(asked).system).robot.n == 6
+    assert possible(there, lambda asked: ClosedLoop.from_scenario(asked).system).robot.n == 6
     in_joints = in_coordinates(in_mode(load("panda-elbow"), "motion"), "kind", "joint")
     assert in_joints.rotation.__struct_config__.tag == "hold"
     assert "rotation hold instead of line" in adaptation_sentence(swinging, in_joints)

@@ -113,7 +113,9 @@ def test_a_wrong_wrench_is_refused() -> None:
 def test_a_twisted_impedance_rests_where_its_torsional_stiffness_says(law: str) -> None:
     """A moment m about an axis of the task frame turns the tool by m / (l^2 K_m): K_m l^2 is N m/rad."""
     moment = np.array([0.0, 0.0, 1.5])
-    loop = ClosedLoop.begin(still(truth__push_moment=moment.tolist(), truth__push_start=0.1, controller__law=law))
+    loop = ClosedLoop.from_scenario(
+        still(truth__push_moment=moment.tolist(), truth__push_start=0.1, controller__law=law)
+    )
     R_0 = loop.system.layout.R_ref.copy()
     for _ in range(3000):
         loop.step()
@@ -135,7 +137,7 @@ def test_pushed_and_twisted_arm_moves_as_the_target_model_under_that_wrench(scal
     15 % heavier move s within the boundary layer."""
     scenario = changed(shipped()[TWISTED], motion="hold", truth__push_start=0.0, truth__push_duration=0.6)
     scenario = edited(scenario, "truth.link_scaling", scaling)
-    loop = ClosedLoop.begin(changed(scenario, simulation__duration=1.0))
+    loop = ClosedLoop.from_scenario(changed(scenario, simulation__duration=1.0))
     while loop.t < 0.9995:
         loop.step()
     assert loop.stopped is None
@@ -213,7 +215,7 @@ def test_a_hand_turns_the_tool_by_a_spring() -> None:
 
 def test_an_impedance_yields_to_a_hand_that_turns_it() -> None:
     """At rest the two springs share the angle: turned by theta torsion / (torsion + l^2 K_m)."""
-    loop = ClosedLoop.begin(still())
+    loop = ClosedLoop.from_scenario(still())
     R_0 = loop.system.layout.R_ref.copy()
     held = Rotation.from_rotvec([0.0, 0.0, 0.1]) * Rotation.from_matrix(R_0)
     loop.hold(Grip(None, turned=tuple(held.as_rotvec().tolist()), torsion=20.0))

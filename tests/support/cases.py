@@ -22,7 +22,7 @@ def surfaces_for(robot: str) -> tuple[str, ...]:
 
 @cache
 def tool_height(robot: str) -> np.ndarray:
-    return ClosedLoop.begin(from_plain({"robot": {"name": robot}})).view().tool
+    return ClosedLoop.from_scenario(from_plain({"robot": {"name": robot}})).view().tool
 
 
 def surfaces(robot: str) -> dict[str, dict[str, object]]:

@@ -35,7 +35,7 @@ def pressing(robot: str, K_e: float, period: float, **fields: Any) -> Scenario:
 
 
 def run(scenario: Scenario, duration: float) -> ClosedLoop:
-    loop = ClosedLoop.begin(scenario)
+    loop = ClosedLoop.from_scenario(scenario)
     for _ in range(round(duration / scenario.controller.period)):
         loop.step()
         assert loop.stopped is None

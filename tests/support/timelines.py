@@ -6,7 +6,7 @@ from app.simulation.closed_loop import ClosedLoop
 
 
 def line_of(scenario: Scenario) -> Timeline:
-    return Timeline(ClosedLoop.begin(scenario))
+    return Timeline(ClosedLoop.from_scenario(scenario))
 
 
 def run(line: Timeline, steps: int) -> Timeline:

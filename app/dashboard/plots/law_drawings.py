@@ -211,9 +211,9 @@ def reaching_note(snapshot: Snapshot) -> str:
         return "this law does not use s: it has no bound and no reaching phase"
     if epoch.certificate.t_r < snapshot.scenario.controller.period:
         return f"s(0) = 0: no reaching phase (Remark 2), since t = {epoch.t:.2f} s"
-    stages = [("band", epoch.banded, epoch.banded_by)]
+    stages = [("band", epoch.band_reached, epoch.band_reached_by)]
     if snapshot.scenario.controller.switching != "discontinuous":
-        stages.append(("layer", epoch.reached, epoch.reached_by))
+        stages.append(("layer", epoch.layer_reached, epoch.layer_reached_by))
 
     def told(name: str, measured: float | None, promised: float | None) -> str:
         after = "not yet" if measured is None else f"<b>{measured - epoch.t:.3g} s</b>"

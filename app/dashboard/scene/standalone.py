@@ -108,7 +108,7 @@ def _server() -> Iterator[viser.ViserServer]:
 
 def snapshots(frames: PlaybackFrames) -> Iterator[Snapshot]:
     """Snapshots of the frames, with no more than the 3-D view shows."""
-    loop = ClosedLoop.begin(frames.scenario, history=1, memory=kept_memory())
+    loop = ClosedLoop.from_scenario(frames.scenario, history=1, memory=kept_memory())
     system, start = loop.system, snapshot_of(loop)
     for number in range(len(frames)):
         yield _at(start, system, {name: values[number] for name, values in frames.signals.items()})

@@ -29,12 +29,14 @@ def verdict_now(standing: Standing) -> tuple[str, ChipClass]:
 
 def verdict_of_run(standing: Standing) -> tuple[str, ChipClass]:
     """Words and colour of the verdict on the run as a whole, which is not judged before its first control period."""
-    if _undecided(standing) and not standing.kept.periods:
+    if _undecided(standing) and not standing.promise_record.periods:
         return NOT_JUDGED, "vs-neutral"
     return standing.run.verdict, CHIP_OF[standing.run.verdict]
 
 
 def _undecided(standing: Standing) -> bool:
     """Whether the next control period decides, and nothing before it."""
-    decided = standing.stopped is not None or not math.isnan(standing.kept.broken) or standing.table.now.any()
+    decided = (
+        standing.stopped is not None or not math.isnan(standing.promise_record.broken) or standing.table.failing.any()
+    )
     return standing.waiting and not decided

@@ -113,7 +113,7 @@ def reaching(snapshot: Snapshot) -> ShowAgain | None:
         return None
     if epoch.t < snapshot.first:
         return None
-    reached = epoch.reached if epoch.reached is not None else epoch.banded
+    reached = epoch.layer_reached if epoch.layer_reached is not None else epoch.band_reached
     took = epoch.certificate.t_r if reached is None else reached - epoch.t
     long = _LONGER * max(took, 10.0 * period)
     return ShowAgain(epoch.t, epoch.t + long, float(np.clip(long / _SHOWN_IN, SLOWEST, 1.0)))

@@ -51,11 +51,11 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
 
 def _over(snapshot: Snapshot) -> str:
     """Words behind a warning whose cause is over; "" where it is not, or where the notice is no warning."""
-    kept, flag = snapshot.standing.kept, snapshot.state.flagged
+    promise, flag = snapshot.standing.promise_record, snapshot.state.flagged
     if flag is None or snapshot.notice != str(flag) or snapshot.standing.now.verdict != "holds":
         return ""
     # contact that is lost on an elastic surface leaves the promise as it was
-    return f"; all premises hold again since t = {kept.since:.3f} s" if kept.since > flag.t else ""
+    return f"; all premises hold again since t = {promise.since:.3f} s" if promise.since > flag.t else ""
 
 
 def _title(scenario: Scenario, begun_from: Scenario | None) -> str:

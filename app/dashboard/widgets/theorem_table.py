@@ -64,13 +64,13 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
                 "the sliding variable and its bound, (20) plus the band of sampling and boundary layer; — where "
                 "nothing is promised",
             ),
-            ("band reached", *_reached(epoch.t, epoch.banded, epoch.banded_by)),
+            ("band reached", *_reached(epoch.t, epoch.band_reached, epoch.band_reached_by)),
         ]
         if math.isfinite(live["layer_loop_factor"]):
             layer = STATEMENTS[Premise.LAYER]
             layer_limit = snapshot.metrics.evaluation.read().table.limit[Premise.LAYER]
             rows += [
-                ("layer reached", *_reached(epoch.t, epoch.reached, epoch.reached_by)),
+                ("layer reached", *_reached(epoch.t, epoch.layer_reached, epoch.layer_reached_by)),
                 (
                     "layer, sampled",
                     f"{number('layer_loop_factor')} {escape(layer.sign)} {layer_limit:g}",

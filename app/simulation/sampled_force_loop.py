@@ -1,0 +1,152 @@
+"""Force loop of a system at a posture, see `controllers.force_loop`, and the feedback of the gain (17) through it."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from app.simulation.period_map import Posture
+from app.simulation.system import System
+from controllers.bounds import Equivalent, RequiredGain, required_gain
+from controllers.force_loop import force_loop_factors, through_sensor, with_gain
+from controllers.nominal_model import ON_LINE, Estimate
+from controllers.task_space import TaskSpace
+
+SLIPS = 36  # directions of slip on one surface: the worst one of all is missed by at most 0.4 % of friction's part
+
+
+class ForceLoopFactor(NamedTuple):
+    """Factor of the force loop, nan where no force is fed back through a loop that sampling closes.
+    factor: of largest size.
+    premise: value of `Premise.FORCE_LOOP`, which includes the feedback of the gain."""
+
+    factor: float
+    premise: float
+
+
+class GainFeedback(NamedTuple):
+    """Feedback of the gain d by (17) through the force on rigid or heavy surfaces.
+    gain: of the loop from the force through d back to the force, when the loop through the multiplier is solved; nan
+    where d does not depend on the force.
+    added: part that d adds to the size of the force loop's factor, 0 where d does not depend on the force."""
+
+    gain: float
+    added: float
+
+
+def force_factor(system: System, at: Posture) -> float:
+    """Force loop factor, see `controllers.force_loop`, with Coulomb friction in the direction of slip that makes it
+    largest; nan where no force is fed back through a loop that sampling closes."""
+    loads = unit_loads(system, at)
+    return worst_force_loop(system, at, loads, (0.0,) * len(loads)).factor
+
+
+def worst_force_loop(system: System, at: Posture, loads: list[np.ndarray], added: tuple[float, ...]) -> ForceLoopFactor:
+    """Largest force-loop factor over the loads, and its premise value including the gain's feedback. loads: see
+    `unit_loads`; added: `GainFeedback.added` of each."""
+    if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
+        return ForceLoopFactor(math.nan, math.nan)
+    model, masses, sensor = system.controller.model, _surface_mass(system), (system.sensor.gain, system.sensor.late)
+    loops = [
+        force_loop_factors(at.H_hat, at.H_hat, model, at.across, load, _felt(system, at, load), masses)
+        for load in loads
+    ]
+    factor = through_sensor(np.concatenate(loops), *sensor)
+    if not any(added):
+        return ForceLoopFactor(factor, abs(factor))
+    return ForceLoopFactor(factor, max(with_gain(loop, more, *sensor) for loop, more in zip(loops, added, strict=True)))
+
+
+def unit_loads(system: System, at: Posture) -> list[np.ndarray]:
+    """F_r (n, k) per unit of the multiplier of each of k surfaces: without Coulomb friction, and with that of a slip in
+    each direction along all surfaces."""
+    normals = np.array([each.chart(at.estimate.p, at.t).G[0] for each in system.surfaces])
+    contacts = system.plant.contacts[: len(normals)]
+    drag = [each.friction_coulomb * np.linalg.norm(row) for each, row in zip(contacts, normals, strict=True)]
+    if not system.plant.kind.heavy or not any(drag):
+        return [at.across]
+    across_plane = [[0.0, 1.0, 0.0]] if system.layout.positions == 2 else np.zeros((0, 3))
+    held = np.vstack([normals, across_plane])
+    along = np.linalg.svd(held)[2][len(held) :]
+    angles = np.linspace(0.0, 2 * np.pi, SLIPS, endpoint=False)
+    around = {0: [], 1: [[1.0], [-1.0]], 2: np.column_stack([np.cos(angles), np.sin(angles)])}[len(along)]
+    by_slip = at.task.J_q_inv.T @ at.estimate.J_v.T @ along.T
+    return [at.across, *(at.across + np.outer(by_slip @ slip, drag) for slip in around)]
+
+
+def _felt(system: System, at: Posture, load: np.ndarray) -> np.ndarray:
+    """Part (n, k) of `load` in F_c, see `controllers.sliding.controlled_force`: friction along a surface whose force
+    is controlled is not counted as its normal force."""
+    felt = load.copy()
+    felt[: system.controller.surfaces] = at.across[: system.controller.surfaces]
+    return system.controller.controlled[:, None] * felt
+
+
+def _surface_mass(system: System) -> np.ndarray:
+    """Mass of the surfaces (k, k) kg, infinite on the diagonal of rigid ones."""
+    k = len(system.surfaces)
+    return np.diag(np.full(k, math.inf)) if system.plant.kind.rigid else system.plant.environment.M_e[:k, :k]
+
+
+def gain_by_force(system: System, at: Posture, load: np.ndarray) -> GainFeedback:
+    """Feedback of the gain d by (17) through the force on rigid or heavy surfaces. Of several surfaces, changes of all
+    their forces add up. load: (n, k), see `unit_loads`."""
+    controller = system.controller
+    if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
+        return GainFeedback(math.nan, 0.0)
+    masses, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
+    asked = np.linalg.solve(controller.model.M_m, controller.model.K_f @ _felt(system, at, load))
+    slopes = np.array([_slope_of_gain(system, at, each) for each in asked.T])
+    yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ load, at.across.T @ asked))
+    return GainFeedback(_largest(Y @ solved.T, slopes), _largest(Y @ yielding.T, slopes))
+
+
+def worst_gain_by_force(system: System, q: np.ndarray, t: float) -> float:
+    """Largest gain of `gain_by_force` over all directions of slip at the posture q (n,) rad at time t (s); nan where
+    there is none, or J_q is singular."""
+    if not system.plant.kind.heavy:
+        return math.nan
+    try:
+        at = Posture.of(system, q, t)
+        return max(gain_by_force(system, at, load).gain for load in unit_loads(system, at))
+    except (ValueError, np.linalg.LinAlgError):
+        return math.nan
+
+
+def _by_acceleration(masses: np.ndarray, mobility: np.ndarray) -> np.ndarray:
+    """Multipliers (k, k), N per m/s^2 of phi_ddot without them.
+    masses: (k, k) kg, of the surfaces, see `_surface_mass`.
+    mobility: (k, k) m/s^2 per N, by which the multipliers reduce phi_ddot."""
+    if np.isinf(masses).any():
+        return np.linalg.inv(mobility)
+    return np.linalg.solve(np.eye(len(masses)) + masses @ mobility, masses)
+
+
+def _largest(pull: np.ndarray, slopes: np.ndarray) -> float:
+    """Largest change of d by a unit vector (n,) of the switching term. pull: (n, k), change of the multipliers by that
+    vector; slopes: (k,), change of d by each multiplier."""
+    signs = product((1.0, -1.0), repeat=len(slopes))
+    return max(float(np.linalg.norm(pull @ (slopes * sign))) for sign in signs)
+
+
+def _slope_of_gain(system: System, at: Posture, r_eq_ddot: np.ndarray) -> float:
+    """Largest change of d by (17), N, per unit of r_eq_ddot's change in this direction."""
+    still = np.zeros_like(r_eq_ddot)
+    rest = at.task._replace(v_t=still, v_t_dot=still)
+    without, with_it = _needed(system, at.estimate, rest), _needed(system, at.estimate, rest, r_eq_ddot)
+    return float(with_it.inertia - without.inertia)
+
+
+def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.ndarray | None = None) -> RequiredGain:
+    """Gain required by (17), without its epsilon, where all errors and all rates of the reference are zero. r_eq_ddot:
+    (n,) m/s^2, another one than zero."""
+    still = np.zeros(system.layout.n)
+    q_eq_dot = -task.J_q_inv @ task.v_t
+    asked = still if r_eq_ddot is None else r_eq_ddot
+    q_eq_ddot = task.J_q_inv @ (asked - task.J_q_dot @ q_eq_dot - task.v_t_dot)
+    at_rest = Equivalent(still, asked, q_eq_dot, q_eq_ddot)
+    controller = system.controller
+    return required_gain(controller.bounds, controller.uncertainty, ON_LINE, estimate, task, still, at_rest)

@@ -1,0 +1,54 @@
+"""Posture at the start of a run, on the surfaces, and whether the tool reaches its place there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.scenario.errors import IrregularCorner, ScenarioError, SurfaceOutOfReach
+from app.scenario.schema import Scenario
+from app.simulation.domain import posture_at
+from app.simulation.environment_builder import task_surface, tool_at_start
+from app.simulation.observation import Observer
+from controllers.control_law import Reference
+from controllers.modes import Mode
+from controllers.nominal_model import NominalModel
+from environments import robots
+from environments.plant import Plant
+
+ON_SURFACE = 1e-6  # m, by which the tool may be off its starting place on the surface
+
+
+def starting_posture(scenario: Scenario, plant: Plant, robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
+    """Posture (n,) rad at the start, on rigid surfaces. Raises ScenarioError, which names the surface that is farthest
+    from the tool, or IrregularCorner."""
+    try:
+        return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
+    except ValueError as error:
+        tool, kind = tool_at_start(robot, nominal), IrregularCorner if len(plant.surfaces) > 1 else ScenarioError
+        task_surface(scenario, plant.surfaces, tool)  # dependent normals are another reason
+        farthest = int(np.argmax([abs(each.chart(tool, 0.0).g[0]) for each in plant.surfaces]))
+        path = scenario.surfaces[farthest].path
+        raise kind(
+            f"{path}{error}; allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
+        ) from error
+
+
+def require_within_reach(
+    scenario: Scenario, mode: Mode, observer: Observer, reference: Reference, q_0: np.ndarray
+) -> None:
+    """Raise SurfaceOutOfReach where Newton's method does not bring the tool from q_0 (n,) rad to its starting place on
+    the surfaces; of several it names the one that is farthest from the tool."""
+    estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
+    try:
+        q = posture_at(observer.at, q_0, reference, 0.0).q
+        away = float(np.abs(observer.at(q, np.zeros_like(q), 0.0).task.r - reference.r_d).max())
+    except ValueError:  # J_q exactly singular on the way
+        away = np.inf
+    if not away < ON_SURFACE:
+        farthest = int(np.abs(task.r[: mode.normals]).argmax())
+        path, depth = scenario.surfaces[farthest].path, float(task.r[farthest])
+        side, tool = "behind" if depth > 0.0 else "ahead of", np.round(estimate.p, 3).tolist()
+        raise SurfaceOutOfReach(
+            f"{path}surface: out of the arm's reach, {abs(depth):.3g} m {side} the tool at {tool} m; "
+            f"allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
+        )
