@@ -16,7 +16,8 @@ class Statement:
     of: whose unit it has, "" for a plain number: a force of r, an angle of the joints, or J_q.
     failed: sentence for a failure, with {value}, {limit} and {unit}.
     why: reason for the premise.
-    unknown: sentence where the value is infinite because it cannot be computed, "" for `failed`."""
+    unknown: sentence where the value is infinite because it cannot be computed, "" for `failed`.
+    counts: whether the value is a number of violations, of which none is allowed."""
 
     title: str
     sign: str
@@ -24,11 +25,17 @@ class Statement:
     failed: str
     why: str
     unknown: str = ""
+    counts: bool = False
 
 
 STATEMENTS: dict[Premise, Statement] = {
     Premise.LAW: Statement(
-        "robust law (25)", "≤", "", "the law is not the robust one (25)", "Theorem 1 is about (25) and no other law"
+        "robust law (25)",
+        "≤",
+        "",
+        "the law is not the robust one (25)",
+        "Theorem 1 is about (25) and no other law",
+        counts=True,
     ),
     Premise.DECLARED: Statement(
         "true arm inside the declared set",
@@ -36,6 +43,7 @@ STATEMENTS: dict[Premise, Statement] = {
         "",
         "the true arm is outside the declared set: it violates {value} declared bounds",
         "number of declared bounds that the true arm violates; the bounds (6) hold inside the declared set only",
+        counts=True,
     ),
     Premise.DOMAIN: Statement(
         "q in Ω",
@@ -122,5 +130,6 @@ STATEMENTS: dict[Premise, Statement] = {
         "contact with a rigid surface is missing, or a surface with a mass has just been met ({value} surfaces)",
         "number of rigid surfaces that the tool did not touch in the period before, and of surfaces with a mass that "
         "it has just met; (39) assumes contact, and an impact is a force without a bound",
+        counts=True,
     ),
 }

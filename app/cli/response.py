@@ -109,8 +109,8 @@ def _tell(seen: RespondingLoop, predicted: PushResponse, points: list[Measured],
         print(push_measurement.told(points, predicted, push_measurement.not_linear(loop.state)))
     for pole in oscillations(seen):
         print(
-            f"poles of the target model at {pole.omega:.4g} 1/s, damping {pole.zeta:.3g}: in the sampled loop "
-            f"{pole.sampled_omega:.4g} 1/s, damping {pole.sampled_zeta:.3g}"
+            f"poles of the target model at {pole.omega:.4g} 1/s, damping {pole.zeta:.3g}, {pole.count} of them: in "
+            f"the sampled loop {pole.slowest:.4g} to {pole.fastest:.4g} 1/s, damping at least {pole.least_zeta:.3g}"
         )
     if math.isfinite(seen.force_factor):
         print(f"force loop: a sample multiplies an error by {seen.force_factor:.3g}; its size must be below 1")

@@ -56,6 +56,7 @@ from app.simulation.environment_checks import (
 from app.simulation.error_model import ErrorModel
 from app.simulation.extremes import Omega
 from app.simulation.observation import Observer
+from app.simulation.own_path_check import require_derivatives
 from app.simulation.planned_reference import Forces, Planned, ReferencePlan
 from app.simulation.reuse_keys import controller_key, domain_key, plant_key, sampled_loops_key, surfaces_key
 from app.simulation.search_memory import Memory
@@ -248,6 +249,7 @@ def _new_constants(
     unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
     if mode.on_surface:
         require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
+    require_derivatives(scenario, unshifted)
     along = centres(observer.at, unshifted, shift, q_0, rules.duration)
     span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
     omega = Omega(along, rules.domain_radius, span)

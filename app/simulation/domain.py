@@ -22,6 +22,7 @@ from environments.step_resolution import Mobility
 from environments.surfaces.table import Surface
 
 CENTRES = 192  # postures along the reference, around which Omega lies
+NEAR = 1.0  # rad, between two of them that follow each other, and from the scenario's posture to the first
 SWEEPS = 4  # number of times that the centres go from the reference to the shifted one and back
 INERTIA, OTHERS = Effort(120, 3), Effort(40, 2)  # of the search; the other functions change less over Omega
 MARGIN = 1.02  # factor on all results of searches; longer searches by another method find less than this above them
@@ -95,7 +96,7 @@ def centres(
             q = posture_at(observe, q, reference, t).q
         except ValueError:  # J_q exactly singular
             q = np.full_like(q, np.nan)
-        if not np.linalg.norm(q - found[-1]) < 1.0:
+        if not np.linalg.norm(q - found[-1]) < NEAR:
             raise PathOutOfReach(f"motion: the arm cannot follow the reference beyond t = {t:.3g} s")
         found.append(q)
     return np.array(found)

@@ -63,19 +63,21 @@ class RespondingLoop(SampledLoop):
 
 @dataclass(frozen=True)
 class Oscillation:
-    """A pole of the target model, with its conjugate, by natural frequency (1/s) and damping ratio, and the same of the
-    sampled loop. count: number of equal poles of the model."""
+    """Equal poles of the target model, with their conjugates, and what the sampled loop has in their place.
+    omega: 1/s, natural frequency; zeta: damping ratio; count: number of these poles.
+    slowest, fastest: 1/s, range of the sampled loop's natural frequencies; least_zeta: its least damping ratio."""
 
     omega: float
     zeta: float
-    sampled_omega: float
-    sampled_zeta: float
     count: int
+    slowest: float
+    fastest: float
+    least_zeta: float
 
 
 def oscillations(loop: RespondingLoop) -> list[Oscillation]:
-    """Oscillations of the poles on and above the real axis, fastest first; of equal poles the one with the least
-    damping."""
+    """Oscillations of the poles on and above the real axis, fastest first. Equal poles are sensitive: a small coupling
+    in the sampled loop spreads them widely."""
     alike: dict[tuple[float, float], list[complex]] = {}
     for model, sampled in zip(loop.model, loop.sampled, strict=True):
         if model.imag >= -1e-6 * abs(model):
@@ -86,9 +88,8 @@ def oscillations(loop: RespondingLoop) -> list[Oscillation]:
         return -pole.real / max(abs(pole), 1e-12)
 
     return [
-        Oscillation(omega, zeta, abs(worst), damping(worst), len(found))
+        Oscillation(omega, zeta, len(found), min(map(abs, found)), max(map(abs, found)), min(map(damping, found)))
         for (omega, zeta), found in sorted(alike.items(), reverse=True)
-        for worst in [min(found, key=lambda pole: (damping(pole), abs(pole)))]
     ]
 
 

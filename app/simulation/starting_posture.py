@@ -6,7 +6,7 @@ import numpy as np
 
 from app.scenario.errors import IrregularCorner, ScenarioError, SurfaceOutOfReach
 from app.scenario.schema import Scenario
-from app.simulation.domain import posture_at
+from app.simulation.domain import NEAR, posture_at
 from app.simulation.environment_builder import task_surface, tool_at_start
 from app.simulation.observation import Observer
 from controllers.control_law import Reference
@@ -37,18 +37,22 @@ def require_within_reach(
     scenario: Scenario, mode: Mode, observer: Observer, reference: Reference, q_0: np.ndarray
 ) -> None:
     """Raise SurfaceOutOfReach where Newton's method does not bring the tool from q_0 (n,) rad to its starting place on
-    the surfaces; of several it names the one that is farthest from the tool."""
+    the surfaces, or only to a posture that is not near q_0; of several it names the one that is farthest from the
+    tool."""
     estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
     try:
         q = posture_at(observer.at, q_0, reference, 0.0).q
         away = float(np.abs(observer.at(q, np.zeros_like(q), 0.0).task.r - reference.r_d).max())
+        turn = float(np.linalg.norm(q - q_0))
     except ValueError:  # J_q exactly singular on the way
-        away = np.inf
-    if not away < ON_SURFACE:
+        away = turn = np.inf
+    if not (away < ON_SURFACE and turn < NEAR):
         farthest = int(np.abs(task.r[: mode.normals]).argmax())
         path, depth = scenario.surfaces[farthest].path, float(task.r[farthest])
         side, tool = "behind" if depth > 0.0 else "ahead of", np.round(estimate.p, 3).tolist()
+        far = f"too far to start on it, since the arm would turn by {turn:.3g} rad"
+        reason = far if away < ON_SURFACE else "out of the arm's reach"
         raise SurfaceOutOfReach(
-            f"{path}surface: out of the arm's reach, {abs(depth):.3g} m {side} the tool at {tool} m; "
+            f"{path}surface: {reason}, {abs(depth):.3g} m {side} the tool at {tool} m; "
             f"allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
         )

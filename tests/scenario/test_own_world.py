@@ -115,6 +115,23 @@ def test_derivatives_of_the_examples() -> None:
         np.testing.assert_allclose((after.rate - before.rate) / (2 * h), here.acceleration, atol=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("-p.radius * w * w * c,", "-0.9 * p.radius * w * w * c,", "its acceleration is not what differences say, by 0.0"),
+        ("= -p.radius * w * s,", "= -0.9 * p.radius * w * s,", "its rate is not what differences say, by 0.00"),
+        ("p.radius * s\n", "p.radius * s + np.sqrt(1.0 - t) - 1.0\n", "the path is not finite; allowed: one that is"),
+    ],
+)
+def test_a_path_with_wrong_derivatives_or_without_an_end_is_refused(
+    written: Callable[[str], Path], old: str, new: str, sentence: str
+) -> None:
+    assert old in CIRCLE
+    use([written(CIRCLE.replace(old, new))])
+    with pytest.raises(ScenarioError, match=rf"^motion\.name: at t = \S+ s {sentence}"):
+        ClosedLoop.from_scenario(edited(load("ur5-hybrid"), "motion", "own:ring"))
+
+
 def test_one_without_parameters(written: Callable[[str], Path]) -> None:
     use([written(PLAIN.format(slope=-1.0))])
     form = OwnForm(name="plain", origin=(0.0, 0.0, 0.2))

@@ -182,10 +182,16 @@ def _sampled_poles(snapshot: Snapshot) -> str:
     head = f"<tr><td>poles</td><td>model ω, ζ</td><td>sampled at {rate:.3g} kHz</td></tr>"
     rows = "".join(
         f"<tr><td>{f'{o.count} ×' if o.count > 1 else ''}</td><td>{o.omega:.3g} rad/s, {_ratio(o.zeta)}</td>"
-        f"<td>{o.sampled_omega:.3g} rad/s, {_ratio(o.sampled_zeta)}</td></tr>"
+        f"<td>{_span(o.slowest, o.fastest)} rad/s, {'≥ ' if o.count > 1 else ''}{_ratio(o.least_zeta)}</td></tr>"
         for o in found
     )
     return f'<table class="vs-facts">{head}{rows}</table>'
+
+
+def _span(low: float, high: float) -> str:
+    """Range of numbers to three digits, as one number where its ends are written alike."""
+    ends = (f"{low:.3g}", f"{high:.3g}")
+    return ends[0] if ends[0] == ends[1] else " to ".join(ends)
 
 
 def _ratio(zeta: float) -> str:

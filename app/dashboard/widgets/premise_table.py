@@ -39,9 +39,11 @@ def _constants(snapshot: Snapshot) -> str:
 
 def _row(finding: Finding) -> str:
     words = STATEMENTS[Premise[finding.premise.upper()]]
-    value = "—" if finding.value is None else f"{_small(finding.value)}"
-    margin = "—" if finding.margin is None else f"{_small(finding.margin)}"
+    value = "—" if finding.value is None else _small(finding.value)
+    margin = "—" if finding.margin is None else _small(finding.margin)
     limit = f"{finding.sign} {_small(finding.limit)} {finding.unit}"
+    if words.counts:
+        value, limit, margin = "yes" if finding.holds else "no", "yes", "—"
     now = chip("holds", "vs-good") if finding.holds else chip("fails", "vs-bad")
     failed = "—" if finding.failed is None else f"{finding.failed:.3f} s"
     return (

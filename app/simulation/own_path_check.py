@@ -1,0 +1,38 @@
+"""Check of a path of the user's own (`--use`): finite, with a rate and an acceleration that are its derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
+from app.simulation.planned_reference import Planned
+from environments.trajectories.own import OwnPath
+
+INSTANTS = 40
+STEP, AGREEMENT = 1e-5, 1e-3  # s, of differences; how well derivatives must agree with them, relatively
+
+
+def require_derivatives(scenario: Scenario, reference: Planned) -> None:
+    """Raise ScenarioError where a path of the user's own is not finite, or where differences of it are not its
+    derivatives, at some instant of the run."""
+    own = [name for name in ("motion", "rotation") if isinstance(getattr(scenario, name), OwnPath)]
+    if not own:
+        return
+    path, duration = f"{' or '.join(own)}.name", scenario.simulation.duration
+    for t in np.sort(np.random.default_rng(0).uniform(STEP, max(duration, 2 * STEP), INSTANTS)):
+        # copies: the plan writes every answer into the same memory
+        before, now, after = (np.array(reference.at(each)[:3]) for each in (t - STEP, t, t + STEP))
+        if not np.isfinite([before, now, after]).all():
+            raise ScenarioError(
+                f"{path}: at t = {t:.3g} s the path is not finite; allowed: one that is finite for all of the run, "
+                f"{duration:g} s (simulation.duration)"
+            )
+        for k, name in enumerate(("rate", "acceleration")):
+            difference = (after[k] - before[k]) / (2 * STEP)
+            away = float(np.abs(now[k + 1] - difference).max())
+            if not away <= AGREEMENT * (1.0 + np.abs(difference).max()):
+                raise ScenarioError(
+                    f"{path}: at t = {t:.3g} s its {name} is not what differences say, by {away:.2g}; "
+                    f"allowed: a path whose rate and acceleration are its derivatives"
+                )
