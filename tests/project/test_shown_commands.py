@@ -186,6 +186,8 @@ def run_shortly(call: Call) -> int:
         arguments["duration"] = SHORT
         if arguments.get("last") is not None:
             arguments["last"] = SHORT
+        if arguments.get("blend_at") is not None:
+            arguments["blend_at"] = 0.0
     elif "start" in arguments:
         arguments |= {"start": 0.0, "end": SHORT}
         if not arguments["run"].endswith(".npz"):

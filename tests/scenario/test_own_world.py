@@ -118,7 +118,11 @@ def test_derivatives_of_the_examples() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("-p.radius * w * w * c,", "-0.9 * p.radius * w * w * c,", "its acceleration is not what differences say, by 0.0"),
+        (
+            "-p.radius * w * w * c,",
+            "-0.9 * p.radius * w * w * c,",
+            "its acceleration is not what differences say, by 0.0",
+        ),
         ("= -p.radius * w * s,", "= -0.9 * p.radius * w * s,", "its rate is not what differences say, by 0.00"),
         ("p.radius * s\n", "p.radius * s + np.sqrt(1.0 - t) - 1.0\n", "the path is not finite; allowed: one that is"),
     ],
