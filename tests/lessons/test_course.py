@@ -42,6 +42,7 @@ from app.lessons.playing import Trace, performance, play, runs
 from app.lessons.predictions import predicted
 from app.scenario.data import shipped
 from app.scenario.errors import ScenarioError
+from app.scenario.units import Units
 from app.session.commands import SetSpeed
 from app.session.runner import Runner
 from drivers.waiting import until
@@ -182,8 +183,9 @@ def test_a_lesson_whose_goal_was_not_met_says_so_when_it_is_done() -> None:
 
 def test_a_time_is_measured_and_predicted_in_its_own_unit_and_no_length_is_a_time() -> None:
     t = np.linspace(0.0, 2.0, 2001)
-    sections = {"controller": SimpleNamespace(period=1e-3), "task_space": SimpleNamespace(kind="cartesian")}
-    system: Any = SimpleNamespace(scenario=SimpleNamespace(**sections))
+    scenario = SimpleNamespace(controller=SimpleNamespace(period=1e-3))
+    robot = SimpleNamespace(slides=6 * (False,))
+    system: Any = SimpleNamespace(scenario=scenario, robot=robot, units=Units("cartesian", "revolute"))
     recording: Any = SimpleNamespace(stretch=lambda *_: {"t": t, "phi": np.where(t < 0.8, 1.0, 0.0)})
 
     def told(statistic: Any, unit: str) -> str:
