@@ -36,7 +36,7 @@ from app.scenario.caption import caption
 from app.scenario.data import edited, from_file, from_toml, load, to_toml
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
-from app.scenario.units import CARTESIAN, JOINT
+from app.scenario.units import CARTESIAN, JOINT, Units
 from app.session import headless_run
 from app.session.changes import blending_to
 from app.session.snapshot import Snapshot, snapshot_of
@@ -471,7 +471,7 @@ def test_a_scenario_that_held_for_no_row_is_not_that_of_a_file() -> None:
     loop = ClosedLoop.from_scenario(load("ur5-hybrid"), 100, memory=kept_memory())
     run_to(loop, 0.02)
     whole, held = io.BytesIO(), loop.system.scenario
-    write_csv(RecordingTable(held, 6, 20, 0.02, loop.recording.pieces()), whole)
+    write_csv(RecordingTable(held, 6, 20, 0.02, Units(), 6 * (False,), loop.recording.pieces()), whole)
     loop.edit(edited(held, "contact.K_e", 2e4))
     again = io.BytesIO()
     write_csv(table(loop.system.scenario, loop.recording), again)
