@@ -47,12 +47,16 @@ def worker(address: str, *options: str) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def _started(*command: str) -> Iterator[subprocess.Popen[bytes]]:
-    with subprocess.Popen(
-        [sys.executable, "-m", "dask", *command],
-        start_new_session=True,
-        env=os.environ | ALLOWED_FAILURES,
-        stderr=subprocess.DEVNULL,
-    ) as process:
+    # Dask imports the text of --preload from the temporary folder, where files of others would hide our modules
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as own,
+        subprocess.Popen(
+            [sys.executable, "-m", "dask", *command],
+            start_new_session=True,
+            env=os.environ | ALLOWED_FAILURES | {"TMPDIR": own},
+            stderr=subprocess.DEVNULL,
+        ) as process,
+    ):
         try:
             yield process
         finally:
