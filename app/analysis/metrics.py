@@ -179,8 +179,8 @@ def _tool_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
 def _normals(surface: Surface, places: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Unit normals (N, 3) of a surface at places (N, 3) m and times t (N,) s that follow each other: of many, those
     between computed ones are interpolated."""
-    if len(t) == 0:
-        return np.zeros((0, 3))
+    if len(t) == 0 or surface.form.normal_fixed:
+        return np.broadcast_to(surface.frame[0], (len(t), 3))
     rows = np.unique(np.linspace(0, len(t) - 1, min(len(t), NORMALS)).round().astype(int))
     known = np.array([surface.chart(places[row], float(t[row])).G[0] for row in rows])
     found = np.stack([np.interp(np.arange(len(t)), rows, column) for column in known.T], axis=1)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
-from app.scenario.data import to_plain
+from app.scenario.data import differences
 from app.scenario.field_info import field_info
 from app.scenario.schema import ContactSection, Scenario
 
@@ -23,17 +22,16 @@ def adaptation_sentence(asked: Scenario, done: Scenario) -> str:
     asked: the scenario with that change alone.
     done: the scenario that runs."""
     adaptations: list[str] = []
+    different = differences(asked, done)
     for section, word in _SECTION_WORDS.items():
-        old, new = getattr(asked, section), getattr(done, section)
-        before, after = to_plain(asked)[section], to_plain(done)[section]
-        if before["kind"] != after["kind"]:
+        changed = {path: values for path, values in different.items() if path.startswith(f"{section}.")}
+        if f"{section}.kind" in changed:
+            old, new = getattr(asked, section), getattr(done, section)
             adaptations.append(f"{word} {_kind_title(new)} instead of {_kind_title(old)}")
-            continue
-        changes = list(_changes(section, before, after))
-        if [change.path for change in changes] == ["surface.origin"]:
+        elif list(changed) == ["surface.origin"]:
             adaptations.append("surface brought to the tool")
-            continue
-        adaptations += [f"{word} {_field_phrase(change)}" for change in changes]
+        else:
+            adaptations += [f"{word} {_field_phrase(path, *values)}" for path, values in changed.items()]
     for each in ("second", "third"):
         old, new = (getattr(of, each).contact for of in (asked, done))
         if old.kind != new.kind and getattr(done, each).present:
@@ -49,34 +47,13 @@ def adaptation_sentence(asked: Scenario, done: Scenario) -> str:
     return f"Adapted: {'; '.join(adaptations)}." if adaptations else ""
 
 
-class _Change(NamedTuple):
-    """Change of one field: its dotted path, its value before and after."""
-
-    path: str
-    before: object
-    after: object
-
-
-def _changes(path: str, before: dict[str, Any], after: dict[str, Any]) -> Iterator[_Change]:
-    """Changes of the fields of a section, given as plain data, those of the sections within it among them."""
-    for name, now in after.items():
-        was = before[name]
-        if isinstance(was, dict) and isinstance(now, dict) and was.get("kind") == now.get("kind"):
-            yield from _changes(f"{path}.{name}", was, now)
-        elif was != now:
-            yield _Change(f"{path}.{name}", was, now)
-
-
-def _field_phrase(change: _Change) -> str:
-    """Label of a field, and its value after and before."""
-    name = change.path.rpartition(".")[2].replace("_", " ")
-    if isinstance(change.before, dict) or isinstance(change.after, dict):
-        return f"{name} of another kind"
-    info = field_info(change.path)
-    label = info.widget.label if info.widget else name
+def _field_phrase(path: str, before: object, after: object) -> str:
+    """Label of the field at a dotted path, and its value after and before."""
+    info = field_info(path)
+    label = info.widget.label if info.widget else path.rpartition(".")[2].replace("_", " ")
     unit = f" {info.unit}" if info.unit not in ("", "1") else ""
     titles = {_hashable(value): title for title, value in info.widget.options} if info.widget else {}
-    was, now = (titles.get(_hashable(value), _value_text(value)) for value in (change.before, change.after))
+    was, now = (titles.get(_hashable(value), _value_text(value)) for value in (before, after))
     return f"{label} {now} instead of {was}{unit}"
 
 

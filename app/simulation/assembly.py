@@ -226,35 +226,20 @@ def _constants(
         return domain_key(previous.scenario) == domain_key(scenario) and np.array_equal(previous.q_0, q_0)
 
     def build() -> Constants:
-        return _new_constants(scenario, robot, mode, nominal, observer, plan, surfaces, q_0, memory)
+        # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
+        on_it = plan if scenario.controller.estimates == "along-reference" else plan.stiff()
+        shift, rules = plan.shift.end, scenario.simulation
+        unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
+        if mode.on_surface:
+            require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
+        require_derivatives(scenario, unshifted)
+        along = centres(observer.at, unshifted, shift, q_0, rules.duration)
+        span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
+        omega = Omega(along, rules.domain_radius, span)
+        uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
+        return constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
 
     return _reused(previous, same, lambda p: p.constants, build)
-
-
-def _new_constants(
-    scenario: Scenario,
-    robot: robots.Robot,
-    mode: Mode,
-    nominal: NominalModel,
-    observer: Observer,
-    plan: ReferencePlan,
-    surfaces: tuple[Surface, ...],
-    q_0: np.ndarray,
-    memory: Memory,
-) -> Constants:
-    """Constants over Omega. Raises ScenarioError."""
-    # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
-    on_it = plan if scenario.controller.estimates == "along-reference" else plan.stiff()
-    shift, rules = plan.shift.end, scenario.simulation
-    unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
-    if mode.on_surface:
-        require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
-    require_derivatives(scenario, unshifted)
-    along = centres(observer.at, unshifted, shift, q_0, rules.duration)
-    span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
-    omega = Omega(along, rules.domain_radius, span)
-    uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
-    return constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
 
 
 def _controller(

@@ -7,10 +7,10 @@ import numpy as np
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.simulation.planned_reference import Planned
+from environments.surfaces.regular import AGREEMENT, STEP
 from environments.trajectories.own import OwnPath
 
 INSTANTS = 40
-STEP, AGREEMENT = 1e-5, 1e-3  # s, of differences; how well derivatives must agree with them, relatively
 
 
 def require_derivatives(scenario: Scenario, reference: Planned) -> None:

@@ -62,6 +62,11 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
         """Whether its form changes in time, not only its place."""
         return False
 
+    @property
+    def normal_fixed(self) -> bool:
+        """Whether its normal is the same everywhere and at all times: that of its frame."""
+        return False
+
     def local_point(self, frame: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Point (3,) m from the origin with coordinates g = (phi, psi_1, psi_2)."""
         raise NotImplementedError

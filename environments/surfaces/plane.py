@@ -71,6 +71,10 @@ class Plane(Form, frozen=True, forbid_unknown_fields=True, tag="plane"):
     def changing(self) -> bool:
         return self.tilt.amplitude > 0.0
 
+    @property
+    def normal_fixed(self) -> bool:
+        return not self.changing
+
     def normal_at(self, surface: Surface, t: float) -> np.ndarray:
         """Unit normal (3,) at time t (s)."""
         return surface.chart(surface.origin, t).G[0]
