@@ -279,6 +279,7 @@ def compare(page: Page, runner: Runner, album: Album) -> None:
         settle(runner, page)
         if stiffness < 4000.0:
             runner.post(Pin())
+    runner.post(Pause())  # the pinned runs have ended and would leave the plots' window
     page.get_by_role("tab", name="Runs", exact=True).click()
     shoot(page, album, "compared", "Pinned runs: their arms, curves and figures beside those of the run")
     page.get_by_role("button", name="back").click()
