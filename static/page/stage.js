@@ -1,17 +1,23 @@
 // Presentation: the scene, one plot, the sliders moved last, and the equation, in large type; in a lesson the scene, one
 // plot and the step of the lesson. V begins and ends it, and Esc ends it. The plot is the one that was pressed last, else
-// the first one. Where no slider was moved and the open tab has none, the first tab is opened meanwhile.
+// the first one; two buttons, and the keys "," and ".", lead to the one before and the next, through all tabs of plots.
+// Where no slider was moved and the open tab has none, the first tab of the controls is opened meanwhile.
 const page = document.documentElement, MOST = 3;
 const OPEN = "[data-dock-group] [data-dock-group] form:has(.mantine-Slider-root)"; // in the tab that is open
 const CLOSED = "[style*='display: none']"; // viser's tabs that are not open
 const CHOSEN = "div:has(> .vs-chosen) ~ form"; // app/dashboard/widgets/chosen_sliders.py
 const TABS = "[role=tablist]:has(> :nth-child(10)) [role=tab]"; // of the controls
+const PLOT_TABS = "[data-dock-region=left] [data-dock-group]:has(.vs-plots) [role=tab]";
 let pressed = null, left = null; // the plot; the tab that is opened again when the presentation ends
+let elsewhere = 0; // which plot of a tab none of whose plots was pressed: 0 for the first, -1 for the last
 for (const kind of ["pointerdown", "focusin"])
   document.addEventListener(kind, (e) => {
     if (e.target instanceof Element) pressed = e.target.closest(".uplot-container") ?? pressed;
   }, true);
+const isDrawn = (box) => !box.closest(CLOSED); // not of a tab that was open before
+const openTab = () => document.querySelector(`${PLOT_TABS}[aria-selected=true]`);
 const onStage = () => "stage" in page.dataset;
+const shown = document.createElement("span"); // which plot it is
 const mark = (all, chosen) => { for (const e of all) e.toggleAttribute("data-staged", chosen.includes(e)); };
 const choose = () => {
   const moved = [...document.querySelectorAll(CHOSEN)], open = [...document.querySelectorAll(OPEN)];
@@ -19,9 +25,11 @@ const choose = () => {
   const lessons = [...document.querySelectorAll(".mantine-Paper-root:has(.vs-lesson[data-step])")];
   mark(lessons, lessons);
   mark([...moved, ...open], lessons.length ? [] : moved.length ? moved : free.slice(0, MOST));
-  const boxes = [...document.querySelectorAll(".uplot-container")];
-  const drawn = boxes.filter((box) => box.parentElement.checkVisibility());
-  mark(boxes, [drawn.includes(pressed) ? pressed : drawn[0]]);
+  const boxes = [...document.querySelectorAll(".uplot-container")], drawn = boxes.filter(isDrawn);
+  const plot = drawn.includes(pressed) ? pressed : drawn.at(elsewhere), tab = openTab();
+  mark(boxes, [plot]);
+  const place = `${tab?.textContent ?? ""} ${drawn.indexOf(plot) + 1} / ${drawn.length}`;
+  if (shown.textContent !== place) shown.textContent = place;
   return lessons.length > 0 || moved.length > 0 || free.length > 0;
 };
 const staged = new Map(); // the height of each plot before
@@ -62,14 +70,34 @@ const toggle = () => {
   }
   fill();
 };
-const leave = document.createElement("button");
-Object.assign(leave, { className: "vs-leave", type: "button", textContent: "×", title: "Leave the presentation (Esc, V)" });
-leave.ariaLabel = leave.title;
-leave.addEventListener("click", () => { leave.blur(); if (onStage()) toggle(); });
-document.body.append(leave);
+// To the plot so many places on, of this tab or of the next ones.
+const turn = (by) => {
+  const drawn = [...document.querySelectorAll(".uplot-container")].filter(isDrawn);
+  const next = drawn[drawn.findIndex((box) => box.matches("[data-staged]")) + by];
+  if (next) {
+    pressed = next;
+  } else {
+    const tabs = [...document.querySelectorAll(PLOT_TABS)];
+    [pressed, elsewhere] = [null, by < 0 ? -1 : 0];
+    window.vsmrcOpenTab(tabs.at((tabs.indexOf(openTab()) + by) % tabs.length));
+  }
+  choose();
+  fill();
+};
+const button = (className, textContent, title, press) => {
+  const made = Object.assign(document.createElement("button"), { className, type: "button", textContent, title, ariaLabel: title });
+  made.addEventListener("click", () => { made.blur(); if (onStage()) press(); });
+  return made;
+};
+document.body.append(button("vs-leave", "×", "Leave the presentation (Esc, V)", toggle));
+const turns = Object.assign(document.createElement("div"), { className: "vs-turns" });
+turns.append(button("", "‹", "The plot before (,)", () => turn(-1)), shown, button("", "›", "The next plot (.)", () => turn(1)));
+document.body.append(turns);
 document.body.addEventListener("keydown", (e) => {
   const typing = e.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(e.target.tagName);
   if (e.ctrlKey || e.metaKey || e.altKey || e.repeat || document.querySelector(".vs-help")) return;
-  if ((/^v$/i.test(e.key) && !typing) || (e.key === "Escape" && onStage() && !typing)) toggle();
+  if (typing) return;
+  if (/^v$/i.test(e.key) || (e.key === "Escape" && onStage())) toggle();
+  else if (onStage() && (e.key === "," || e.key === ".")) turn(e.key === "," ? -1 : 1);
 });
 setInterval(() => { if (onStage()) { choose(); fill(); } }, 300);

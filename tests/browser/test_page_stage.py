@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from playwright.sync_api import expect
 
@@ -105,6 +107,27 @@ def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: 
     expect(rows).to_have_count(many)
     page.wait_for_function(f"JSON.stringify({heights}) === '{own}'.replaceAll(' ', '')")
     assert page.evaluate(font) == small
+
+
+def test_a_presentation_leads_from_plot_to_plot_through_all_tabs_in_a_circle(session: PageSession):
+    page = session.page
+    tabs = page.locator("[data-dock-group]:has(.vs-plots) [role=tab]").all_inner_texts()
+    place, plots = page.locator(".vs-turns span"), page.locator(".uplot-container:visible")
+    plots.first.click(position={"x": 5, "y": 5})
+    page.keyboard.press("v")
+    expect(place).to_have_text(f"{tabs[0]} 1 / 4")
+    page.keyboard.press(",")
+    expect(place).to_have_text(re.compile(rf"{tabs[-1]} (\d+) / \1"))
+    page.get_by_role("button", name="The next plot (.)").click()
+    for number in (1, 2, 3, 4):
+        expect(place).to_have_text(f"{tabs[0]} {number} / 4")
+        expect(plots).to_have_count(1)
+        page.keyboard.press(".")
+    expect(place).to_have_text(re.compile(rf"{tabs[1]} 1 / "))
+    expect(plots).to_have_count(1)
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("button", name="The next plot (.)")).to_be_hidden()
+    session.tab(tabs[0])
 
 
 def test_a_presentation_begun_from_a_tab_without_sliders_has_those_of_the_first_tab(session: PageSession):

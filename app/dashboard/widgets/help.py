@@ -115,6 +115,7 @@ def help_html() -> str:
     """Text of the help."""
     keys = "".join(f"<tr><td>{_keys(key)}</td><td>{does}</td></tr>" for key, does in KEYS.items())
     keys += f"<tr><td>{_key('V')}</td><td>presentation: scene, one plot, the sliders used last, large type</td></tr>"
+    keys += f"<tr><td>{_key(',')} {_key('.')}</td><td>in a presentation: the plot before, the next plot</td></tr>"
     keys += f"<tr><td>{_key('Ctrl')} {_key('K')}</td><td>search all commands</td></tr>"
     colors = "".join(
         f'<tr><td><span class="vs-swatch" style="background: {css(color)}"></span></td><td>{meaning}</td></tr>'
