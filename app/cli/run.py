@@ -22,7 +22,7 @@ from app.cli.options import (
     written_to,
 )
 from app.cli.status import BROKEN, DONE, STOPPED, UNPROMISED
-from app.process.terminal_text import say
+from app.process.terminal_text import print_line
 from app.scenario.data import load
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -122,7 +122,7 @@ def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
 
     asked = question.read(folder / question.FILE)
     if asked.program != fingerprint(asked):
-        say(f"this sweep was computed by {another_program(asked)}: digits may differ")
+        print_line(f"this sweep was computed by {another_program(asked)}: digits may differ")
     whole = question.SweepQuestion(asked)
     return whole.scenario(whole.row(row)), asked.engine, asked.until
 

@@ -101,7 +101,7 @@ def sweep(
     count = question.SweepQuestion(asked).count  # before a folder is made: a question may make no sense
     folder = None if dry_run and out is None else folder_of("sweep", out)
     with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
-        return _foretell(asked, count, on) if dry_run or folder is None else _sweep_into(folder, asked, on)
+        return _estimate(asked, count, on) if dry_run or folder is None else _sweep_into(folder, asked, on)
 
 
 def _read(path: Path, options: _QuestionOptions) -> Sweep:
@@ -160,7 +160,7 @@ def _require_effective(asked: Sweep, options: _QuestionOptions) -> None:
             raise ScenarioError(f"--duration {options.duration:g}: {DURATION} is varied, too; allowed: one of both")
 
 
-def _foretell(asked: Sweep, count: int, on: int | Cluster | None) -> int:
+def _estimate(asked: Sweep, count: int, on: int | Cluster | None) -> int:
     """Say what a sweep of so many runs would take."""
     import numpy as np
 

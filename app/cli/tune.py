@@ -106,7 +106,7 @@ def _tune_into(out: Path, asked: Tuning, workers: int | None) -> int:
             print(f"stopped with {int(store.done.sum())} runs; the same command goes on")
             raise
         outcome.write(asked, found, out)
-    head, *rows = outcome.told(asked, found)
+    head, *rows = outcome.summary_rows(asked, found)
     show_table(head, rows)
     for sentence in outcome.verdict(asked, found):
         print(sentence)

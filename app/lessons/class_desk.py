@@ -93,17 +93,17 @@ class ClassDesk:
         with self._lock:
             self.asked, self._asks = (*self.asked, Asked(lesson, step.number, question)), True
             self._keep()
-        self._tell(question)
+        self._send_question(question)
 
-    def reveal(self, told: str) -> None:
-        """Accept no more answers to the present question, and show the class its result. told: the result, HTML."""
+    def reveal(self, result: str) -> None:
+        """Accept no more answers to the present question, and show the class its result. result: the result, HTML."""
         with self._lock:
             if (present := self.present) is None:
                 return
-            question = msgspec.structs.replace(present.question, open=False, told=told)
+            question = msgspec.structs.replace(present.question, open=False, result=result)
             self.asked = (*self.asked[:-1], replace(present, question=question))
             self._keep()
-        self._tell(question)
+        self._send_question(question)
 
     def rest(self) -> None:
         """Ask nothing for now."""
@@ -111,7 +111,7 @@ class ClassDesk:
             with self._lock:
                 self._asks = False
                 self._keep()
-            self._tell(None)
+            self._send_question(None)
 
     def take(self, number: int, answers: tuple[Given, ...]) -> None:
         """Replace the answers to the question of this number."""
@@ -128,8 +128,8 @@ class ClassDesk:
         rows.writerow(["lesson", "step", "asked", "kind", "answer"])
         for each in self.asked:
             for given in each.answers:
-                told = " ".join(f"{value:g}" for value in given) if isinstance(given, list) else f"{given:g}"
-                rows.writerow([each.lesson, each.step, each.question.number, each.question.kind, told])
+                answer = " ".join(f"{value:g}" for value in given) if isinstance(given, list) else f"{given:g}"
+                rows.writerow([each.lesson, each.step, each.question.number, each.question.kind, answer])
         return file.getvalue()
 
     def _keep(self) -> None:
@@ -140,7 +140,7 @@ class ClassDesk:
         except OSError as error:
             self._complain(f"the class's answers cannot be saved: {error.strerror}; the class goes on")
 
-    def _tell(self, question: ClassQuestion | None) -> None:
+    def _send_question(self, question: ClassQuestion | None) -> None:
         if self._send is not None:
             self._send(question)
 

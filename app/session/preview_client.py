@@ -49,7 +49,7 @@ class Previewer:
 
     def __init__(self, first: tuple[ChildProcess, Connection] | None = None) -> None:
         self._lock = threading.Lock()
-        self._worker = None if first is None else self._heard(_Worker(*first))
+        self._worker = None if first is None else self._with_listener(_Worker(*first))
         self._waiting: Question | None = None
         self._number = self._dropped = 0
         self._closed = False
@@ -124,9 +124,9 @@ class Previewer:
             process = self._starter.submit(
                 launcher.start, "app.workers.preview", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,)
             ).result()
-        return self._heard(_Worker(process, ours))
+        return self._with_listener(_Worker(process, ours))
 
-    def _heard(self, worker: _Worker) -> _Worker:
+    def _with_listener(self, worker: _Worker) -> _Worker:
         threading.Thread(target=self._listen, args=(worker,), name="previews", daemon=True).start()
         return worker
 

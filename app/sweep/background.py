@@ -99,7 +99,7 @@ class Background:
                 ours.send(self._work)
                 while not (self.complete or self.problem or self._cancelled.is_set()):
                     if ours.poll(0.1):
-                        self._heed(ours.recv())
+                        self._handle(ours.recv())
         except (EOFError, ConnectionError):
             self._fail("its process has ended")
         except OSError as error:
@@ -115,7 +115,7 @@ class Background:
     def _fail(self, reason: str) -> None:
         self.problem = f"the {self.noun} could not be computed: {reason}"
 
-    def _heed(self, message: Any) -> None:
+    def _handle(self, message: Any) -> None:
         if isinstance(message, Waiting | Begun):
             self.waiting = isinstance(message, Waiting)
         elif isinstance(message, SweepDone):

@@ -121,7 +121,7 @@ class SweepRunner:
     def metrics_of(self, row: SweepRow) -> RunMetrics:
         """Metrics of a run, whose values may be others than those of the question's design."""
         started = time.perf_counter()
-        begun = self._question.told(row)
+        begun = self._question.key_columns(row)
         try:
             scenario = self._question.scenario(row)
             loop, metrics = simulate(
@@ -170,7 +170,7 @@ def rows_of(question: SweepQuestion, runs: Iterable[SweepRow], metrics: list[Run
     """Metrics of these runs as they were computed; of runs whose process has ended, rows that say so."""
     if not isinstance(metrics, Fallen):
         return metrics
-    return [question.told(run) | {"stopped": "the process that computed it has ended"} for run in runs]
+    return [question.key_columns(run) | {"stopped": "the process that computed it has ended"} for run in runs]
 
 
 def columns_of(rows: Sequence[RunMetrics]) -> dict[str, np.ndarray]:

@@ -19,7 +19,7 @@ from app.process.atomic_write import write_whole
 from app.scenario.errors import ScenarioError
 from app.storage.joint_kinds import units_of
 from app.sweep.fingerprint import another_program
-from app.sweep.question import FILE, Sweep, SweepQuestion, difference_told, differences, read, to_toml
+from app.sweep.question import FILE, Sweep, SweepQuestion, differences, differences_in_words, read, to_toml
 from app.sweep.run_metrics import COLUMNS, RunMetrics
 from app.sweep.titles import title_of, unit_of
 
@@ -112,7 +112,7 @@ class RunStore:
             write_whole(path, lambda file: file.write(text))
             return
         if other := differences(read(path, type(sweep)), sweep):
-            what = difference_told(other) or f"made by {another_program(sweep)}"
+            what = differences_in_words(other) or f"made by {another_program(sweep)}"
             raise ScenarioError(
                 f"--out {self._folder}: holds another {sweep.noun} ({what}); allowed: a folder of its own"
             )

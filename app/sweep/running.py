@@ -87,10 +87,10 @@ def run(store: RunStore, sweep: Sweep, on: int | Cluster | None = None, *, show_
 
 
 def _computed(
-    sweep: Sweep, numbers: Sequence[int], on: int | Cluster | None, say: Callable[[str], object]
+    sweep: Sweep, numbers: Sequence[int], on: int | Cluster | None, notify: Callable[[str], object]
 ) -> Iterator[tuple[tuple[int, ...], list[RunMetrics] | worker_pool.Fallen]]:
     if isinstance(on, Cluster):
-        return on.results(sweep, numbers, say)
+        return on.results(sweep, numbers, notify)
     workers = on or usable_cores()
     return worker_pool.results(SweepRunner.computing, (sweep,), tasks_of(numbers, workers), workers)
 

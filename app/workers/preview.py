@@ -83,7 +83,7 @@ class _GrowingBand:
         if foresight.bandless or not question.arms or self._problem or self.going:
             return
         if self._band is None or not 0.0 <= question.state.t - self._band.since < OLD:
-            self._heeding(lambda: self._begin(foresight.stretch, question.arms))
+            self._attempt(lambda: self._begin(foresight.stretch, question.arms))
 
     def leave(self) -> None:
         """Forget the band, and compute no more of it."""
@@ -106,7 +106,7 @@ class _GrowingBand:
             if asker is None:
                 time.sleep(min(LOOK, left))
         if self._ahead is not None:
-            self._heeding(self._take)
+            self._attempt(self._take)
         return self._band is not drawn
 
     def behind(self, outlook: Outlook) -> Outlook:
@@ -135,7 +135,7 @@ class _GrowingBand:
             self._ahead.leave()
             self._ahead = None
 
-    def _heeding(self, act: Callable[[], None]) -> None:
+    def _attempt(self, act: Callable[[], None]) -> None:
         """Call `act`; a refusal or an arithmetic error is noted as the reason why there is no band."""
         try:
             act()
@@ -166,11 +166,11 @@ def serve(asker: Connection) -> None:
 
 
 def _grow(
-    band: _GrowingBand, newest: Outlook, asker: Connection, seconds: float, heard: Connection | None = None
+    band: _GrowingBand, newest: Outlook, asker: Connection, seconds: float, interrupter: Connection | None = None
 ) -> None:
-    """Let the band for the newest answer grow for `seconds`. heard: connection whose next message ends this."""
+    """Let the band for the newest answer grow for `seconds`. interrupter: connection whose next message ends this."""
     try:
-        if band.grow(time.perf_counter() + seconds, heard):
+        if band.grow(time.perf_counter() + seconds, interrupter):
             asker.send(band.behind(newest))
     except (EOFError, ConnectionError):
         raise

@@ -42,20 +42,20 @@ def picture(
     )
 
 
-def said_in(drawn: str) -> list[str]:
+def labels_in(drawn: str) -> list[str]:
     return re.findall(r'data-point="\d+"[^>]* aria-label="(.*?)"', drawn)
 
 
 def test_tiles_say_their_numbers_in_units_and_the_arms_behind_them() -> None:
     worst = picture(SweepView("force_error"))
-    said = said_in(worst)
-    assert len(said) == 6
+    labels = labels_in(worst)
+    assert len(labels) == 6
     number = "stiffness &lt;b&gt; 1000 N/m, gain 80 N·s/m: force error 3100 mN, worst of 4 arms"
-    assert said[1] == f"{number}; the promise holds for 3 of 4 arms; not met: {PREMISES}"
-    assert said[2].endswith("a run stopped or was refused")
+    assert labels[1] == f"{number}; the promise holds for 3 of 4 arms; not met: {PREMISES}"
+    assert labels[2].endswith("a run stopped or was refused")
     assert re.findall(r'data-point="(\d+)"', worst) == ["0", "1", "2", "3", "4", "5"]
     assert "<b>" not in worst
-    share = said_in(picture(SweepView("force_error", within=1.25)))
+    share = labels_in(picture(SweepView("force_error", within=1.25)))
     kept = "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)"
     assert share[0].endswith(f"{kept}; the promise holds for 3 of 4 arms; not met: d covers (17)")
     wide = columns() | {"force_error": 10.0 ** -columns()["point"]}
@@ -95,7 +95,7 @@ def test_refused_runs_draw_no_boundary_and_missing_metrics_are_reported() -> Non
     drawn = picture(SweepView("settling_time"), table=columns() | unknown | {"settling_time": np.full(24, np.inf)})
     assert 'class="vs-ends"' not in drawn
     assert 'class="vs-theorem"' not in drawn
-    assert "force error: no value on some arm" in said_in(drawn)[0]
+    assert "force error: no value on some arm" in labels_in(drawn)[0]
 
 
 def test_a_tile_opens_the_run_of_its_worst_arm() -> None:
@@ -112,11 +112,11 @@ def test_a_tile_opens_the_run_of_its_worst_arm() -> None:
 def test_over_one_field_there_is_a_course_with_an_interval_at_each_share() -> None:
     alone = sweep_of("contact.K_e=1e3:1e5:3:log", draw=4)
     worst = picture(SweepView("force_error"), {"contact.K_e": 1e4}, alone)
-    assert len(said_in(worst)) == 3
+    assert len(labels_in(worst)) == 3
     assert worst.count("vs-interval") == 0
     assert re.search(r'class="vs-present" d="M 187.0 ', worst)  # in the middle
     share = picture(SweepView("force_error", within=1.25), sweep=alone)
-    assert "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)" in said_in(share)[0]
+    assert "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)" in labels_in(share)[0]
     assert share.count("vs-interval") == 3
 
 

@@ -50,6 +50,6 @@ def test_a_run_beyond_its_bound_counts_also_where_nothing_is_promised_in_some_pe
     lots = [[kept, gone], [gone, replace(kept, over_bound=None, promised=0.0)], *[[kept, kept]] * 4]
     others = [kept] * 6 + [[kept]] * (6 * len(baselines.NOISES))
     text = baselines.SECTION.text(baselines.conclude([*lots, *others]), "evidence")
-    said = " ".join(text.split())
-    assert "Of the 4 runs of the robust laws, 3 have a bound (20) on ‖s‖: with the layer in 75 % of the" in said
-    assert "discontinuous law in 25 %, since a premise fails in the others. There ‖s‖ left it 2 times" in said
+    words = " ".join(text.split())
+    assert "Of the 4 runs of the robust laws, 3 have a bound (20) on ‖s‖: with the layer in 75 % of the" in words
+    assert "discontinuous law in 25 %, since a premise fails in the others. There ‖s‖ left it 2 times" in words

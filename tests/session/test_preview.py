@@ -172,8 +172,8 @@ def test_a_tool_that_is_twisted_shows_its_angle_error() -> None:
 def test_only_errors_of_what_is_free_are_told(scenario: str, path: bool, angle: bool) -> None:
     state = running(shipped()[scenario], 5).state.copy()
     metrics = preview_metrics(Question(1, state, state.scenario, 0.05, push=30.0))
-    assert all((told is not None) == path for told in (metrics.motion_largest, metrics.motion_error))
-    assert all((told is not None) == angle for told in (metrics.angle_largest, metrics.angle_error))
+    assert all((error is not None) == path for error in (metrics.motion_largest, metrics.motion_error))
+    assert all((error is not None) == angle for error in (metrics.angle_largest, metrics.angle_error))
 
 
 @pytest.mark.parametrize("periods", [1, 2, 3, 1000])
@@ -359,12 +359,12 @@ def test_a_question_that_only_time_has_changed_gives_way_at_once() -> None:
             ours.send(message)
         answering = threading.Thread(target=answer_all, args=(theirs,))
         answering.start()
-        heard = [ours.recv()]
-        while not (isinstance(heard[-1], Outlook) and heard[-1].whole):
-            heard.append(ours.recv())
+        received = [ours.recv()]
+        while not (isinstance(received[-1], Outlook) and received[-1].whole):
+            received.append(ours.recv())
     answering.join()
-    assert isinstance(heard[0], PreviewDone)
-    assert {message.number for message in heard[1:] if isinstance(message, Outlook)} == {2}
+    assert isinstance(received[0], PreviewDone)
+    assert {message.number for message in received[1:] if isinstance(message, Outlook)} == {2}
 
 
 def answer_all(asker: Connection) -> None:

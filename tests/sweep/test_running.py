@@ -175,9 +175,9 @@ def test_the_command_runs_draws_and_repeats_a_row(
     assert execute([*ASKED, "--dry-run"]) == 0
     assert "12 runs of 3.6 s simulated time" in capsys.readouterr().out
     assert execute([*ASKED, "--out", folder]) == 0
-    said = capsys.readouterr().out
-    assert "12 of 12 runs are there already" in said
-    assert "0 runs" not in said
+    output = capsys.readouterr().out
+    assert "12 of 12 runs are there already" in output
+    assert "0 runs" not in output
     png = tmp_path / "of.png"
     assert execute(["sweep", "plot", folder, "--out", str(png)]) == 0  # the name says which form
     assert png.read_bytes().startswith(b"\x89PNG")
@@ -245,9 +245,9 @@ def test_options_that_make_no_sense_are_refused_in_one_sentence(
 ) -> None:
     """FOLDER is that of a sweep which has run."""
     assert execute([argument.replace("FOLDER", str(swept)) for argument in arguments]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert said.count("\n") == 1
+    output = capsys.readouterr().err
+    assert sentence in output
+    assert output.count("\n") == 1
 
 
 def test_a_full_disk_is_one_sentence_and_what_is_there_stays(

@@ -69,9 +69,9 @@ class ClassPanel:
 
 def _html(asked: Asked) -> str:
     count = len(asked.answers)
-    told = f"{count} {'answer' if count == 1 else 'answers'}"
+    total = f"{count} {'answer' if count == 1 else 'answers'}"
     shown = "" if asked.question.open else answers_html(asked.question, asked.answers)
-    return f'<div class="vs-lesson vs-class" data-asked="{asked.question.number}"><b>{told}</b>{shown}</div>'
+    return f'<div class="vs-lesson vs-class" data-asked="{asked.question.number}"><b>{total}</b>{shown}</div>'
 
 
 def answers_html(question: ClassQuestion, answers: Sequence[Given]) -> str:

@@ -30,7 +30,7 @@ from app.scenario.units import Units
 from app.session.commands import Perform, Pin
 from app.session.snapshot import Snapshot
 from app.storage.joint_kinds import units_of
-from app.storage.recording_files import Tell
+from app.storage.recording_files import ProgressCallback
 from app.sweep import charts
 from app.sweep.background import BackgroundSweep
 from app.sweep.points import Points, SweepView, points_of
@@ -115,8 +115,8 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
             job, extension = MadeJob(charts.chart, (asked, columns_of(rows), view, form)), form
         name = file_name(f"{asked.scenario.name}-map", self._desk.snapshot().t, extension)
 
-        def make(tell: Tell) -> bytes:
-            return jobs.made(job, tell)
+        def make(on_progress: ProgressCallback) -> bytes:
+            return jobs.made(job, on_progress)
 
         self._delivery.give(event, "Map", name, make)
 
