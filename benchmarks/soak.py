@@ -31,7 +31,7 @@ from app.export.figures import Curve, Figure, FigureChart
 from app.export.printing import render
 from app.process.markdown import Table
 from benchmarks import machine, processes
-from benchmarks.logged import server_log, failures_in_words
+from benchmarks.logged import failures_in_words, server_log
 from benchmarks.served import Served, served
 from benchmarks.visitor import Visitor, visit
 from controllers.modes import MODES

@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from app.process.markdown import Table
 from benchmarks import machine, processes
-from benchmarks.logged import server_log, failures_in_words
+from benchmarks.logged import failures_in_words, server_log
 from benchmarks.sessions import arrived, late
 from benchmarks.soak import PAGE, PLACE, Crowd, grown
 from drivers.visitors import VisitingPage, serving, visiting

@@ -266,8 +266,8 @@ def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> No
 
 def test_before_the_first_period_nothing_is_promised() -> None:
     sound = ClosedLoop.from_scenario(short("ur5-hybrid")).standing
-    reason = (sound.now.verdict, sound.now.because)
-    assert reason == ("nothing promised", "the run is judged in the next control period")
+    found = (sound.now.verdict, sound.now.because)
+    assert found == ("nothing promised", "the run is judged in the next control period")
     assert (sound.run.verdict, sound.run.because) == ("nothing promised", "no control period has been computed")
     assert all(finding.holds for finding in sound.findings)
     for fields, reason in (

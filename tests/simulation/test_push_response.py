@@ -9,7 +9,7 @@ import pytest
 
 from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.schema import Scenario
-from app.session.push_measurement import Chirp, PushExperiment, not_linear, deviation_sentence
+from app.session.push_measurement import Chirp, PushExperiment, deviation_sentence, not_linear
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.force_margin import ForceLoop

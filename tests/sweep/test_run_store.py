@@ -36,7 +36,7 @@ def metrics(number: int) -> dict[str, object]:
 
 
 def fill(folder: Path, added: Callable[[int], object] | None = None) -> None:
-    """Add whatever is missing, until it is done or killed. .key_columns: called with each row that has been added."""
+    """Add whatever is missing, until it is done or killed. added: called with each row that has been added."""
     with RunStore(folder, SWEEP) as store:
         for number in np.flatnonzero(~store.done).tolist():
             store.add(metrics(number))
