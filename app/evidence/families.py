@@ -18,8 +18,8 @@ from app.simulation.system import System
 from app.storage.constants_store import kept_memory
 from app.sweep.axes import axis_of
 from app.sweep.charts import chart
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView
-from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_metrics import RunMetrics, SweepRunner, columns_of
 from app.sweep.titles import value_in_words
 
@@ -77,7 +77,7 @@ def map_rows(law: str, numbers: tuple[int, ...]) -> Rows:
 
 def arms(law: str, numbers: tuple[int, ...]) -> Arms:
     """Arms of a law's band. numbers: of the arms."""
-    asked, memory = SweepQuestion(band_of(law)), kept_memory()
+    asked, memory = SweepPlan(band_of(law)), kept_memory()
     system: System | None = None
     kept, holds, broken = [], 0, 0
     for number in numbers:
@@ -97,7 +97,7 @@ def arms(law: str, numbers: tuple[int, ...]) -> Arms:
 def jobs(thin: int) -> Sequence[Job]:
     made = []
     for law in LAWS:
-        for function, count in ((map_rows, SweepQuestion(map_of(law)).count), (arms, ARMS)):
+        for function, count in ((map_rows, SweepPlan(map_of(law)).count), (arms, ARMS)):
             numbers = range(0, count, thin) if function is arms else range(count)
             made += [Job(function, (law, tuple(numbers[k : k + CHUNK]))) for k in range(0, len(numbers), CHUNK)]
     return made

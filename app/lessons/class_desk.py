@@ -23,7 +23,7 @@ FILE = "class.json"
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedQuestion:
     """Question that a class was asked: name of its lesson, number of its step, and the answers so far."""
 
     lesson: str
@@ -38,7 +38,7 @@ class KeptClass:
     asked: all questions with their answers, in the order in which they were asked.
     asks: whether the class is asked the last of them now."""
 
-    asked: tuple[Asked, ...]
+    asked: tuple[AskedQuestion, ...]
     asks: bool
 
 
@@ -50,7 +50,7 @@ class ClassDesk:
         self._file: KeptFile[KeptClass] | None = None
         self._complain: Complain = _silent
         self._lock = threading.Lock()
-        self.asked: tuple[Asked, ...] = ()
+        self.asked: tuple[AskedQuestion, ...] = ()
         self._asks = False
 
     @property
@@ -83,7 +83,7 @@ class ClassDesk:
             send(None if self.present is None else self.present.question)
 
     @property
-    def present(self) -> Asked | None:
+    def present(self) -> AskedQuestion | None:
         """Question that the class is asked now, None for none."""
         return self.asked[-1] if self.asked and self._asks else None
 
@@ -91,7 +91,7 @@ class ClassDesk:
         """Ask the class the question of a step; a step may be asked several times."""
         question = question_of(step, len(self.asked) + 1, unit, measured)
         with self._lock:
-            self.asked, self._asks = (*self.asked, Asked(lesson, step.number, question)), True
+            self.asked, self._asks = (*self.asked, AskedQuestion(lesson, step.number, question)), True
             self._keep()
         self._send_question(question)
 

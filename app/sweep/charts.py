@@ -16,8 +16,8 @@ from app.export.ticks import plain_decades
 from app.scenario.errors import ScenarioError
 from app.storage.joint_kinds import units_of
 from app.sweep.axes import Axis
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import Kind, Points, SweepView, interval, points_of, statistic_of
-from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_metrics import COLUMNS
 from app.sweep.titles import named, title_of, unit_of, value_in_words
 from parameters import allowed
@@ -256,15 +256,15 @@ def sheet(width: float, caption: str) -> tuple[Canvas, Axes]:
 def _caption(sweep: Sweep, points: Points, view: SweepView, missing: str, stopped: str) -> str:
     """Caption. missing, stopped: what points without a number look like, and those of which a run stopped or was
     refused; where both look the same, one that has a number looks like any other."""
-    arms, question = sweep.arms, SweepQuestion(sweep)
+    arms, plan = sweep.arms, SweepPlan(sweep)
     caption = f"{sweep.scenario.name}, {_counted(len(points.number))}"
     if sweep.draw:
         kind = "corners of the declared set" if sweep.corners else "inside the declared set"
         moved = any(axis.path.startswith(("declared.", "robot.")) for axis in sweep.vary)
         same = "the same shares of what is declared" if moved else "the same"
         caption += f", {arms} true arms each, {kind}, {same} at every point"
-    if (runs := int(points.arms.sum())) < question.count:
-        caption += f". Only {runs} of {question.count} runs so far"
+    if (runs := int(points.arms.sum())) < plan.count:
+        caption += f". Only {runs} of {plan.count} runs so far"
         if fewer := int((points.arms < arms).sum()):
             caption += f", {_counted(fewer)} with fewer arms"
     if statistic_of(view) == "share":

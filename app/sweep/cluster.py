@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from app.process.worker_pool import FALLEN, Fallen
 from app.scenario.errors import ScenarioError
 from app.sweep import cluster_worker
-from app.sweep.question import Sweep
+from app.sweep.plan import Sweep
 from app.sweep.run_metrics import RunMetrics
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from app.process import worker_pool
 from app.sweep.background import Background
 from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate
-from app.tune.question import Tuning
+from app.tune.plan import Tuning
 from app.tune.running import Found, TuningCourse, computing, most_runs
 
 Result = RunMetrics | Candidate | Found

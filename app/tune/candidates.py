@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from app.sweep.axes import Value
 from app.sweep.run_metrics import RunMetrics
-from app.tune.question import Tuning
+from app.tune.plan import Tuning
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
 

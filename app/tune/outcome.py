@@ -21,12 +21,12 @@ from app.scenario import data
 from app.storage.joint_kinds import units_of
 from app.sweep.charts import sheet, wide
 from app.sweep.folder import packed
-from app.sweep.question import LONGEST_NAME
+from app.sweep.plan import LONGEST_NAME
 from app.sweep.run_metrics import COLUMNS, RunMetrics
 from app.sweep.run_store import RunStore, column
 from app.sweep.titles import unit_of
 from app.tune.candidates import Candidate, aim_of, front
-from app.tune.question import Tuning, in_words, program
+from app.tune.plan import Tuning, in_words, program
 from app.tune.running import Found
 
 if TYPE_CHECKING:

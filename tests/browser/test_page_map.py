@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.sweep.question import FILE
+from app.sweep.plan import FILE
 from drivers.pages import PATIENCE, VIEWPORT, PageSession, resting_box, type_over
 from tests.support.layout import lasting, lasting_faults
 

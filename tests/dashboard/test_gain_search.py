@@ -22,7 +22,7 @@ from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate
-from app.tune.question import Tuning, moved
+from app.tune.plan import Tuning, moved
 from drivers.waiting import until
 
 BASE = shipped()["planar3r-hybrid"]

@@ -14,8 +14,8 @@ import pytest
 from app.dashboard.widgets.map_tiles import Naming, Present, map_html
 from app.dashboard.widgets.robustness_map import badness
 from app.sweep.background import BackgroundSweep, coarse_first
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView, points_of
-from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_metrics import RunMetrics
 from tests.sweep.test_charts import columns
 from tests.sweep.test_question import sweep_of
@@ -37,9 +37,7 @@ def picture(
     shown = {"rows": [None] * 24, "going": False, "waiting": False, "problem": ""} | state
     naming = Naming("force error", "mN", 1e3, "" if view.within is None else "<7> mN", NAMES)
     points = points_of(sweep, columns(sweep) if table is None else table, view)
-    return map_html(
-        cast(BackgroundSweep, SimpleNamespace(question=SweepQuestion(sweep), **shown)), points, naming, present
-    )
+    return map_html(cast(BackgroundSweep, SimpleNamespace(plan=SweepPlan(sweep), **shown)), points, naming, present)
 
 
 def labels_in(drawn: str) -> list[str]:
@@ -129,7 +127,7 @@ def test_a_map_that_failed_says_so() -> None:
 @pytest.mark.parametrize(("across", "up"), [(9, 9), (13, 5), (5, 5)])
 def test_every_fourth_tile_comes_first_and_each_comes_once(across: int, up: int) -> None:
     vary = (f"contact.K_e=1e3:1e5:{across}:log", f"controller.K_s=20:80:{up}")
-    asked = SweepQuestion(msgspec.structs.replace(sweep_of(*vary, draw=2)))
+    asked = SweepPlan(msgspec.structs.replace(sweep_of(*vary, draw=2)))
     order = coarse_first(asked)
     assert sorted(order) == list(range(asked.count))
     first = order[: 2 * len(range(0, across, 4)) * len(range(0, up, 4))]

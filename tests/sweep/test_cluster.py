@@ -25,7 +25,7 @@ from app.sweep import cluster_worker, running
 from app.sweep.axes import axis_of
 from app.sweep.cluster import Cluster
 from app.sweep.fingerprint import fingerprint
-from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_metrics import RunMetrics, SweepRunner
 from app.sweep.run_store import RunStore
 from drivers.cluster import Scheduler, worker
@@ -93,7 +93,7 @@ def timeless(rows: list[RunMetrics]) -> list[RunMetrics]:
 def expected() -> list[RunMetrics]:
     """Rows of `SWEEP`, computed here."""
     runner = SweepRunner(SWEEP)
-    return timeless([runner.metrics(number) for number in range(SweepQuestion(SWEEP).count)])
+    return timeless([runner.metrics(number) for number in range(SweepPlan(SWEEP).count)])
 
 
 def rows_of(folder: Path) -> list[RunMetrics]:

@@ -21,12 +21,12 @@ from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.sweep import run_store
 from app.sweep.axes import axis_of
-from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_store import JOURNAL, RunStore, parts, schema_of, table_of
 from tests.sweep.test_question import sweep_of
 
 SWEEP = sweep_of("contact.K_e=1e3:1e5:50:log", "controller.K_s=20:80:80")  # 4,000 runs
-ASKED = SweepQuestion(SWEEP)
+ASKED = SweepPlan(SWEEP)
 
 
 def metrics(number: int) -> dict[str, object]:
@@ -234,7 +234,7 @@ def test_rows_that_wait_in_the_journal_are_drawn_too(tmp_path: Path) -> None:
 def test_a_part_of_another_sweep_and_lines_that_are_no_rows_are_not_taken(tmp_path: Path) -> None:
     other = sweep_of("contact.K_e=1e3:1e5:5:log")
     with RunStore(tmp_path / "other", other) as store:
-        store.add(SweepQuestion(other).key_columns(SweepQuestion(other).row(4)) | {"verdict": "holds"})
+        store.add(SweepPlan(other).key_columns(SweepPlan(other).row(4)) | {"verdict": "holds"})
         store.flush()
     with RunStore(tmp_path / "own", SWEEP) as store:
         store.add(metrics(7))

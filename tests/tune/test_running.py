@@ -23,7 +23,7 @@ from app.scenario.errors import ScenarioError
 from app.sweep.run_store import JOURNAL, RunStore
 from app.tune import background, outcome, running
 from app.tune.candidates import Candidate
-from app.tune.question import Tuning, moved, program
+from app.tune.plan import Tuning, moved, program
 from app.tune.running import Found
 
 DETUNED = with_values(

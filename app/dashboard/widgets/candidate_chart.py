@@ -15,7 +15,7 @@ from app.sweep.run_metrics import COLUMNS
 from app.sweep.titles import unit_of
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate, front
-from app.tune.question import in_words
+from app.tune.plan import in_words
 
 HEIGHT, FIELD = 224, "vs-candidate-field"
 EDGE = 8  # px, between the axes and the candidates

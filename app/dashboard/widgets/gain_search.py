@@ -33,7 +33,7 @@ from app.session.snapshot import Snapshot
 from app.storage.recording_files import ProgressCallback
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate
-from app.tune.question import Tuning, require_sound
+from app.tune.plan import Tuning, require_sound
 from app.tune.running import most_runs
 
 MOST = 4  # gains that a search may vary

@@ -13,8 +13,8 @@ from app.export.ticks import plain_number
 from app.sweep.axes import Axis
 from app.sweep.background import BackgroundSweep
 from app.sweep.charts import wide
+from app.sweep.plan import SweepPlan
 from app.sweep.points import Points, interval
-from app.sweep.question import SweepQuestion
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
 
@@ -82,21 +82,21 @@ class ColorScale(NamedTuple):
 def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, present: Present) -> str:
     """Map as HTML: tiles with their numbers, lines where the declared set and (17) end, a ring at the present values.
     present: values of the axes by path, None for unknown ones."""
-    question, progress = sweep.question, _progress_html(sweep)
+    plan, progress = sweep.plan, _progress_html(sweep)
     if points is None:
         return f'<div class="vs-checks"><div class="vs-note">{progress}</div></div>'
     numbers = points.number if naming.share else naming.factor * points.number
-    over = ", worst arm" if question.sweep.draw else ""
+    over = ", worst arm" if plan.sweep.draw else ""
     if naming.share:
         over = f", share of the arms that keep the limit of {escape(naming.limit)}"
-    if len(question.sweep.vary) == 1:
-        picture, ends, height = _course(question, points, numbers, naming, present), "", COURSE_HEIGHT
+    if len(plan.sweep.vary) == 1:
+        picture, ends, height = _course(plan, points, numbers, naming, present), "", COURSE_HEIGHT
     else:
-        picture, ends, height = (*_tiles(question, points, numbers, naming, present), HEIGHT)
+        picture, ends, height = (*_tiles(plan, points, numbers, naming, present), HEIGHT)
     going = ' data-going=""' if sweep.going else ""
     return (
         f'<div class="vs-checks"><div class="vs-note">{escape(naming.title)}{over}: {progress}{ends}; '
-        f"{'ring' if len(question.sweep.vary) > 1 else 'blue line'}: the present setting</div>{caption_html(FIELD)}"
+        f"{'ring' if len(plan.sweep.vary) > 1 else 'blue line'}: the present setting</div>{caption_html(FIELD)}"
         f'<svg class="vs-poles vs-tiles" data-field="{FIELD}"{going} viewBox="0 0 {WIDTH} {height}" role="group" '
         f'aria-label="{escape(naming.title)}: a tile opens its run">{picture}</svg></div>'
     )
@@ -109,7 +109,7 @@ def caption_html(field: str) -> str:
 
 def _progress_html(sweep: BackgroundSweep) -> str:
     """Progress of the map, as HTML."""
-    done, count = len(sweep.rows), sweep.question.count
+    done, count = len(sweep.rows), sweep.plan.count
     if sweep.problem:
         return escape(sweep.problem)
     if sweep.waiting:
@@ -117,11 +117,9 @@ def _progress_html(sweep: BackgroundSweep) -> str:
     return f"{done} of {count} runs" + ("" if sweep.going or done == count else ", cancelled")
 
 
-def _tiles(
-    question: SweepQuestion, points: Points, numbers: np.ndarray, naming: Naming, present: Present
-) -> tuple[str, str]:
+def _tiles(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> tuple[str, str]:
     """Picture over two fields, as SVG, and words on its lines."""
-    x, y = question.sweep.vary
+    x, y = plan.sweep.vary
     scale = ColorScale(0.0, 1.0, False) if naming.share else ColorScale.of(numbers)
     frame = _Frame((RIGHT - LEFT) / len(x.values), (BOTTOM - TOP) / len(y.values))
     tiles, declared, theorem = [], {}, {}
@@ -133,7 +131,7 @@ def _tiles(
         color = NOTHING if math.isnan(number) else _color(scale.share(number))
         x_at, y_at = LEFT + i * frame.wide, BOTTOM - (j + 1) * frame.tall
         cross = f'<path d="{_cross(i, j, frame)}" stroke="currentColor"/>' if points.stopped[k] else ""
-        label = escape(_label(question, points, k, number, naming))
+        label = escape(_label(plan, points, k, number, naming))
         tiles.append(
             f'<g data-point="{i * len(y.values) + j}" data-at="{i},{j}" tabindex="{-1 if tiles else 0}" role="button" '
             f'aria-label="{label}">'
@@ -149,19 +147,19 @@ def _tiles(
     words = ("; red: the edge of the declared set, between two tiles" if red else "") + (
         "; dashed: the edge of where d covers (17)" if dashed else ""
     )
-    drawn = f"{''.join(tiles)}{red}{dashed}{_ring(question, present)}{_ticks(x, y, frame, naming)}{_bar(scale, naming)}"
+    drawn = f"{''.join(tiles)}{red}{dashed}{_ring(plan, present)}{_ticks(x, y, frame, naming)}{_bar(scale, naming)}"
     return drawn, words
 
 
-def _course(question: SweepQuestion, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
+def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
     """Picture over one field, as SVG: a dot for each value, with Wilson's interval where the map shows a share."""
-    (x,) = question.sweep.vary
+    (x,) = plan.sweep.vary
     scale = ColorScale(0.0, 1.0, False) if naming.share else ColorScale.of(numbers)
     wide = (RIGHT - LEFT) / len(x.values)
     dots, line = [], []
     for k in np.argsort(np.asarray(points.values[x.path], dtype=float)):
         number, i = float(numbers[k]), x.values.index(float(points.values[x.path][k]))
-        across, label = LEFT + (i + 0.5) * wide, escape(_label(question, points, int(k), number, naming))
+        across, label = LEFT + (i + 0.5) * wide, escape(_label(plan, points, int(k), number, naming))
         up = BOTTOM if math.isnan(number) else _up(scale.share(number))
         shape = f'<circle cx="{across:.1f}" cy="{up:.1f}" r="3.5" class="vs-dot-of"/>'
         if points.stopped[k] or math.isnan(number):
@@ -198,10 +196,10 @@ def _up(share: float) -> float:
     return BOTTOM - 8 - share * (BOTTOM - TOP - 16)
 
 
-def _label(question: SweepQuestion, points: Points, k: int, number: float, naming: Naming) -> str:
+def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Naming) -> str:
     where = ", ".join(
         f"{naming.axes[axis.path][0]} {plain(float(points.values[axis.path][k]))} {naming.axes[axis.path][1]}".rstrip()
-        for axis in question.sweep.vary
+        for axis in plan.sweep.vary
     )
     arms = int(points.arms[k])
     if points.stopped[k] and not naming.share:
@@ -267,9 +265,9 @@ def _place(axis: Axis, value: float | None) -> float | None:
     return float(np.interp(value, values, np.arange(len(values)))) + 0.5
 
 
-def _ring(question: SweepQuestion, present: Present) -> str:
+def _ring(plan: SweepPlan, present: Present) -> str:
     """Ring at the present values, as SVG; "" where they are not on the map."""
-    x, y = question.sweep.vary
+    x, y = plan.sweep.vary
     i, j = (_place(axis, present.get(axis.path)) for axis in (x, y))
     if i is None or j is None:
         return ""

@@ -1,4 +1,4 @@
-"""Question of a sweep: a scenario, what is varied, the true arms that are drawn, and so each of its runs."""
+"""Plan of a sweep: a scenario, what is varied, the true arms that are drawn, and so each of its runs."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Sweep(Struct, frozen=True, forbid_unknown_fields=True):
         return 0 if self.draw else 1
 
 
-Asked = TypeVar("Asked", bound=Sweep)
+SweepT = TypeVar("SweepT", bound=Sweep)
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class SweepRow:
     values: dict[str, Value]
 
 
-class SweepQuestion:
+class SweepPlan:
     """A sweep with its runs. Raises ScenarioError where it makes no sense."""
 
     def __init__(self, sweep: Sweep) -> None:
@@ -302,7 +302,7 @@ def to_toml(sweep: Sweep) -> str:
     return text
 
 
-def read(path: Path, kind: type[Asked] = Sweep) -> Asked:
+def read(path: Path, kind: type[SweepT] = Sweep) -> SweepT:
     """Sweep, or another question of this kind, of a file. Raises ScenarioError."""
     try:
         with path.open("rb") as file:
