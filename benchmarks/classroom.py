@@ -78,16 +78,16 @@ def main(*, students: int = 30) -> None:
             for number in range(ROUNDS):
                 began = time.perf_counter()
                 page.press("Ask the class")
-                told = f'data-asked="{number + 1}"><b>{students} answers'
-                page.wait(lambda told=told: told in page.text)
+                expected = f'data-asked="{number + 1}"><b>{students} answers'
+                page.wait(lambda expected=expected: expected in page.text)
                 ended = time.perf_counter()
                 shown.append(ended - max(student.gave[number] for student in each))
                 reached += [student.seen[number] - began for student in each]
             pace = (page.t - since) / (time.perf_counter() - first)
         print(f"{students} students, {ROUNDS} questions")
         print(f"a question reaches them after {median(reached):.2f} s (median), {max(reached):.2f} s (last)")
-        told = f"after {median(shown):.2f} s (median), {max(shown):.2f} s (largest)"
-        print(f"the last answer is shown to the lecturer {told}")
+        delay = f"after {median(shown):.2f} s (median), {max(shown):.2f} s (largest)"
+        print(f"the last answer is shown to the lecturer {delay}")
         print(f"the loop's pace meanwhile: {pace:.3f} times real time")
 
 

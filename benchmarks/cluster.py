@@ -15,7 +15,7 @@ from app.scenario.data import edited, shipped
 from app.sweep.axes import axis_of
 from app.sweep.cluster import Cluster
 from app.sweep.fingerprint import fingerprint
-from app.sweep.question import Sweep
+from app.sweep.plan import Sweep
 from benchmarks.sweeps import rate
 from drivers import cluster as dask
 

@@ -28,7 +28,7 @@ def server_log() -> Iterator[ServerLog]:
         yield ServerLog(Path(folder) / "server.log")
 
 
-def told(failures: list[str], errors: list[str]) -> str:
+def failures_in_words(failures: list[str], errors: list[str]) -> str:
     """Words for visits that failed and errors of the log."""
-    said = ((failures, "visits were broken off"), (errors, "errors were logged"))
-    return "; ".join(f"{len(each)} {what}" + (f" (first: {each[0]})" if each else "") for each, what in said)
+    kinds = ((failures, "visits were broken off"), (errors, "errors were logged"))
+    return "; ".join(f"{len(each)} {what}" + (f" (first: {each[0]})" if each else "") for each, what in kinds)

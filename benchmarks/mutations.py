@@ -243,8 +243,8 @@ def keep(verdict: Verdict) -> None:
 def page() -> str:
     """Text of docs/mutations.md: every row, with the verdict that is kept on it."""
     rows, found = table(), kept_verdicts()
-    told = {row: (v.result, f"`{v.by}`" if v.by else "", str(v.day)) for row, v in found.items()}
-    cells = [(f"`{row.file}`", row.meaning, *told.get(row, (NOT_RUN, "", ""))) for row in rows]
+    verdicts = {row: (v.result, f"`{v.by}`" if v.by else "", str(v.day)) for row, v in found.items()}
+    cells = [(f"`{row.file}`", row.meaning, *verdicts.get(row, (NOT_RUN, "", ""))) for row in rows]
     caught = sum(verdict.result == CAUGHT for verdict in found.values())
     return f"""# Planted mistakes
 

@@ -31,7 +31,7 @@ from app.export.figures import Curve, Figure, FigureChart
 from app.export.printing import render
 from app.process.markdown import Table
 from benchmarks import machine, processes
-from benchmarks.logged import server_log, told
+from benchmarks.logged import failures_in_words, server_log
 from benchmarks.served import Served, served
 from benchmarks.visitor import Visitor, visit
 from controllers.modes import MODES
@@ -187,7 +187,7 @@ def page(readings: list[Reading], failures: list[str], errors: list[str], client
     latenesses = ("late p50, ms", "p99, ms", "max, ms")
     header = ("minute", "visits so far", "resident, MB", "threads", "files", "steps per s", *latenesses)
     growth = "; ".join(grown(readings)) or "nothing grew"
-    broken = told(failures, errors)
+    broken = failures_in_words(failures, errors)
     return f"""## In company
 
 Written by `python -m benchmarks.soak --minutes {last.minute:g} --clients {clients}`. {described}

@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from app.process.markdown import Table
 from benchmarks import machine, processes
-from benchmarks.logged import server_log, told
+from benchmarks.logged import failures_in_words, server_log
 from benchmarks.sessions import arrived, late
 from benchmarks.soak import PAGE, PLACE, Crowd, grown
 from drivers.visitors import VisitingPage, serving, visiting
@@ -128,7 +128,7 @@ def page(
     sizes = ("gateway, MB", "sessions, MB", "processes", "threads", "files")
     header = ("minute", "visits so far", *sizes, "late p50, ms, worst")
     growth = "; ".join(grown(readings, HELD)) or "nothing grew"
-    broken = told(failures, errors)
+    broken = failures_in_words(failures, errors)
     return f"""## In company, through the gateway
 
 Written by `python -m benchmarks.soak_shared --minutes {last.minute:g} --sessions {sessions} --clients {clients}`.

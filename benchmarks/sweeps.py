@@ -17,7 +17,7 @@ from app.process.cores import usable_cores
 from app.scenario.data import edited, shipped
 from app.sweep.axes import axis_of
 from app.sweep.fingerprint import fingerprint
-from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_metrics import SweepRunner
 from app.sweep.running import run, tasks_of
 
@@ -58,9 +58,9 @@ def main(runs: int = 200, whole: bool = False) -> None:
 def rate(sweep: Sweep, runs: int, workers: int) -> float:
     """Runs per second of a sweep, from the time on at which each process has done its first runs. workers: number of
     processes."""
-    question = SweepQuestion(msgspec.structs.replace(sweep))
+    plan = SweepPlan(msgspec.structs.replace(sweep))
     ends: list[tuple[float, int]] = []
-    tasks = tasks_of(range(min(question.count, runs)), workers)
+    tasks = tasks_of(range(min(plan.count, runs)), workers)
     for numbers, _ in worker_pool.results(SweepRunner.computing, (sweep,), tasks, workers):
         ends.append((time.perf_counter(), len(numbers)))
     settled = 2 * workers

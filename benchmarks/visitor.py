@@ -62,7 +62,7 @@ class Visitor(VisitingPage):
             ),
             key,
         )
-        self.say({"type": "CommandTriggerMessage", "uuid": command["uuid"]})
+        self.send({"type": "CommandTriggerMessage", "uuid": command["uuid"]})
 
     def play(self) -> None:
         """Play if the status line says that the run is paused, as when two visitors have paused at once."""
@@ -93,11 +93,11 @@ class Visitor(VisitingPage):
             found[:] = filter(is_it, self._widgets.values())
             return bool(found)
 
-        self.wait(there, WAITING, told=lambda: f"the page has no {what!r}")
+        self.wait(there, WAITING, describe=lambda: f"the page has no {what!r}")
         return found[0]
 
     def _update(self, uuid: str, value: object) -> None:
-        self.say({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
+        self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
 
 @contextlib.contextmanager

@@ -88,12 +88,12 @@ class Album:
     def _describe(self) -> None:
         """The index with what is said of the pictures that were made, new ones behind the others."""
         known = re.findall(r"!\[(.*)\]\((.*)\)", (self.folder / "README.md").read_text(encoding="utf-8"))
-        said = {name: caption for caption, name in known} | self.captions
-        self._write([(name, caption) for name, caption in said.items() if (self.folder / name).exists()])
+        captions = {name: caption for caption, name in known} | self.captions
+        self._write([(name, caption) for name, caption in captions.items() if (self.folder / name).exists()])
 
-    def _write(self, said: list[tuple[str, str]]) -> None:
+    def _write(self, captions: list[tuple[str, str]]) -> None:
         parts = ["# Screenshots\n\nMade by `make screenshots`.\n"]
-        parts += [f"## {caption}\n\n![{caption}]({name})\n" for name, caption in said]
+        parts += [f"## {caption}\n\n![{caption}]({name})\n" for name, caption in captions]
         (self.folder / "README.md").write_text("\n".join(parts), encoding="utf-8")
 
 

@@ -129,7 +129,7 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[LessonSte
     """Take a lesson to its end. Returns the faults, a sentence each. look: called with each step."""
     page, faults = taker.page, list[str]()
     outcomes = {step.number: play(step, memory) for step in runs(lesson)}
-    told = {name: value for outcome in outcomes.values() for name, value in outcome.told.items()}
+    measurements = {name: value for outcome in outcomes.values() for name, value in outcome.measurements.items()}
     for step in lesson.steps:
         page.locator(f".vs-lesson[data-step='{step.number}']").wait_for()
         match step.block:
@@ -140,8 +140,10 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[LessonSte
                         page.get_by_role("button", name=READY).wait_for(timeout=20e3)
                         break
             case NumberQuestion() as question:
-                unit = told[question.measure].unit
-                taker.fill(f"your answer [{unit}]" if unit else "your answer", f"{told[question.measure].value:.5g}")
+                unit = measurements[question.measure].unit
+                taker.fill(
+                    f"your answer [{unit}]" if unit else "your answer", f"{measurements[question.measure].value:.5g}"
+                )
                 taker.press("Lock my answer")
             case CurveQuestion() as question:
                 run = next(each for each in runs(lesson) if each.number > step.number)

@@ -32,7 +32,7 @@ class Actor:
         self.begun: Begin | None = None
         self.kept: KeptFolder | None = None
         self.answers: list[Answers] = []
-        self._says: asyncio.Queue[Any] = asyncio.Queue()
+        self._outbox: asyncio.Queue[Any] = asyncio.Queue()
 
     def begin(self, begin: Begin) -> None:
         self.begun, self.kept = begin, begin.kept
@@ -47,15 +47,15 @@ class Actor:
         self.answers.append(answers)
 
     async def changes(self) -> AsyncIterator[Any]:
-        while (said := await self._says.get()) is not None:
-            yield said
+        while (message := await self._outbox.get()) is not None:
+            yield message
 
-    def say(self, said: object) -> None:
-        self._says.put_nowait(said)
+    def emit(self, message: object) -> None:
+        self._outbox.put_nowait(message)
 
     async def end(self) -> str:
         self.alive = False
-        self._says.put_nowait(None)
+        self._outbox.put_nowait(None)
         return "ended by SIGKILL"
 
 

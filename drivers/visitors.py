@@ -40,20 +40,22 @@ class VisitingPage:
         self._news = threading.Condition()
         self._ended: ConnectionClosed | None = None
         threading.Thread(target=self._listen, daemon=True).start()
-        self.say(CAMERA)
+        self.send(CAMERA)
 
-    def say(self, message: dict[str, Any] | bytes) -> None:
+    def send(self, message: dict[str, Any] | bytes) -> None:
         self._socket.send(message if isinstance(message, bytes) else msgspec.msgpack.encode(message))
 
     def trigger(self, command: str) -> None:
         """Choose the command with this title. Raises AssertionError where the page has none."""
-        self.wait(lambda: command in self.commands, told=lambda: f"{command!r} is not among {sorted(self.commands)}")
-        self.say({"type": "CommandTriggerMessage", "uuid": self.commands[command]})
+        self.wait(
+            lambda: command in self.commands, describe=lambda: f"{command!r} is not among {sorted(self.commands)}"
+        )
+        self.send({"type": "CommandTriggerMessage", "uuid": self.commands[command]})
 
     def press(self, button: str) -> None:
         """Press the button that was created with this label. Raises AssertionError where the page has none."""
-        self.wait(lambda: button in self.buttons, told=lambda: f"{button!r} is not among {sorted(self.buttons)}")
-        self.say({"type": "GuiUpdateMessage", "uuid": self.buttons[button], "updates": {"value": True}})
+        self.wait(lambda: button in self.buttons, describe=lambda: f"{button!r} is not among {sorted(self.buttons)}")
+        self.send({"type": "GuiUpdateMessage", "uuid": self.buttons[button], "updates": {"value": True}})
 
     @property
     def status(self) -> str:
@@ -70,7 +72,7 @@ class VisitingPage:
         """Report that this tab of plots and the first one of controls are visible, as the page's script does."""
         self.wait(lambda: self._report_field != "" and self._controls != "")
         seen = f"{tab},{self._controls}##"
-        self.say({"type": "GuiUpdateMessage", "uuid": self._report_field, "updates": {"value": seen}})
+        self.send({"type": "GuiUpdateMessage", "uuid": self._report_field, "updates": {"value": seen}})
 
     @property
     def _controls(self) -> str:
@@ -89,17 +91,17 @@ class VisitingPage:
         return float(found[1]) if found else -1.0
 
     def wait(
-        self, condition: Callable[[], bool], seconds: float = PATIENCE, told: Callable[[], str] | None = None
+        self, condition: Callable[[], bool], seconds: float = PATIENCE, describe: Callable[[], str] | None = None
     ) -> None:
         """Wait until the condition holds. Raises ConnectionClosed, and AssertionError when the time is over.
-        told: returns the text of the AssertionError, None for the status line."""
+        describe: returns the text of the AssertionError, None for the status line."""
         with self._news:
             self._news.wait_for(lambda: condition() or self._ended is not None, seconds)
             if condition():
                 return
             if self._ended is not None:
                 raise self._ended
-        raise AssertionError(told() if told else self.status[-400:])
+        raise AssertionError(describe() if describe else self.status[-400:])
 
     def lose(self) -> None:
         """Wait until the server closes the connection. Raises ConnectionClosed then."""
@@ -183,13 +185,13 @@ def serving(*arguments: str, lines: int, fps: int = 8) -> Iterator[Server]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
-            said: list[str] = []
+            printed: list[str] = []
             for line in process.stdout:
-                if said or line.startswith("VSMRC Lab: "):
-                    said.append(line)
-                if len(said) == lines:
+                if printed or line.startswith("VSMRC Lab: "):
+                    printed.append(line)
+                if len(printed) == lines:
                     break
-            yield Server(process, said)
+            yield Server(process, printed)
         finally:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)

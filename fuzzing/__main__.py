@@ -32,8 +32,8 @@ def fuzz(*, seconds: int = 60, only: tuple[str, ...] = tuple(TARGETS)) -> int:
             status = subprocess.call(
                 [sys.executable, "-m", "fuzzing.run", name, str(seconds), str(FOUND)], stdout=out, stderr=out
             )
-        told = log.read_text(errors="replace")
-        runs, cover = (re.findall(pattern, told) for pattern in (r"number_of_executed_units: (\d+)", r"cov: (\d+)"))
+        output = log.read_text(errors="replace")
+        runs, cover = (re.findall(pattern, output) for pattern in (r"number_of_executed_units: (\d+)", r"cov: (\d+)"))
         verdict = "nothing found" if status == 0 else f"FOUND, exit status {status}: see {log}"
         inputs, branches = (found[-1] if found else "?" for found in (runs, cover))
         print(f"{name:12s} {inputs:>10s} inputs, {branches:>6s} branches  {verdict}", flush=True)

@@ -83,6 +83,8 @@ def values_of(parameters: Iterable[Parameter], given: Mapping[str, float], place
         if parameter is None:
             raise ValueError(f"{place}.{name:.60}: no such parameter; {allowed(name, by_name)}")
         if not parameter.low <= value <= parameter.high:
-            said = f"{value:g} {parameter.unit}; allowed: {parameter.low:g} to {parameter.high:g} {parameter.unit}"
-            raise ValueError(f"{place}.{name}: {said}".rstrip())
+            range_text = (
+                f"{value:g} {parameter.unit}; allowed: {parameter.low:g} to {parameter.high:g} {parameter.unit}"
+            )
+            raise ValueError(f"{place}.{name}: {range_text}".rstrip())
     return {name: given.get(name, parameter.value) for name, parameter in by_name.items()}

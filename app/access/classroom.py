@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, TypeGuard
 
 import msgspec
-from msgspec import Struct
+from msgspec import Struct, field
 
 Given = int | float | list[float]
 LARGEST = 1e12  # size of a number: pictures of larger ones overflow
@@ -20,7 +20,7 @@ class ClassQuestion(Struct, frozen=True):
     ask, options: HTML; unit: of a number.
     start, end, low, high, axis: of the axes on which a curve is drawn.
     open: whether answers are still taken.
-    told: HTML of the answer, once it is revealed.
+    result: HTML of the answer, once it is revealed.
     """
 
     number: int
@@ -34,7 +34,7 @@ class ClassQuestion(Struct, frozen=True):
     high: float = 1.0
     axis: str = ""
     open: bool = True
-    told: str = ""
+    result: str = field(default="", name="told")  # as it is called in messages and files
 
 
 class AnswerRefusal(ValueError):

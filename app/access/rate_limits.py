@@ -155,9 +155,9 @@ def harmless(raw: bytes, report_fields: Collection[str]) -> bytes | None:
             return msgspec.msgpack.encode(camera)  # its numbers, in place of texts that say numbers
         if kind == "GuiUpdateMessage":
             update = _update.decode(raw)
-            told = update.updates.get("value")
-            if update.uuid in report_fields and update.updates.keys() == {"value"} and isinstance(told, str):
-                if (report := _REPORT.fullmatch(told)) is None:
+            value = update.updates.get("value")
+            if update.uuid in report_fields and update.updates.keys() == {"value"} and isinstance(value, str):
+                if (report := _REPORT.fullmatch(value)) is None:
                     return None
                 # the plots of all are fitted to the lowest scene: a watcher's does not count
                 tabs = msgspec.structs.replace(update, updates={"value": f"{report['tabs']}##{report['number']}"})

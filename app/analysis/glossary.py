@@ -63,8 +63,8 @@ class Symbol:
             return ", ".join(f"{_short(number)} {unit}" for number, unit in zip(value, units, strict=True))
         if len(value) > 1 and bool((value == value[0]).all()):
             return f"{_short(value[0])} {units[0]}".strip() + ", each"
-        told = ", ".join(_short(number) for number in value)
-        return f"{told} {units[0]}".strip()
+        text = ", ".join(_short(number) for number in value)
+        return f"{text} {units[0]}".strip()
 
 
 def _of_field(path: str, scenario: Scenario) -> np.ndarray | None:
@@ -78,8 +78,8 @@ def _of_field(path: str, scenario: Scenario) -> np.ndarray | None:
 
 
 def _short(number: float) -> str:
-    told = f"{number:.0f}" if 1e3 <= abs(number) < 1e6 else f"{0.0 if abs(number) < 1e-6 else number:.3g}"
-    return told.replace("-", "−")
+    text = f"{number:.0f}" if 1e3 <= abs(number) < 1e6 else f"{0.0 if abs(number) < 1e-6 else number:.3g}"
+    return text.replace("-", "−")
 
 
 def _signal(written: str, signal: str, equation: str, *also: str) -> Symbol:

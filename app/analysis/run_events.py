@@ -18,7 +18,7 @@ Kind = Literal["edit", "push", "contact", "fork", "fault"]
 APART = 0.1  # s: what a contact does within this after an event of it is told only if it stays so
 WHICH = ("", ", second surface", ", third surface")  # by a surface's place
 MOST = 400  # events of pushes and contacts, the newest
-_TOLD = 3  # changed fields that an edit names
+MOST_NAMED = 3  # changed fields that an edit names
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class Event:
 @dataclass
 class _Contact:
     """Contact with a surface.
-    told: whether the last event of it said that the tool touches the surface, or whether it did at first.
+    reported: whether the last event of it said that the tool touches the surface, or whether it did at first.
     now: whether it does.
     at, since: instants of that event and of the last change, s."""
 
-    told: bool
+    reported: bool
     now: bool
     at: float = -np.inf
     since: float = -np.inf
@@ -94,7 +94,7 @@ class RunEvents:
     def _feel_contact(self, t: np.ndarray, touching: np.ndarray, which: str) -> None:
         """Find where the contact with a surface begins and ends. t, touching: (N,), of rows that are new."""
         first = bool(touching[0])
-        known = self._contacts.setdefault(which, _Contact(told=first, now=first))
+        known = self._contacts.setdefault(which, _Contact(reported=first, now=first))
         for i in np.flatnonzero(touching != np.r_[known.now, touching[:-1]]):
             self._settle_contact(known, float(t[i]), which)
             known.now, known.since = bool(touching[i]), float(t[i])
@@ -102,8 +102,8 @@ class RunEvents:
 
     def _settle_contact(self, known: _Contact, t: float, which: str) -> None:
         """Tell of a contact's last change, where it is the first one for a while, or has lasted up to t."""
-        if known.now != known.told and (known.since - known.at > APART or t - known.since > APART):
-            known.told, known.at = known.now, known.since
+        if known.now != known.reported and (known.since - known.at > APART or t - known.since > APART):
+            known.reported, known.at = known.now, known.since
             self._felt.append(Event(known.since, "contact", f"contact {'made' if known.now else 'lost'}{which}"))
 
 
@@ -117,5 +117,5 @@ def _edit(before: Epoch, after: Epoch) -> Event | None:
     }
     if not changed:
         return None
-    told = ", ".join(f"{path} = {new}" for path, new in list(changed.items())[:_TOLD])
-    return Event(after.t, "edit", told + (", …" if len(changed) > _TOLD else ""), tuple(changed.items()))
+    text = ", ".join(f"{path} = {new}" for path, new in list(changed.items())[:MOST_NAMED])
+    return Event(after.t, "edit", text + (", …" if len(changed) > MOST_NAMED else ""), tuple(changed.items()))

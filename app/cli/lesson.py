@@ -61,15 +61,15 @@ def lesson(
             problems += len(checked.problems)
             for problem in checked.problems:
                 print(f"  {printable(problem)}")
-            print(f"  about {checked.minutes:.0f} minutes, {len(checked.told)} numbers measured")
+            print(f"  about {checked.minutes:.0f} minutes, {len(checked.measurements)} numbers measured")
         else:
             course = LessonCourse(each, Notebook())
             for step in runs(each):
                 outcome = play(step, memory)
                 course.take(step, outcome)
-                told = ", ".join(f"{name} = {value}" for name, value in outcome.told.items())
+                text = ", ".join(f"{name} = {value}" for name, value in outcome.measurements.items())
                 ended = " ".join(filter(None, (outcome.refusal, outcome.stopped)))
-                print(f"  {printable(getattr(step.block, 'title', ''))}: {told}  {printable(ended)}".rstrip())
+                print(f"  {printable(getattr(step.block, 'title', ''))}: {text}  {printable(ended)}".rstrip())
                 if figures is not None:
                     drawn = figure_of_run(each, step, outcome, course.traces(step), ())
                     path = figures / name_of_figure(each, step, "svg")

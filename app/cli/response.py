@@ -76,7 +76,7 @@ def response(
     experiment = PushExperiment(loop.state, seen.response.axes, *pushes, memory)
     points = [experiment.sine(each) for each in measure]
     points += [] if chirp is None else experiment.chirp(Chirp(*chirp))
-    _tell(seen, seen.response, points, loop)
+    _print_response(seen, seen.response, points, loop)
     caption = f"{title_of(chosen, shipped().get(chosen.name)).text}, at t = {loop.t:.3g} s."
     _write(out, seen, seen.response, points, caption)
     return DONE
@@ -96,17 +96,17 @@ def _loop_at(at: float, scenario: Scenario, memory: Memory) -> ClosedLoop:
     return loop
 
 
-def _tell(seen: RespondingLoop, predicted: PushResponse, points: list[Measured], loop: ClosedLoop) -> None:
+def _print_response(seen: RespondingLoop, predicted: PushResponse, points: list[Measured], loop: ClosedLoop) -> None:
     """Print the response, what was measured, and the margins of the sampled loop."""
     from app.export import response_files
     from app.session import push_measurement
     from app.simulation import force_margin
     from app.simulation.sampled_stability import oscillations
 
-    for line in response_files.told(predicted):
+    for line in response_files.summary(predicted):
         print(line)
     if points:
-        print(push_measurement.told(points, predicted, push_measurement.not_linear(loop.state)))
+        print(push_measurement.deviation_sentence(points, predicted, push_measurement.not_linear(loop.state)))
     for pole in oscillations(seen):
         print(
             f"poles of the target model at {pole.omega:.4g} 1/s, damping {pole.zeta:.3g}, {pole.count} of them: in "
@@ -115,7 +115,7 @@ def _tell(seen: RespondingLoop, predicted: PushResponse, points: list[Measured],
     if math.isfinite(seen.force_factor):
         print(f"force loop: a sample multiplies an error by {seen.force_factor:.3g}; its size must be below 1")
     if seen.force_loop is not None:
-        print(force_margin.told(seen.force_loop))
+        print(force_margin.margins_sentence(seen.force_loop))
 
 
 def _write(out: Path, seen: RespondingLoop, predicted: PushResponse, points: list[Measured], caption: str) -> None:

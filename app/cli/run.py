@@ -22,7 +22,7 @@ from app.cli.options import (
     written_to,
 )
 from app.cli.status import BROKEN, DONE, STOPPED, UNPROMISED
-from app.process.terminal_text import say
+from app.process.terminal_text import print_line
 from app.scenario.data import load
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -117,13 +117,13 @@ def _blending(scenario: Scenario, to: str | None, at: float | None, over: float 
 
 def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
     """Scenario, engine and end (s, 0 for the scenario's) of a run of a sweep."""
-    from app.sweep import question
+    from app.sweep import plan
     from app.sweep.fingerprint import another_program, fingerprint
 
-    asked = question.read(folder / question.FILE)
+    asked = plan.read(folder / plan.FILE)
     if asked.program != fingerprint(asked):
-        say(f"this sweep was computed by {another_program(asked)}: digits may differ")
-    whole = question.SweepQuestion(asked)
+        print_line(f"this sweep was computed by {another_program(asked)}: digits may differ")
+    whole = plan.SweepPlan(asked)
     return whole.scenario(whole.row(row)), asked.engine, asked.until
 
 

@@ -19,7 +19,7 @@ from app.gateway.server_settings import PageStyle, ServerSettings, Token
 from app.process import log, open_files
 from app.process.interruption import Interruption
 from app.process.other_users import other_people
-from app.process.terminal_text import say
+from app.process.terminal_text import print_line
 from app.scenario.data import OPENING
 from app.scenario.errors import ScenarioError
 
@@ -123,7 +123,7 @@ def serve(
         crowded=bool(people),
     )
     if people and Names(host).local and not origin:
-        say(f"{', '.join(people[:3])} can use this machine, too: the link has a token (--token never: none)")
+        print_line(f"{', '.join(people[:3])} can use this machine, too: the link has a token (--token never: none)")
     if server_settings.open:
         from app.gateway.serve import serve as serve_others
 

@@ -28,13 +28,13 @@ from app.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
     from app.sweep.cluster import Cluster
-    from app.sweep.question import Sweep
+    from app.sweep.plan import Sweep
 
 DESIGN, POINTS, DRAW, CORNERS, SEED = Default("grid"), Default(0), Default(0), Default(False), Default(0)
 ENGINE = Default("compiled")
 
 
-class _QuestionOptions(NamedTuple):
+class _SweepOptions(NamedTuple):
     """Options that make the question of a sweep, as they were typed, see `sweep`."""
 
     vary: tuple[str, ...]
@@ -90,36 +90,36 @@ def sweep(
         scheduler: tcp://HOST:PORT of a Dask scheduler, whose workers compute the runs (docs/scale.md)
         dry_run: do not run the sweep; only estimate its time and disk space
     """
-    from app.sweep import question
+    from app.sweep import plan
     from app.sweep.cluster import Cluster
 
-    options = _QuestionOptions(vary, design, points, draw, corners, seed, duration, until, engine, settings)
-    asked = _read(Path(scenario), options) if Path(scenario).name == question.FILE else _asked(scenario, options)
+    options = _SweepOptions(vary, design, points, draw, corners, seed, duration, until, engine, settings)
+    asked = _read(Path(scenario), options) if Path(scenario).name == plan.FILE else _asked(scenario, options)
     require_workers(workers)
     if scheduler is not None and workers is not None:
         raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
-    count = question.SweepQuestion(asked).count  # before a folder is made: a question may make no sense
+    count = plan.SweepPlan(asked).count  # before a folder is made: a question may make no sense
     folder = None if dry_run and out is None else folder_of("sweep", out)
     with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
-        return _foretell(asked, count, on) if dry_run or folder is None else _sweep_into(folder, asked, on)
+        return _estimate(asked, count, on) if dry_run or folder is None else _sweep_into(folder, asked, on)
 
 
-def _read(path: Path, options: _QuestionOptions) -> Sweep:
+def _read(path: Path, options: _SweepOptions) -> Sweep:
     """Question of a sweep.toml. Raises ScenarioError, also where another option makes a question."""
-    from app.sweep import question
+    from app.sweep import plan
     from app.sweep.fingerprint import another_program, fingerprint
 
     if typed(*options):
         raise ScenarioError(f"sweep: {path} is the whole question; allowed: without --vary, --draw, --seed, ...")
-    asked = question.read(path)
+    asked = plan.read(path)
     if asked.program != fingerprint(asked):
         raise ScenarioError(f"sweep: {path} was asked of {another_program(asked)}; allowed: ask it anew")
     return asked
 
 
-def _asked(scenario: str, options: _QuestionOptions) -> Sweep:
+def _asked(scenario: str, options: _SweepOptions) -> Sweep:
     """Question about a scenario. Raises ScenarioError."""
-    from app.sweep import question
+    from app.sweep import plan
     from app.sweep.axes import axis_of, fitted
     from app.sweep.fingerprint import fingerprint
 
@@ -128,10 +128,10 @@ def _asked(scenario: str, options: _QuestionOptions) -> Sweep:
             raise ScenarioError(f"--{name} {given}; allowed: 0 or more")
     require_until(options.until)
     chosen = configured(scenario, options.settings, options.duration)
-    asked = question.Sweep(
+    asked = plan.Sweep(
         scenario=chosen,
         vary=tuple(fitted(axis_of(each), chosen) for each in options.vary),
-        design=one_of("--design", DESIGN.unless(options.design), get_args(question.Design)),
+        design=one_of("--design", DESIGN.unless(options.design), get_args(plan.Design)),
         points=POINTS.unless(options.points),
         draw=DRAW.unless(options.draw),
         corners=CORNERS.unless(options.corners),
@@ -147,9 +147,9 @@ def _asked(scenario: str, options: _QuestionOptions) -> Sweep:
     return msgspec.structs.replace(asked, program=fingerprint(asked))
 
 
-def _require_effective(asked: Sweep, options: _QuestionOptions) -> None:
+def _require_effective(asked: Sweep, options: _SweepOptions) -> None:
     """Raise ScenarioError where a value that was typed would have no effect: of a field that is drawn or varied."""
-    from app.sweep.question import DURATION, require_not_drawn
+    from app.sweep.plan import DURATION, require_not_drawn
 
     given = dict(settings_of(options.settings))
     require_not_drawn(asked, given)
@@ -160,7 +160,7 @@ def _require_effective(asked: Sweep, options: _QuestionOptions) -> None:
             raise ScenarioError(f"--duration {options.duration:g}: {DURATION} is varied, too; allowed: one of both")
 
 
-def _foretell(asked: Sweep, count: int, on: int | Cluster | None) -> int:
+def _estimate(asked: Sweep, count: int, on: int | Cluster | None) -> int:
     """Say what a sweep of so many runs would take."""
     import numpy as np
 

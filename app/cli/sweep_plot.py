@@ -12,7 +12,7 @@ import tyro
 from app.cli.options import one_of, written_to
 from app.cli.status import DONE
 from app.export.formats import Format
-from app.process.terminal_text import say
+from app.process.terminal_text import print_line
 from app.scenario.errors import ScenarioError
 
 
@@ -60,7 +60,7 @@ def sweep_plot(
     asked, columns = table_of(folder)
     points.require_metric(columns, of)
     if asked.program != fingerprint(asked):
-        say(f"this sweep was computed by {another_program(asked)}: a metric may have had another meaning")
+        print_line(f"this sweep was computed by {another_program(asked)}: a metric may have had another meaning")
     path, drawn = out or folder / f"{of}.{form}", charts.chart(asked, columns, view, form)
     with written_to(path):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -22,7 +22,7 @@ from app.cli.tables import show_table
 from app.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from app.tune.question import Tuning
+    from app.tune.plan import Tuning
 
 
 def tune(
@@ -62,19 +62,19 @@ def tune(
         workers: number of processes; by default one for each core
         dry_run: do not run the search; only estimate its time and disk space
     """
-    from app.sweep.question import require_not_drawn
-    from app.tune import question, running
+    from app.sweep.plan import require_not_drawn
+    from app.tune import plan, running
 
     for name, given, least in (("draw", draw, 0), ("budget", budget, 1), ("unseen", unseen, 1), ("seed", seed, 0)):
         if given < least:
             raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
-    if seed > question.LARGEST_SEED:
-        raise ScenarioError(f"--seed {seed}; allowed: at most {question.LARGEST_SEED}")
+    if seed > plan.LARGEST_SEED:
+        raise ScenarioError(f"--seed {seed}; allowed: at most {plan.LARGEST_SEED}")
     require_workers(workers)
     require_until(until)
-    asked = question.Tuning(
+    asked = plan.Tuning(
         scenario=configured(scenario, settings, duration),
-        vary=tuple(map(question.moved, move)),
+        vary=tuple(map(plan.moved, move)),
         points=budget + 1,
         draw=draw,
         seed=seed,
@@ -82,9 +82,9 @@ def tune(
         aims=aims,
         unseen=unseen,
     )
-    asked = msgspec.structs.replace(asked, program=question.program(asked))
+    asked = msgspec.structs.replace(asked, program=plan.program(asked))
     require_not_drawn(asked, dict(settings_of(settings)))
-    question.require_sound(asked)
+    plan.require_sound(asked)
     if dry_run:
         print(f"at most {running.estimated(asked, running.most_runs(asked), workers)}")
         return DONE
@@ -106,7 +106,7 @@ def _tune_into(out: Path, asked: Tuning, workers: int | None) -> int:
             print(f"stopped with {int(store.done.sum())} runs; the same command goes on")
             raise
         outcome.write(asked, found, out)
-    head, *rows = outcome.told(asked, found)
+    head, *rows = outcome.summary_rows(asked, found)
     show_table(head, rows)
     for sentence in outcome.verdict(asked, found):
         print(sentence)

@@ -88,7 +88,7 @@ def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Pat
     scenario, recording = stretch.scenario, stretch.recording
     with tqdm(total=1.0, bar_format="{desc} {percentage:3.0f} %", desc=path.name, leave=False, disable=None) as bar:
 
-        def tell(share: float) -> None:
+        def on_progress(share: float) -> None:
             bar.update(share - bar.n)
 
         match kind:
@@ -99,12 +99,12 @@ def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Pat
             case "csv" | "npz":
                 write_data = {"csv": write_csv, "npz": write_npz}[kind]
                 rows = table(scenario, recording, stretch.start, stretch.end)
-                write_whole(path, lambda file: write_data(rows, file, tell=tell))
+                write_whole(path, lambda file: write_data(rows, file, on_progress=on_progress))
             case "html":
                 plots = BESIDE_PLAYBACK if choice.plots == (ALL_PLOTS,) else choice.plots
                 figure = _figure(stretch, replace(choice, plots=plots))
                 frames = playback_frames(scenario, recording, stretch.start, stretch.end)
-                page = standalone_html(frames, PLAYBACK_LIMIT, tell, figure)
+                page = standalone_html(frames, PLAYBACK_LIMIT, on_progress, figure)
                 write_whole(path, lambda file: file.write(page.encode()))
             case "toml":
                 write_whole(path, lambda file: file.write(to_toml(scenario).encode()))

@@ -18,7 +18,7 @@ from app.dashboard.widgets.last_session import left_by
 from app.process import precompile
 from app.process.deadline import end_within
 from app.process.interruption import Interruption
-from app.process.terminal_text import say
+from app.process.terminal_text import print_line
 from app.scenario.errors import ScenarioError
 from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario
@@ -45,7 +45,7 @@ def serve(
     autosave: Autosave | None = None
     try:
         with contextlib.suppress(KeyboardInterrupt):
-            say(f"VSMRC Lab: {dashboard.link}  (Ctrl-C ends it)")
+            print_line(f"VSMRC Lab: {dashboard.link}  (Ctrl-C ends it)")
             events.info("listening", url=dashboard.url)
             folder = None if stateless else _state_folder(state_dir)
             runner = _prepared(scenario, dashboard)
@@ -54,15 +54,15 @@ def serve(
             dashboard.attach(runner)
             if folder is not None:
                 if problem := dashboard.notebook.keep_in(folder.path):
-                    say(problem)
+                    print_line(problem)
                 autosave = Autosave(folder, lambda: runner.latest, dashboard.fail)
                 if (last_session := left_by(folder, autosave, scenario)) is not None:
                     if last_session.problem:
-                        say(last_session.problem)
+                        print_line(last_session.problem)
                     dashboard.offer(last_session)
             warming = precompile.start()
             dashboard.run_forever(until=lambda: interruption.asked)
-        say("\nended")
+        print_line("\nended")
     finally:
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
@@ -84,9 +84,9 @@ def _state_folder(chosen: Path | None) -> StateFolder | None:
     except StateError as error:
         if chosen is not None:
             raise ScenarioError(str(error)) from error
-        say(f"this session is not kept: {error}")
+        print_line(f"this session is not kept: {error}")
     except OSError as error:
-        say(f"this session is not kept: {error.strerror}")
+        print_line(f"this session is not kept: {error.strerror}")
     return None
 
 

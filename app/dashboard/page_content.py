@@ -158,14 +158,14 @@ class PageContent:
         """Show a refusal, until another edit is accepted, another run begins or COMPLAINT_SHOWN is over."""
         log.info("refused", sentence=sentence)
         self._runner.post(DropWayOut())
-        self._say("Refused", refusal_in_words(sentence))
+        self._show_sentence("Refused", refusal_in_words(sentence))
 
     def fail(self, sentence: str) -> None:
         """Show a failure of this program; not again while the same one is shown."""
         if f"Failed: {sentence}" != self._complaint:
-            self._say("Failed", sentence)
+            self._show_sentence("Failed", sentence)
 
-    def _say(self, title: str, sentence: str) -> None:
+    def _show_sentence(self, title: str, sentence: str) -> None:
         """Show a sentence in the strip over the scene."""
         now = time.monotonic()
         self._complaint, self._complaint_until = f"{title}: {sentence}", now + COMPLAINT_SHOWN
@@ -197,9 +197,9 @@ class PageContent:
     def _refresh(self, snapshot: Snapshot, now: float) -> None:
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
-            self._say("Refused", refusal_in_words(snapshot.refusal or ""))
+            self._show_sentence("Refused", refusal_in_words(snapshot.refusal or ""))
         of = snapshot.revision, snapshot.run
-        if self._complaint_of is None and snapshot.heard >= self._complaint_after:
+        if self._complaint_of is None and snapshot.executed >= self._complaint_after:
             self._complaint_of = of
         if now > self._complaint_until or self._complaint_of not in (None, of):
             self._complaint = ""

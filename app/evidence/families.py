@@ -18,10 +18,10 @@ from app.simulation.system import System
 from app.storage.constants_store import kept_memory
 from app.sweep.axes import axis_of
 from app.sweep.charts import chart
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView
-from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_metrics import RunMetrics, SweepRunner, columns_of
-from app.sweep.titles import said
+from app.sweep.titles import value_in_words
 
 LAWS = ("vsmrc", "computed-torque")
 MAP_DURATION, MAP_AXES = 3.0, ("contact.K_e=1e3:1e5:13:log", "truth.link_scaling=0.7:1.4:15")
@@ -77,7 +77,7 @@ def map_rows(law: str, numbers: tuple[int, ...]) -> Rows:
 
 def arms(law: str, numbers: tuple[int, ...]) -> Arms:
     """Arms of a law's band. numbers: of the arms."""
-    asked, memory = SweepQuestion(band_of(law)), kept_memory()
+    asked, memory = SweepPlan(band_of(law)), kept_memory()
     system: System | None = None
     kept, holds, broken = [], 0, 0
     for number in numbers:
@@ -97,7 +97,7 @@ def arms(law: str, numbers: tuple[int, ...]) -> Arms:
 def jobs(thin: int) -> Sequence[Job]:
     made = []
     for law in LAWS:
-        for function, count in ((map_rows, SweepQuestion(map_of(law)).count), (arms, ARMS)):
+        for function, count in ((map_rows, SweepPlan(map_of(law)).count), (arms, ARMS)):
             numbers = range(0, count, thin) if function is arms else range(count)
             made += [Job(function, (law, tuple(numbers[k : k + CHUNK]))) for k in range(0, len(numbers), CHUNK)]
     return made
@@ -133,7 +133,7 @@ def conclude(results: Sequence[object]) -> Findings:
 
 def _map(law: str, rows: list[RunMetrics]) -> bytes:
     sweep = map_of(law)
-    titled = msgspec.structs.replace(sweep.scenario, name=f"ur5-hybrid, {said('controller.law', law)}")
+    titled = msgspec.structs.replace(sweep.scenario, name=f"ur5-hybrid, {value_in_words('controller.law', law)}")
     return chart(msgspec.structs.replace(sweep, scenario=titled), columns_of(rows), SweepView("force_error"), "svg")
 
 
@@ -143,10 +143,10 @@ def _band(bands: dict[str, list[Arms]]) -> bytes:
     s = _quantiles(np.concatenate([each.s for each in robust]))
     bound = np.nanmin(np.concatenate([each.bound for each in robust]), axis=0)
     allowed = Curve("bound (20) + band, the least of all arms", RED, t, MM * bound, dashed=True)
-    charts = [_chart(f"‖s‖, {said('controller.law', 'vsmrc')}", "mm/s", t, MM * s, (allowed,))]
+    charts = [_chart(f"‖s‖, {value_in_words('controller.law', 'vsmrc')}", "mm/s", t, MM * s, (allowed,))]
     for law in LAWS:
         error = _quantiles(np.concatenate([each.error for each in bands[law]]))
-        charts.append(_chart(f"position error, {said('controller.law', law)}", "mm", t, MM * error, ()))
+        charts.append(_chart(f"position error, {value_in_words('controller.law', law)}", "mm", t, MM * error, ()))
     count = sum(len(each.s) for each in robust)
     caption = (
         f"{count} true arms inside the declared set, ur5-hybrid-reaching: least, 5 %, median, 95 % and largest at each "

@@ -413,8 +413,8 @@ def _figure(found: Free, touched: Sequence[ContactCourse]) -> bytes:
         FigureChart(f"force, surface of {circle.mass:g} kg, 10 kN/m", "N", forces),
         FigureChart("forces apart", "N", apart, logarithmic=True),
     )
-    told = f"Joint angles: {found.robot} in free space, our Euler from MuJoCo's Runge-Kutta at {1.0 / FINE:g} ms."
-    return charts_in_columns(charts, f"{told} Forces: from the first touch on.")
+    caption = f"Joint angles: {found.robot} in free space, our Euler from MuJoCo's Runge-Kutta at {1.0 / FINE:g} ms."
+    return charts_in_columns(charts, f"{caption} Forces: from the first touch on.")
 
 
 def _above_zero(t: np.ndarray, values: np.ndarray, floor: float = 1e-9) -> tuple[np.ndarray, np.ndarray]:

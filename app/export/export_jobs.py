@@ -24,7 +24,7 @@ from app.export.figures import Figure, FigureOptions
 from app.export.formats import DataFormat, Format
 from app.export.playback_frames import PlaybackFrames
 from app.process import launcher
-from app.storage.recording_files import RecordingTable, Tell
+from app.storage.recording_files import ProgressCallback, RecordingTable
 
 PATIENCE = 2.0  # s in which the process may end by itself
 LONGEST_NAME, LONGEST_CONTENT = 60, 150  # letters of a part of a file's name
@@ -130,11 +130,11 @@ class ExportJobs:
         self._working: set[subprocess.Popen[bytes]] = set()
         self._closed = False
 
-    def made(self, job: Job, tell: Tell) -> bytes:
+    def made(self, job: Job, on_progress: ProgressCallback) -> bytes:
         """Content of the file of a job, made in another process. Raises ExportError, and OSError where no process or
         file can be created.
 
-        tell: called with the progress, 0 to 1.
+        on_progress: called with the progress, 0 to 1.
         """
         with tempfile.TemporaryFile() as file:  # it has no name: nothing is left of it, however this process ends
             ours, theirs = Pipe()
@@ -142,7 +142,7 @@ class ExportJobs:
                 with theirs:
                     process = self._started(theirs.fileno(), file.fileno())
                 try:
-                    _converse(ours, job, tell)
+                    _converse(ours, job, on_progress)
                     file.seek(0)
                     return file.read()
                 except (EOFError, ConnectionError) as error:
@@ -171,7 +171,7 @@ class ExportJobs:
             return process
 
 
-def _converse(worker: Connection, job: Job, tell: Tell) -> None:
+def _converse(worker: Connection, job: Job, on_progress: ProgressCallback) -> None:
     rows: Iterable[np.ndarray] = ()
     if isinstance(job, DataJob):
         rows, job = job.data.pieces, replace(job, data=replace(job.data, pieces=()))
@@ -179,16 +179,16 @@ def _converse(worker: Connection, job: Job, tell: Tell) -> None:
     with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # it takes no more rows; the reason is read below
         for piece in rows:
             worker.send_bytes(piece.data.cast("B"))
-            if worker.poll() and not _going_on(worker.recv(), tell):
+            if worker.poll() and not _going_on(worker.recv(), on_progress):
                 return
-    while _going_on(worker.recv(), tell):
+    while _going_on(worker.recv(), on_progress):
         pass
 
 
-def _going_on(message: ExportProgress | ExportDone | Failure, tell: Tell) -> bool:
+def _going_on(message: ExportProgress | ExportDone | Failure, on_progress: ProgressCallback) -> bool:
     match message:
         case ExportProgress(share):
-            tell(share)
+            on_progress(share)
             return True
         case Failure(reason):
             raise ExportError(reason)

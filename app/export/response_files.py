@@ -195,7 +195,7 @@ def _lines(response: PushResponse, frequency: np.ndarray, admittance: np.ndarray
         yield [f"{at:.6g}", *(f"{value:.6g}" for value in (*pairs, *extremes[k])), "yes" if does[k] else "no"]
 
 
-def told(response: PushResponse) -> list[str]:
+def summary(response: PushResponse) -> list[str]:
     """Summary of a response in lines: how far it follows the target model, and where it is passive."""
     frequency = response.frequencies()
     sampled, target = response.admittance(frequency), response.target(frequency)
@@ -235,5 +235,5 @@ def _ranges(frequency: np.ndarray, does: np.ndarray) -> str:
         return "at all frequencies that samples can tell"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], does, [False]]).astype(int)))
     ranges = [(frequency[first], frequency[last - 1]) for first, last in edges.reshape(-1, 2)]
-    told = [f"{'' if low == frequency[0] else f'from {low:.3g} '}up to {high:.3g} Hz" for low, high in ranges]
-    return " and ".join(told) if told else "nowhere"
+    texts = [f"{'' if low == frequency[0] else f'from {low:.3g} '}up to {high:.3g} Hz" for low, high in ranges]
+    return " and ".join(texts) if texts else "nowhere"

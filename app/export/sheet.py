@@ -78,8 +78,8 @@ class Sheet:
         self._width, self._column = width, width / columns
         self._inside = self._column - factor * (LEFT + RIGHT)
         self._stacks = [charts[rows * c : rows * (c + 1)] for c in range(columns)]
-        told = figure.caption if options.caption else ""
-        self._caption = wrapped(told, width - 2 * MARGIN, factor * SMALL * TYPE)
+        caption = figure.caption if options.caption else ""
+        self._caption = wrapped(caption, width - 2 * MARGIN, factor * SMALL * TYPE)
         self._below = factor * ROW * (len(self._caption) + 1) + MARGIN if self._caption else MARGIN
         around = [sum(self._around(*pair) for pair in _pairs(stack)) for stack in self._stacks]
         if options.height is None:

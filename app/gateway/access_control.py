@@ -76,9 +76,9 @@ class AccessControl:
         if tokens is None:
             request[_PASS] = "steer"
             return None
-        cookie, said = token_cookie(port_of(request)), request.query.get("token", "")
-        known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(said)
-        if of_session := self._opens_session(request, said):
+        cookie, token = token_cookie(port_of(request)), request.query.get("token", "")
+        known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(token)
+        if of_session := self._opens_session(request, token):
             shown = "watch"  # beside this session, what its link to watch opens, which its page shows
         if asks_status(request):  # as Prometheus shows it
             known = known or tokens.opens(request.headers.get("Authorization", "").removeprefix("Bearer "))
@@ -88,7 +88,7 @@ class AccessControl:
         if kind is None:
             self._refusals["no token"] += 1
             log.info("request refused", reason="no token, or a wrong one")
-            missing = "this one is not complete, or it was taken back" if said else "as it was printed at the start"
+            missing = "this one is not complete, or it was taken back" if token else "as it was printed at the start"
             return notice("Please come in by the link", f"This server needs the link with its token; {missing}.", 403)
         request[_PASS] = kind
         if shown is None or is_socket(request):
@@ -97,7 +97,7 @@ class AccessControl:
         self.remember(response, request, cookie, tokens.of(kind))
         if of_session:
             # by default a browser sends it to this session's addresses only, wherever a proxy has put them
-            self.remember(response, request, session_token_cookie(port_of(request)), said, path="")
+            self.remember(response, request, session_token_cookie(port_of(request)), token, path="")
         return response
 
     def _opens_session(self, request: web.Request, shown: str) -> bool:

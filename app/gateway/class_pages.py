@@ -67,11 +67,11 @@ class ClassPages:
         except web.HTTPRequestEntityTooLarge as error:
             return web.json_response({"refused": "answer: too long; allowed: at most 64 kB"}, status=error.status)
         try:
-            said = decode_json(body, dict[str, Any])
+            answer = decode_json(body, dict[str, Any])
         except ValueError as error:
             return web.json_response({"refused": f"answer: {error}"}, status=400)
         try:
-            classroom.give(visitor.browser, visitor.address, said.get("number"), said.get("given"))
+            classroom.give(visitor.browser, visitor.address, answer.get("number"), answer.get("given"))
         except AnswerRefusal as error:
             self._refusals["answers of a class"] += 1
             return web.json_response({"refused": str(error)}, status=409)

@@ -57,8 +57,8 @@ async def relay(
             autoping=False,  # pings are counted, too
         )
         await page.prepare(request)
-        there = asyncio.create_task(_heard(page, session, meter, judge))
-        back = asyncio.create_task(_shown(session, page))
+        there = asyncio.create_task(_pass_on(page, session, meter, judge))
+        back = asyncio.create_task(_pass_back(session, page))
         revoked = asyncio.create_task(taken_back.wait())
         tasks = (there, back, revoked)
         try:
@@ -97,7 +97,7 @@ def _offered(request: web.Request) -> list[str]:
     return [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if name.strip()]
 
 
-async def _heard(
+async def _pass_on(
     page: web.WebSocketResponse, session: aiohttp.ClientWebSocketResponse, meter: ConnectionRateLimiter, judge: Judge
 ) -> None:
     """Pass on the messages of the page. Raises Overrun."""
@@ -114,7 +114,7 @@ async def _heard(
                 return
 
 
-async def _shown(session: aiohttp.ClientWebSocketResponse, page: web.WebSocketResponse) -> None:
+async def _pass_back(session: aiohttp.ClientWebSocketResponse, page: web.WebSocketResponse) -> None:
     with contextlib.suppress(ConnectionError):
         async for message in session:
             if message.type is not WSMsgType.BINARY:

@@ -76,12 +76,12 @@ class _Connection(RequestHandler):
         del message
         if isinstance(exc, HttpProcessingError):
             log.info("request refused", reason=f"no HTTP: {type(exc).__name__}")
-            said = pages.notice("This request is refused", "It is no HTTP as this server reads it.")
+            page = pages.notice("This request is refused", "It is no HTTP as this server reads it.")
         else:
             log.error("fault", stage="a request", exc_info=exc)
-            said = pages.notice("This server has made a mistake", "The sessions go on.")
+            page = pages.notice("This server has made a mistake", "The sessions go on.")
         if request.writer.output_size > 0:
             raise ConnectionError("an answer has been begun: there can be no other one")
-        response = web.Response(text=said, status=status, content_type="text/html", headers=PAGE_HEADERS)
+        response = web.Response(text=page, status=status, content_type="text/html", headers=PAGE_HEADERS)
         response.force_close()
         return response

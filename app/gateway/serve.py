@@ -25,7 +25,7 @@ from app.process import open_files, precompile
 from app.process.cores import usable_cores
 from app.process.deadline import end_within
 from app.process.fork_server import ForkServer
-from app.process.terminal_text import say
+from app.process.terminal_text import print_line
 from app.scenario.data import to_toml
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -124,17 +124,17 @@ async def _serve(
             address = _address(server_settings, port)
             # a given token is known already to those who are to have it, and need not be in the journal
             shown = tokens if server_settings.given is None else Tokens("TOKEN", "WATCH-TOKEN")
-            say(f"VSMRC Lab: {_link(address, shown, '')}  (Ctrl-C ends it)")
+            print_line(f"VSMRC Lab: {_link(address, shown, '')}  (Ctrl-C ends it)")
             if everyone is not None:
                 watch = f"watch/{everyone.watch}/"
-                say(f"to watch:  {address}/{watch}" + (f"?token={shown.watch}" if shown else ""))
+                print_line(f"to watch:  {address}/{watch}" + (f"?token={shown.watch}" if shown else ""))
             else:
                 listening = f", listening at {server_settings.host}:{port}" if server_settings.origins else ""
-                say(f"{pool.places} sessions at once (--max-sessions){listening}")
+                print_line(f"{pool.places} sessions at once (--max-sessions){listening}")
             log.info("listening", url=address)
             await stop.wait()
             end_within()
-            say("\nended")
+            print_line("\nended")
     finally:
         if forks is not None:
             forks.close()

@@ -204,7 +204,7 @@ class Gateway:
             "full": session.phase == "resting" and bool(refusal),
             "why": refusal,
             "rest": round(HURRIED),
-            "told": session.told,
+            "told": session.notice,
             "crashes": session.crashes,
             "viewers": len(session.pages),
             "copy": self._copies,

@@ -45,7 +45,7 @@ class Session:
     offers: whether the folder has another session, to be offered on the page.
     owner: the visitor that it was made for; original: the session that it is a copy of.
     pages: the open ones.
-    told: how its last process ended, or why none started; "" for neither.
+    notice: how its last process ended, or why none started; "" for neither.
     crashes: number of its processes that ended unexpectedly.
     looked_at: whether a page has been open once.
     kept: whether it has a folder.
@@ -72,7 +72,7 @@ class Session:
     phase: Phase = "resting"
     process: Process | None = None
     pages: list[Viewer] = field(default_factory=list)
-    told: str = ""
+    notice: str = ""
     crashes: int = 0
     looked_at: bool = False
     kept: bool = False

@@ -162,7 +162,7 @@ class SessionPool:
     def again(self, session: Session) -> None:
         """Begin a failed session anew, with the usual scenario."""
         if session.phase == "failed":
-            session.scenario, session.phase, session.told = self._scenario, "resting", ""
+            session.scenario, session.phase, session.notice = self._scenario, "resting", ""
             session.falls.clear()
             self.want(session)
 
@@ -282,10 +282,10 @@ class SessionPool:
                 if not session.closing:
                     self._fallen(session, how)
         except WorkerError as error:
-            session.phase, session.told = "failed", str(error)
+            session.phase, session.notice = "failed", str(error)
             log.warning("session given up", session=session.called, reason=str(error))
         except Exception as error:  # a fault of this program ends the session, and is reported
-            session.phase, session.told = "failed", f"the server could not look after it ({type(error).__name__})"
+            session.phase, session.notice = "failed", f"the server could not look after it ({type(error).__name__})"
             log.error("fault", stage="a session", session=session.called, exc_info=error)
             if session.process is not None:
                 self._do(session.process.end())
@@ -304,7 +304,7 @@ class SessionPool:
         log.warning("session crashed", session=session.called, how=how)
         if len(session.falls) >= CRASHES:
             raise WorkerError(f"its process has ended unexpectedly {CRASHES} times within a minute ({how})")
-        session.told = f"its process ended unexpectedly ({how}); another one has begun its last scenario anew"
+        session.notice = f"its process ended unexpectedly ({how}); another one has begun its last scenario anew"
 
     async def _process(self, session: Session) -> Process:
         """The spare process, or a new one; it has begun the session's scenario."""

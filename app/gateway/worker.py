@@ -97,7 +97,7 @@ class Worker:
         reader, writer = await asyncio.open_connection(sock=ours, limit=LONGEST)
         worker = cls(process, reader, writer, new_secret(), silence)
         try:
-            worker._tell(Prepare(scenario, style.theme, style.fps, worker.key, shared))
+            worker._send(Prepare(scenario, style.theme, style.fps, worker.key, shared))
             await worker._ready()
         except BaseException:
             await worker.end()
@@ -115,19 +115,19 @@ class Worker:
 
     def begin(self, begin: Begin) -> None:
         """Let the spare become a session. Where the process has just ended, this shows in the end of `changes`."""
-        self._tell(begin)
+        self._send(begin)
 
     def keep(self, kept: KeptFolder) -> None:
         """Let the process keep the session in a folder from now on; it has begun without one."""
-        self._tell(Keep(kept))
+        self._send(Keep(kept))
 
     def remark(self, sentence: str) -> None:
         """Let the process show a sentence on the page."""
-        self._tell(Remark(sentence))
+        self._send(Remark(sentence))
 
     def answer(self, answers: Answers) -> None:
         """Hand the answers of a class to the process."""
-        self._tell(answers)
+        self._send(answers)
 
     async def changes(self) -> AsyncIterator[Changed | Asks]:
         """Changes of the scenario that runs, and questions to the class, until the process ends or is killed because it
@@ -184,5 +184,5 @@ class Worker:
         self._process.kill()
         return b""
 
-    def _tell(self, message: ToSession) -> None:
+    def _send(self, message: ToSession) -> None:
         self._writer.write(line(message))

@@ -61,11 +61,11 @@ def score_choice(question: ChoiceQuestion, given: int) -> Score:
     return Score(1.0, "right") if given == question.right else Score(0.0, f"what happens: {right}")
 
 
-def score_number(question: NumberQuestion, given: float, told: Mapping[str, MeasuredNumber]) -> Score:
+def score_number(question: NumberQuestion, given: float, measurements: Mapping[str, MeasuredNumber]) -> Score:
     """Score of a predicted number. Raises ScenarioError where nothing was measured."""
-    if question.measure not in told:
+    if question.measure not in measurements:
         raise ScenarioError(f"measure {question.measure!r:.40}: not measured before")
-    measured = told[question.measure]
+    measured = measurements[question.measure]
     off = abs(given - measured.value)
     predicted = MeasuredNumber(given, measured.unit)
     within = MeasuredNumber(question.tolerance, measured.unit)
@@ -79,11 +79,12 @@ def score_curve(question: CurveQuestion, given: list[tuple[float, float]], trace
     t = np.linspace(question.start, question.end, 200)
     drawn = np.interp(t, *np.array(given).T)
     off = float(np.sqrt(np.mean((drawn - np.interp(t, trace.t, trace.values)) ** 2)))
-    told = MeasuredNumber(off, question.line.unit)
+    distance = MeasuredNumber(off, question.line.unit)
     if off <= question.tolerance:
-        return Score(1.0, f"your line is off by {told} (RMS): right")
+        return Score(1.0, f"your line is off by {distance} (RMS): right")
     return Score(
-        0.0, f"your line is off by {told} (RMS); it counts within {MeasuredNumber(question.tolerance, told.unit)}"
+        0.0,
+        f"your line is off by {distance} (RMS); it counts within {MeasuredNumber(question.tolerance, distance.unit)}",
     )
 
 

@@ -27,13 +27,13 @@ NEAR = 0.35  # share by which the estimated time may differ from the time that t
 @dataclass
 class Checked:
     """Result of the check of a lesson.
-    told: all measured numbers, by name.
+    measurements: all measured numbers, by name.
     outcomes: of the runs, by number of their step.
     minutes: estimated time for the lesson.
     problems: a sentence each."""
 
     lesson: Lesson
-    told: dict[str, MeasuredNumber] = field(default_factory=dict)
+    measurements: dict[str, MeasuredNumber] = field(default_factory=dict)
     outcomes: dict[int, LessonOutcome] = field(default_factory=dict)
     minutes: float = 0.0
     problems: list[str] = field(default_factory=list)
@@ -72,7 +72,7 @@ def _problems(step: LessonStep, checked: Checked, memory: Memory) -> Iterator[st
     """Problems of a step, except those of a prediction's answers: they can be scored only after its run."""
     block = step.block
     for name in NAMED.findall(" ".join([step.text, getattr(block, "ask", ""), *getattr(block, "options", ())])):
-        if name not in checked.told:
+        if name not in checked.measurements:
             yield f"{{{{{name}}}}} stands in the text and was not measured before"
     match block:
         case StartScenario():
@@ -83,14 +83,14 @@ def _problems(step: LessonStep, checked: Checked, memory: Memory) -> Iterator[st
         case LessonRun():
             outcome = play(step, memory)
             checked.outcomes[step.number] = outcome
-            if again := [name for name in outcome.told if name in checked.told]:
+            if again := [name for name in outcome.measurements if name in checked.measurements]:
                 yield f"measures: {again[0]} is measured a second time; allowed: another name"
             titles = [
                 run.block.title for run in checked.lesson.steps[: step.number - 1] if isinstance(run.block, LessonRun)
             ]
             if strangers := [title for title in block.beside if title not in titles]:
                 yield f"beside: {strangers[0]!r:.60}; allowed: titles of earlier runs"
-            checked.told |= outcome.told
+            checked.measurements |= outcome.measurements
             for name, wanted, happened in (
                 ("stops", block.stops, outcome.stopped),
                 ("refused", block.refused, outcome.refusal),
@@ -112,17 +112,20 @@ def _scored(step: LessonStep, checked: Checked) -> Iterator[str]:
             others = [k + 1 for k in range(len(question.options)) if k + 1 != question.right]
             if any(score_choice(question, other).points >= 1.0 for other in others):
                 yield "a wrong option counts in full"
-            yield from unmet(question.because, checked.told)
+            yield from unmet(question.because, checked.measurements)
         case NumberQuestion() as question:
-            if question.measure not in checked.told:
+            if question.measure not in checked.measurements:
                 yield f"measure {question.measure!r:.40}: no run before the explanation measures it"
                 return
-            told = checked.told[question.measure]
-            if not math.isfinite(told.value) or score_number(question, told.value, checked.told).points < 1.0:
+            measurement = checked.measurements[question.measure]
+            if (
+                not math.isfinite(measurement.value)
+                or score_number(question, measurement.value, checked.measurements).points < 1.0
+            ):
                 yield "the reference answer does not count in full"
             for wrong in question.wrong:
-                if score_number(question, wrong, checked.told).points >= 1.0:
-                    yield f"the planted wrong answer {wrong:g} counts in full, measured {told}"
+                if score_number(question, wrong, checked.measurements).points >= 1.0:
+                    yield f"the planted wrong answer {wrong:g} counts in full, measured {measurement}"
         case CurveQuestion() as question:
             trace = trace_for(step, checked.outcomes)
             if trace is None:

@@ -23,7 +23,7 @@ FILE = "class.json"
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedQuestion:
     """Question that a class was asked: name of its lesson, number of its step, and the answers so far."""
 
     lesson: str
@@ -38,7 +38,7 @@ class KeptClass:
     asked: all questions with their answers, in the order in which they were asked.
     asks: whether the class is asked the last of them now."""
 
-    asked: tuple[Asked, ...]
+    asked: tuple[AskedQuestion, ...]
     asks: bool
 
 
@@ -50,7 +50,7 @@ class ClassDesk:
         self._file: KeptFile[KeptClass] | None = None
         self._complain: Complain = _silent
         self._lock = threading.Lock()
-        self.asked: tuple[Asked, ...] = ()
+        self.asked: tuple[AskedQuestion, ...] = ()
         self._asks = False
 
     @property
@@ -83,7 +83,7 @@ class ClassDesk:
             send(None if self.present is None else self.present.question)
 
     @property
-    def present(self) -> Asked | None:
+    def present(self) -> AskedQuestion | None:
         """Question that the class is asked now, None for none."""
         return self.asked[-1] if self.asked and self._asks else None
 
@@ -91,19 +91,19 @@ class ClassDesk:
         """Ask the class the question of a step; a step may be asked several times."""
         question = question_of(step, len(self.asked) + 1, unit, measured)
         with self._lock:
-            self.asked, self._asks = (*self.asked, Asked(lesson, step.number, question)), True
+            self.asked, self._asks = (*self.asked, AskedQuestion(lesson, step.number, question)), True
             self._keep()
-        self._tell(question)
+        self._send_question(question)
 
-    def reveal(self, told: str) -> None:
-        """Accept no more answers to the present question, and show the class its result. told: the result, HTML."""
+    def reveal(self, result: str) -> None:
+        """Accept no more answers to the present question, and show the class its result. result: the result, HTML."""
         with self._lock:
             if (present := self.present) is None:
                 return
-            question = msgspec.structs.replace(present.question, open=False, told=told)
+            question = msgspec.structs.replace(present.question, open=False, result=result)
             self.asked = (*self.asked[:-1], replace(present, question=question))
             self._keep()
-        self._tell(question)
+        self._send_question(question)
 
     def rest(self) -> None:
         """Ask nothing for now."""
@@ -111,7 +111,7 @@ class ClassDesk:
             with self._lock:
                 self._asks = False
                 self._keep()
-            self._tell(None)
+            self._send_question(None)
 
     def take(self, number: int, answers: tuple[Given, ...]) -> None:
         """Replace the answers to the question of this number."""
@@ -128,8 +128,8 @@ class ClassDesk:
         rows.writerow(["lesson", "step", "asked", "kind", "answer"])
         for each in self.asked:
             for given in each.answers:
-                told = " ".join(f"{value:g}" for value in given) if isinstance(given, list) else f"{given:g}"
-                rows.writerow([each.lesson, each.step, each.question.number, each.question.kind, told])
+                answer = " ".join(f"{value:g}" for value in given) if isinstance(given, list) else f"{given:g}"
+                rows.writerow([each.lesson, each.step, each.question.number, each.question.kind, answer])
         return file.getvalue()
 
     def _keep(self) -> None:
@@ -140,7 +140,7 @@ class ClassDesk:
         except OSError as error:
             self._complain(f"the class's answers cannot be saved: {error.strerror}; the class goes on")
 
-    def _tell(self, question: ClassQuestion | None) -> None:
+    def _send_question(self, question: ClassQuestion | None) -> None:
         if self._send is not None:
             self._send(question)
 

@@ -57,18 +57,18 @@ class LessonCourse:
         return self.progress.answers.get(self.step.number)
 
     @property
-    def told(self) -> dict[str, MeasuredNumber]:
+    def measurements(self) -> dict[str, MeasuredNumber]:
         """Measured numbers of the runs up to the shown step, by name."""
         known: dict[str, MeasuredNumber] = {}
         for number, outcome in sorted(self.outcomes.items()):
             if number <= self.step.number:
-                known |= outcome.told
+                known |= outcome.measurements
         return known
 
     @property
     def measured(self) -> dict[str, str]:
         """Measured numbers of the runs up to the shown step as text, by name."""
-        return {name: str(told) for name, told in self.told.items()}
+        return {name: str(number) for name, number in self.measurements.items()}
 
     @property
     def last_run(self) -> LessonStep | None:
@@ -200,8 +200,8 @@ class LessonCourse:
         match step.block, answer.given:
             case ChoiceQuestion() as question, int() as given:
                 return score_choice(question, given)
-            case NumberQuestion() as question, float() | int() as given if question.measure in self.told:
-                return score_number(question, given, self.told)
+            case NumberQuestion() as question, float() | int() as given if question.measure in self.measurements:
+                return score_number(question, given, self.measurements)
             case CurveQuestion() as question, list() as given if (trace := trace_for(step, self.outcomes)) is not None:
                 return score_curve(question, given, trace)
             case _:

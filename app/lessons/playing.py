@@ -38,13 +38,13 @@ class Trace:
 @dataclass(frozen=True)
 class LessonOutcome:
     """Outcome of a lesson's run.
-    told: measured numbers by name.
+    measurements: measured numbers by name.
     traces: lines of the run's picture.
     q: (n,) rad, joint angles in the last control period.
     refusal: sentence with which an edit was refused, "" for none.
     stopped: reason for which the run ended early, "" for none."""
 
-    told: dict[str, MeasuredNumber]
+    measurements: dict[str, MeasuredNumber]
     traces: tuple[Trace, ...]
     q: np.ndarray
     refusal: str = ""
@@ -79,9 +79,9 @@ def play(step: LessonStep, memory: Memory | None = None) -> LessonOutcome:
                 raise ScenarioError(f"edits: {change.path} begins a run anew; allowed: fields that change within a run")
         loop.advance()
     run, _ = _run_of(step)
-    told = {name: measured(loop, each) for name, each in run.measures.items()}
+    measurements = {name: measured(loop, each) for name, each in run.measures.items()}
     lines = tuple(_trace(loop.system, loop.recording, line, run.title) for line in run.show)
-    return LessonOutcome(told, lines, last_q(loop.recording), refusal, loop.stopped or "")
+    return LessonOutcome(measurements, lines, last_q(loop.recording), refusal, loop.stopped or "")
 
 
 def last_q(recording: Recording) -> np.ndarray:

@@ -112,13 +112,13 @@ class _Lines(logging.Handler):
         except OSError as error:
             if not self._complained:
                 self._complained = True
-                _say(f"the log cannot be written: {error.strerror or error}; going on")
+                _print_error(f"the log cannot be written: {error.strerror or error}; going on")
         except Exception:  # a value that cannot be converted to text must not stop the code that logs it
             self.handleError(record)
 
     def handleError(self, record: logging.LogRecord) -> None:
         error = sys.exc_info()[1]
-        _say(f"an event of {record.name} cannot be logged: {type(error).__name__}")
+        _print_error(f"an event of {record.name} cannot be logged: {type(error).__name__}")
 
     def _left_out(self, record: logging.LogRecord) -> int | None:
         """Number of these events that were left out before this one; None when this one is to be left out, too."""
@@ -140,7 +140,7 @@ class _Lines(logging.Handler):
         super().close()
 
 
-def _say(sentence: str) -> None:
+def _print_error(sentence: str) -> None:
     with contextlib.suppress(OSError, ValueError):  # a terminal that has been closed
         print(f"vsmrc: {sentence}", file=sys.stderr)
 

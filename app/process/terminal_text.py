@@ -46,7 +46,7 @@ def stand_in() -> None:
         sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115
 
 
-def say(text: str) -> None:
+def print_line(text: str) -> None:
     """Print a line on standard output, as long as somebody reads there: a terminal may have been closed, a pipe
     ended."""
     try:

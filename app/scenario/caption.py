@@ -130,10 +130,10 @@ def _section(scenario: Scenario, name: str, units: Units) -> str:
         return ""
     tag = section.__struct_config__.tag
     in_full = name in _IN_FULL or (name == "contact" and scenario.contact.nature.springs)
-    said = ", ".join([*([] if tag is None else [str(tag)]), *_changed(section, name, units, in_full=in_full)])
+    parts = ", ".join([*([] if tag is None else [str(tag)]), *_changed(section, name, units, in_full=in_full)])
     if name == "truth":
-        return f"True arm: {said or 'as believed'}"
-    return f"{name.replace('_', ' ').capitalize()}: {said}" if said else ""
+        return f"True arm: {parts or 'as believed'}"
+    return f"{name.replace('_', ' ').capitalize()}: {parts}" if parts else ""
 
 
 def _changed(section: Struct, path: str, units: Units, *, in_full: bool) -> Iterator[str]:

@@ -258,11 +258,11 @@ def _kind_of_refusal(message: str) -> type[ScenarioError]:
 
 def _sentence(error: msgspec.ValidationError, data: object) -> str:
     """Refusal of data that are no scenario."""
-    told = struct_refusal(error, data, Scenario, "scenario")
+    refusal = struct_refusal(error, data, Scenario, "scenario")
     # the kinds of the laws' parameters are no fields of the schema: their form is said, too
     return re.sub(
         r"^(controller\.own\.[^.:]+: (?:.*; )?)allowed: a table,",
         r"\1allowed: a table, in the form controller.own.<law>.<parameter>,",
-        told,
+        refusal,
         flags=re.DOTALL,
     )

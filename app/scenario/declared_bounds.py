@@ -60,11 +60,11 @@ def _inequalities(scenario: Scenario, units: Units) -> Iterator[tuple[str, float
         yield "disturbance", true.disturbance, declared.disturbance, torque
     if sensor.ideal and scenario.contact.nature.heavy:
         return  # the reading is the force of the period itself
-    kept, told = SPREAD * _kept_noise(scenario), f"(bias + {SPREAD:g}σ of noise)"
+    kept, formula = SPREAD * _kept_noise(scenario), f"(bias + {SPREAD:g}σ of noise)"
     error = float(np.linalg.norm(sensor.bias)) + kept * sensor.noise
-    yield f"force error {told}", error, declared.force_error, " N"
+    yield f"force error {formula}", error, declared.force_error, " N"
     error = float(np.linalg.norm(sensor.moment_bias)) + kept * sensor.moment_noise
-    yield f"moment error {told}", error, declared.moment_error, " N·m"
+    yield f"moment error {formula}", error, declared.moment_error, " N·m"
 
 
 def _of_links(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]:

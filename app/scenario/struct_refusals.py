@@ -29,10 +29,10 @@ def struct_refusal(error: msgspec.ValidationError, data: object, kind: type[Stru
     path = path.removeprefix(".")
     if reason.startswith("Invalid value") and (tags := _tags(holder)):
         return f"{path}: {there!r:.60}; {allowed(str(there), tags)}"
-    return _told(reason, path, there, known, whole)
+    return _refusal(reason, path, there, known, whole)
 
 
-def _told(reason: str, path: str, there: object, known: inspect.Type | None, whole: str) -> str:
+def _refusal(reason: str, path: str, there: object, known: inspect.Type | None, whole: str) -> str:
     where = f"{path}." if path else ""
     if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason, re.DOTALL):
         return f"{where}{unknown[1]:.60}: no such field; {allowed(unknown[1], _fields_of(known, there))}"
@@ -40,15 +40,15 @@ def _told(reason: str, path: str, there: object, known: inspect.Type | None, who
         tags = _tags(known) if missing[1] in {each.tag_field for each in _types(known, inspect.StructType)} else []
         return f"{where}{missing[1]}: missing; allowed: {', '.join(tags) or 'a value'}"
     if not path:
-        told = _plain(reason)
-        return f"{whole}: {told}" if whole else f"{told[:1].lower()}{told[1:]}"
+        sentence = _plain(reason)
+        return f"{whole}: {sentence}" if whole else f"{sentence[:1].lower()}{sentence[1:]}"
     shown = "" if isinstance(there, dict) else f"{there!r:.60}; "
     choices = next((each.values for each in _types(known, inspect.LiteralType)), ())
     if reason.startswith("Invalid enum value") and choices:
-        told = allowed(str(there), map(str, choices))
+        sentence = allowed(str(there), map(str, choices))
     else:
-        told = _plain(reason)
-    return f"{path}: {shown}{told[:1].lower()}{told[1:]}"
+        sentence = _plain(reason)
+    return f"{path}: {shown}{sentence[:1].lower()}{sentence[1:]}"
 
 
 def _plain(reason: str) -> str:

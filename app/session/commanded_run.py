@@ -92,7 +92,7 @@ class CommandedRun:
         self._shown: _Stretch | None = None
         self._performed: _Performance | None = None
         self.revision = self.runs = 0
-        self._refusals, self._told = 0, ""
+        self._refusals, self._adaptation = 0, ""
         self._refusal: str | None = None
         self._way_out: WayOut | None = None
 
@@ -114,7 +114,7 @@ class CommandedRun:
     def execute(self, command: Command) -> None:
         """Carry out a command; one that cannot be carried out is refused, and the run goes on."""
         try:
-            self._heed(command)
+            self._dispatch(command)
         except (ScenarioError, ArithmeticError, ValueError) as error:
             self._refuse(str(error), command)
         except Exception as error:  # a fault of this program: the command has failed, and the run goes on
@@ -175,7 +175,7 @@ class CommandedRun:
         self._refusals += 1
         log.info("refused", command=type(command).__name__, sentence=sentence)
 
-    def _heed(self, command: Command) -> None:
+    def _dispatch(self, command: Command) -> None:
         """Carry out a command; where it is refused, note the way out, if there is one."""
         way = self._way_out
         match command:
@@ -297,7 +297,7 @@ class CommandedRun:
     def _adapt(self, asked: Scenario, scenario: Scenario) -> None:
         """Edit to the nearest scenario that can run, and say how it differs from what was asked."""
         changes.possible(scenario, self._edit)
-        self._told = adaptation_sentence(asked, self.loop.system.scenario)
+        self._adaptation = adaptation_sentence(asked, self.loop.system.scenario)
 
     def _edit(self, scenario: Scenario) -> None:
         before = self.loop.system.robot
@@ -309,7 +309,7 @@ class CommandedRun:
         self._way_out = None
         if self.loop.system.robot is not before:
             hold(self.loop.system.robot, scenario.robot.urdf)
-        self._told = ""
+        self._adaptation = ""
         self.revision += 1
 
     def _begin(self, scenario: Scenario) -> None:
@@ -328,7 +328,7 @@ class CommandedRun:
         line, loop = self.line, self.loop
         return replace(
             seen,
-            notice=seen.notice or self._told,
+            notice=seen.notice or self._adaptation,
             revision=self.revision,
             run=self.runs,
             first=line.first,

@@ -44,10 +44,10 @@ LOOKS = 50  # instants at which the reference is compared with the present one
 
 
 @dataclass(frozen=True)
-class Question:
-    """Question to the preview process: what are the next `horizon` s from `state` on under `scenario`?
-    number: larger than that of every earlier question.
-    partial: whether an intermediate answer is wanted, too; it is given even when a newer question is waiting.
+class PreviewRequest:
+    """Request to the preview process: what are the next `horizon` s from `state` on under `scenario`?
+    number: larger than that of every earlier request.
+    partial: whether an intermediate answer is wanted, too; it is given even when a newer request is waiting.
     push: N, of a push on the tool where nothing else would move the arm; 0 for none.
     compared: whether the metrics of the running scenario are wanted, too.
     arms: number of true arms, drawn from the declared set, whose band is wanted."""
@@ -111,11 +111,11 @@ class PreviewMetrics(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Outlook:
-    """Outlook: the answer to a question, or the beginning of one.
-    number: of the question.
+    """Outlook: the answer to a request, or the beginning of one.
+    number: of the request.
     ahead: (N,) s after now.
     signals: those of a recording, at these instants; epochs: of those rows.
-    whole: whether the answer reaches as far as the question.
+    whole: whether the answer reaches as far as the request.
     restarts: whether the edit begins the scenario anew.
     today: metrics of the running scenario; None until they are known.
     band: of true arms, as far as it is known; None while nothing is. bandless: why there will be none, else ""."""
@@ -135,7 +135,7 @@ class Outlook:
 
 @dataclass(frozen=True)
 class PreviewRefusal:
-    """Refusal of a question whose scenario cannot be used; one sentence."""
+    """Refusal of a request whose scenario cannot be used; one sentence."""
 
     number: int
     sentence: str
@@ -143,16 +143,16 @@ class PreviewRefusal:
 
 @dataclass(frozen=True)
 class Hurry:
-    """Message to the preview process: a newer question is waiting, or no answer is wanted any more."""
+    """Message to the preview process: a newer request is waiting, or no answer is wanted any more."""
 
 
 @dataclass(frozen=True)
 class PreviewDone:
-    """Message from the preview process: ready for the next question."""
+    """Message from the preview process: ready for the next request."""
 
 
 class Foresight:
-    """Foresight: a run of its own that answers a question, piece by piece.
+    """Foresight: a run of its own that answers a request, piece by piece.
 
     previous: a system whose equal parts are used again; memory: results of searches.
     engine: "compiled" is used only where it can take the scenario; without its kernels in the cache it takes seconds.
@@ -162,18 +162,18 @@ class Foresight:
 
     def __init__(
         self,
-        question: Question,
+        request: PreviewRequest,
         previous: System | None = None,
         memory: Memory | None = None,
         engine: Engine = "pinocchio",
     ) -> None:
-        self.question = question
-        rows = max(1, round(question.horizon / question.scenario.controller.period))
-        self._loop = ClosedLoop.from_state(question.state, rows, previous, memory)
-        self.base = self._loop.system  # of the running scenario: a good `previous` for the next question
-        if question.scenario != question.state.scenario:
-            self._loop.edit(question.scenario)
-        self._push = question.push if question.push and self._rests() else 0.0
+        self.request = request
+        rows = max(1, round(request.horizon / request.scenario.controller.period))
+        self._loop = ClosedLoop.from_state(request.state, rows, previous, memory)
+        self.base = self._loop.system  # of the running scenario: a good `previous` for the next request
+        if request.scenario != request.state.scenario:
+            self._loop.edit(request.scenario)
+        self._push = request.push if request.push and self._rests() else 0.0
         if self._push:
             self._loop.edit(_pushed(self._loop.system, self._loop.t + BEGINS, self._push))
         self._start, self._rows, self._points = self._loop.t, rows, _points(rows)
@@ -181,19 +181,19 @@ class Foresight:
             obstacle(self._loop) if engine == "compiled" else "it appears once this arm and contact are compiled"
         )
         self._run = CompiledRun(self._loop) if self._obstacle is None else None
-        self.stretch = BandStretch.beyond(question.state.t, self._loop.state.copy(), rows, self._points)
+        self.stretch = BandStretch.beyond(request.state.t, self._loop.state.copy(), rows, self._points)
 
     @property
     def bandless(self) -> str:
-        """Why no band of true arms can be computed for this question, "" where one can."""
+        """Why no band of true arms can be computed for this request, "" where one can."""
         if self._obstacle is not None:
             return self._obstacle
         return undrawn(self._loop.system.scenario.declared)
 
     @property
-    def unchanged(self) -> Question:
-        """The same question about the scenario that runs, with a push where the asked one has a push."""
-        return replace(self.question, scenario=self.question.state.scenario, push=self._push)
+    def unchanged(self) -> PreviewRequest:
+        """The same request about the scenario that runs, with a push where the asked one has a push."""
+        return replace(self.request, scenario=self.request.state.scenario, push=self._push)
 
     @property
     def share(self) -> float:
@@ -202,7 +202,7 @@ class Foresight:
 
     def _rests(self) -> bool:
         """Whether nothing moves the arm within the horizon: no reference, surface, push or disturbance."""
-        loop, scenario, horizon = self._loop, self._loop.system.scenario, self.question.horizon
+        loop, scenario, horizon = self._loop, self._loop.system.scenario, self.request.horizon
         truth, began = scenario.truth, scenario.truth.push_start
         comes = (any(truth.push) or any(truth.push_moment)) and began < loop.t + horizon
         if comes and (truth.push_every > 0.0 or began + truth.push_duration > loop.t):
@@ -232,7 +232,7 @@ class Foresight:
 
     def outlook(self, today: PreviewMetrics | None = None) -> Outlook | PreviewRefusal:
         """Outlook of what has been computed so far. today: metrics of the running scenario."""
-        number, recording = self.question.number, self._loop.recording
+        number, recording = self.request.number, self._loop.recording
         points = self._points[self._points < len(recording)]
         if not len(points):  # also where the run has stopped in its first period, which is not drawn
             return PreviewRefusal(
@@ -241,15 +241,15 @@ class Foresight:
         signals = recording.picked(points)
         return Outlook(
             number,
-            self.question.scenario,
+            self.request.scenario,
             signals["t"] - self._start,
             signals,
             tuple(recording.epochs),
             self._metrics(recording.stretch(), signals),
             whole=self.share >= 1.0,
-            restarts=self._start != self.question.state.t,
+            restarts=self._start != self.request.state.t,
             today=today,
-            bandless=self.bandless if self.question.arms else "",
+            bandless=self.bandless if self.request.arms else "",
         )
 
     def _metrics(self, record: Mapping[str, np.ndarray], thinned: dict[str, np.ndarray]) -> PreviewMetrics:

@@ -1,4 +1,4 @@
-"""Client of `app.workers.preview`: starts the process, asks the newest question, keeps the newest answer."""
+"""Client of `app.workers.preview`: starts the process, sends the newest request, keeps the newest answer."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import structlog
 from app.process import launcher
 from app.process.launcher import ChildProcess
 from app.scenario.schema import Scenario
-from app.session.preview import Hurry, Outlook, PreviewDone, PreviewRefusal, Question
+from app.session.preview import Hurry, Outlook, PreviewDone, PreviewRefusal, PreviewRequest
 from app.simulation.state import State
 
 log = structlog.get_logger()
@@ -27,7 +27,7 @@ PATIENCE = 2.0  # s that the process has to end by itself
 @dataclass
 class _Worker:
     """Worker: the preview process and the connection to it.
-    busy: whether it has a question that it has not answered yet.
+    busy: whether it has a request that it has not answered yet.
     hurried: whether it knows that nobody waits for that answer."""
 
     process: ChildProcess
@@ -37,20 +37,20 @@ class _Worker:
 
 
 class Previewer:
-    """Client for previews that never waits. A question that a newer one overtakes is dropped, not queued. May be used
+    """Client for previews that never waits. A request that a newer one overtakes is dropped, not queued. May be used
     from any thread.
 
-    newest: the latest answer to the questions since `drop`, None before.
+    newest: the latest answer to the requests since `drop`, None before.
     failure: sentence why the process could not be started or has ended, None while there is no such reason; the next
-    question starts another process.
+    request starts another process.
     answered: called in another thread when an answer has come, or the process is lost.
-    first: the process to begin with, and the connection to it; None to start one with the first question.
+    first: the process to begin with, and the connection to it; None to start one with the first request.
     """
 
     def __init__(self, first: tuple[ChildProcess, Connection] | None = None) -> None:
         self._lock = threading.Lock()
-        self._worker = None if first is None else self._heard(_Worker(*first))
-        self._waiting: Question | None = None
+        self._worker = None if first is None else self._with_listener(_Worker(*first))
+        self._waiting: PreviewRequest | None = None
         self._number = self._dropped = 0
         self._closed = False
         self._starter = ThreadPoolExecutor(1, "starter")  # the process ends with this thread
@@ -60,7 +60,7 @@ class Previewer:
 
     @property
     def idle(self) -> bool:
-        """Whether no question is open."""
+        """Whether no request is open."""
         with self._lock:
             return self._waiting is None and (self._worker is None or not self._worker.busy)
 
@@ -73,7 +73,7 @@ class Previewer:
     def warm_up(self, state: State) -> None:
         """Start the process, and have it load what a preview from this state needs; nobody waits for the answer."""
         with self._lock:
-            self._put(Question(0, state, state.scenario, state.scenario.controller.period, partial=False))
+            self._put(PreviewRequest(0, state, state.scenario, state.scenario.controller.period, partial=False))
 
     def ask(
         self,
@@ -86,13 +86,13 @@ class Previewer:
         compared: bool = False,
         arms: int = 0,
     ) -> None:
-        """Ask for a preview, see `Question`."""
+        """Ask for a preview, see `PreviewRequest`."""
         with self._lock:
             self._number += 1
-            self._put(Question(self._number, state, scenario, horizon, partial, push, compared, arms))
+            self._put(PreviewRequest(self._number, state, scenario, horizon, partial, push, compared, arms))
 
     def drop(self) -> None:
-        """Forget the answer; the questions asked so far do not count any more."""
+        """Forget the answer; the requests asked so far do not count any more."""
         with self._lock:
             self._dropped, self.newest, self._waiting = self._number, None, None
             if self._worker is not None:
@@ -107,10 +107,10 @@ class Previewer:
             _end(worker)
         self._starter.shutdown()
 
-    def _put(self, question: Question) -> None:
+    def _put(self, request: PreviewRequest) -> None:
         if self._closed:
             return
-        self._waiting = question
+        self._waiting = request
         try:
             self._worker = self._worker or self._started()
             self._pass_on(self._worker)
@@ -124,9 +124,9 @@ class Previewer:
             process = self._starter.submit(
                 launcher.start, "app.workers.preview", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,)
             ).result()
-        return self._heard(_Worker(process, ours))
+        return self._with_listener(_Worker(process, ours))
 
-    def _heard(self, worker: _Worker) -> _Worker:
+    def _with_listener(self, worker: _Worker) -> _Worker:
         threading.Thread(target=self._listen, args=(worker,), name="previews", daemon=True).start()
         return worker
 
@@ -134,9 +134,9 @@ class Previewer:
         if self._waiting is None:
             return
         if not worker.busy:
-            question, self._waiting = self._waiting, None
+            request, self._waiting = self._waiting, None
             worker.busy, worker.hurried = True, False
-            worker.connection.send(question)
+            worker.connection.send(request)
         else:
             self._hurry(worker)
 

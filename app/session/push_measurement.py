@@ -216,7 +216,7 @@ def not_linear(state: State) -> tuple[str, ...]:
     return tuple(what for what, so in known.items() if so)
 
 
-def told(points: Sequence[Measured], response: PushResponse, beside: Sequence[str]) -> str:
+def deviation_sentence(points: Sequence[Measured], response: PushResponse, beside: Sequence[str]) -> str:
     """Sentence on how far the measured points are from what the sampled loop predicts, and where that is far, on what
     the prediction leaves out. beside: of `not_linear`."""
     frequency = np.array([point.frequency for point in points])

@@ -57,7 +57,7 @@ class Runner:
         self._wake = threading.Event()  # the thread rests no longer
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="closed-loop", daemon=True)
-        self._heard = 0
+        self._executed = 0
         self._posting, self.posted = threading.Lock(), 0
         self._slowed = False
         self.meter = PaceMeter()
@@ -225,7 +225,7 @@ class Runner:
             if is_new_arm(command):
                 self._newest = replace(self._newest, notice=PREPARING)
             self._commanded.execute(command)
-        self._heard += len(queued)
+        self._executed += len(queued)
         return self._commanded.runs != runs or not all(
             isinstance(command, Edit | EditAll | Blend | PushNow | Push) for command in queued
         )
@@ -247,7 +247,7 @@ class Runner:
 
     def _known(self, seen: Snapshot) -> Snapshot:
         pace = self._pace_now if self._commanded.going else None
-        return replace(self._commanded.known(seen), pace=pace, heard=self._heard)
+        return replace(self._commanded.known(seen), pace=pace, executed=self._executed)
 
 
 def _overtaken(command: Command, following: Command | None) -> bool:

@@ -30,7 +30,7 @@ class Snapshot(View):
     """View of the loop at one moment, with its run, for the screen. Its arrays are never changed afterwards.
 
     revision: number of accepted changes of the scenario; run: of beginnings at t = 0 and forks; refusal_number: of
-    refused commands; heard: of commands that were carried out or refused.
+    refused commands; executed: of commands that were carried out or refused.
     way_out: of that refusal, None where there is none.
     t: the instant looked at, between `first` and `end`, s.
     scenario, system: at that instant; latest: the system at `end`.
@@ -54,7 +54,7 @@ class Snapshot(View):
     speed: float
     refusal: str | None
     refusal_number: int
-    heard: int
+    executed: int
     way_out: WayOut | None
     notice: str
     system: System
@@ -120,7 +120,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         speed=1.0,
         refusal=None,
         refusal_number=0,
-        heard=0,
+        executed=0,
         way_out=None,
         notice=loop.warning or "",
         robot=system.robot,

@@ -114,9 +114,9 @@ def require_pushing(scenario: Scenario, mode: Mode) -> None:
     for each in scenario.surfaces[: mode.pressed]:
         contact, pulling = each.contact, each.force.pulling()
         if pulling and contact.unilateral and not contact.nature.rigid:
-            said, allowed = pulling
+            what, allowed = pulling
             raise PullingForce(
-                f"{each.path}{said}, but the surface only pushes ({each.path}contact.unilateral); allowed: {allowed}, "
+                f"{each.path}{what}, but the surface only pushes ({each.path}contact.unilateral); allowed: {allowed}, "
                 f"or {each.path}contact.unilateral = false"
             )
 

@@ -113,7 +113,7 @@ class ForceLoop(SampledFrequencies):
         return found
 
 
-def told(loop: ForceLoop) -> str:
+def margins_sentence(loop: ForceLoop) -> str:
     """Sentence on the margins."""
     if loop.margins is None:
         return "force loop: unstable, so it has no margins"

@@ -325,11 +325,11 @@ def _last_loss(system: System, holding: Holding) -> str:
 
 def losses(system: System, holding: Holding) -> str:
     """Words for the rigid surfaces that were lost, with the instants of the last loss and the last impact of each."""
-    said: list[str] = []
+    lost: list[str] = []
     for i in np.flatnonzero(np.isfinite(holding.lost)):
         again = f", made again at t = {holding.made[i]:.4g} s" if holding.held[i] else ""
-        said.append(f"{_surface_named(system, int(i))}, lost at t = {holding.lost[i]:.4g} s{again}")
-    return "; ".join(said)
+        lost.append(f"{_surface_named(system, int(i))}, lost at t = {holding.lost[i]:.4g} s{again}")
+    return "; ".join(lost)
 
 
 def _saturation(tau: np.ndarray, applied: np.ndarray, slides: Sequence[bool]) -> str:

@@ -88,7 +88,7 @@ class Standing:
             return self._promise("nothing promised", f"the run has stopped: {self.stopped}")
         failing = [p for p in Premise if self.table.failing[p]]
         if failing:
-            return self._promise("nothing promised", self._said(failing[0]))
+            return self._promise("nothing promised", self._because(failing[0]))
         if self.waiting:
             what = "the change" if self.promise_record.periods else "the run"
             return self._promise("nothing promised", f"{what} is judged in the next control period")
@@ -131,7 +131,7 @@ class Standing:
     def _broken(self) -> str:
         return f"at t = {self.promise_record.broken:.4g} s ‖s‖ was over (20) plus the band, though all premises held"
 
-    def _said(self, premise: Premise) -> str:
+    def _because(self, premise: Premise) -> str:
         if premise is Premise.DECLARED and self.outsiders:
             return f"the true arm is outside the declared set: {self.outsiders[0]}"
         if premise is Premise.CONTACT and self.losses:

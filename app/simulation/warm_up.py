@@ -9,7 +9,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System
 from controllers.control_law import ControlLaw
 
-SILENT = ControlLaw("silent", "silent", "It asks for no torque.", torque=lambda _told, _out: None)
+SILENT = ControlLaw("silent", "silent", "It asks for no torque.", torque=lambda _given, _out: None)
 
 
 def warm_up(scenario: Scenario) -> ClosedLoop:

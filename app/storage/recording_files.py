@@ -43,7 +43,7 @@ _UNREADABLE = (
     *(tokenize.TokenError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
 )
 
-Tell = Callable[[float], object]  # called with the share that is done, 0 to 1
+ProgressCallback = Callable[[float], object]  # called with the share that is done, 0 to 1
 
 
 class TooLarge(ValueError):
@@ -108,14 +108,16 @@ def _silent(share: float) -> None:
     del share
 
 
-def write_csv(data: RecordingTable, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent) -> None:
+def write_csv(
+    data: RecordingTable, file: BinaryIO, limit: float = math.inf, on_progress: ProgressCallback = _silent
+) -> None:
     """Write a recording as CSV: the scenario as comment lines, a line of names with units, a line per row. Where the
     scenario was changed on the way, the comment lines hold that of the first row, and the changes as TOML's comments.
 
     Numbers read back to the very same bits. Raises TooLarge when the file would have more than `limit` bytes.
     """
     scenario = to_toml(data.first_scenario).rstrip("\n").split("\n")
-    file.write("".join(f"# {line}\n" for line in (*_told_before(data), *scenario)).encode())
+    file.write("".join(f"# {line}\n" for line in (*_change_comments(data), *scenario)).encode())
     file.write((",".join(csv_header(data)) + "\n").encode())
     begin, done = file.tell(), 0
     for piece in data.pieces:
@@ -125,10 +127,10 @@ def write_csv(data: RecordingTable, file: BinaryIO, limit: float = math.inf, tel
             file.write("".join(repr(row)[1:-1].replace(" ", "") + "\n" for row in rows).encode())
             done += len(rows)
             _keep_to(limit, begin + (file.tell() - begin) * data.length / done, data.seconds)
-            tell(done / data.length)
+            on_progress(done / data.length)
 
 
-def _told_before(data: RecordingTable) -> list[str]:
+def _change_comments(data: RecordingTable) -> list[str]:
     """Lines on the changes of the scenario, which TOML takes as comments; none where there was no change."""
     if not data.changes:
         return []
@@ -152,7 +154,11 @@ def csv_header(data: RecordingTable) -> list[str]:
 
 
 def write_npz(
-    data: RecordingTable, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent, level: int = 1
+    data: RecordingTable,
+    file: BinaryIO,
+    limit: float = math.inf,
+    on_progress: ProgressCallback = _silent,
+    level: int = 1,
 ) -> None:
     """Write a recording as NPZ: named signals, (N,) or (N, width), with `units`, `docs` and `scenario` (TOML, of
     the last row) beside them; and, where they are known, `epochs` (k,), the instants (s) from which on the run had
@@ -186,7 +192,7 @@ def write_npz(
             done = where.stop / width
             # the first signals say little of how well the others can be compressed
             _keep_to(limit, file.tell() / done if done > 0.3 else file.tell(), data.seconds)
-            tell(done)
+            on_progress(done)
 
 
 def _units(units: list[str]) -> str:

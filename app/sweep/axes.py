@@ -48,7 +48,7 @@ class Axis(Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
 
     def __str__(self) -> str:
         if self.values:
-            return f"{self.path}={','.join(map(_told, self.values))}"
+            return f"{self.path}={','.join(map(_formatted, self.values))}"
         return f"{self.path}={self.low:g}:{self.high:g}" + (":log" if self.logarithmic else "")
 
     @property
@@ -128,7 +128,7 @@ def fitted(axis: Axis, scenario: Scenario) -> Axis:
     return msgspec.structs.replace(axis, whole=True)
 
 
-def _told(value: Value) -> str:
+def _formatted(value: Value) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

@@ -11,7 +11,7 @@ from multiprocessing import Pipe
 from typing import Any
 
 from app.process import launcher, worker_pool
-from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
 from app.sweep.running import tasks_of
 
@@ -62,7 +62,7 @@ class Background:
     noun = "computation"
 
     def __init__(self, asked: Sweep, workers: int, at_once: int | None = None) -> None:
-        self.question = SweepQuestion(asked)
+        self.plan = SweepPlan(asked)
         self.problem, self.waiting = "", False
         self._work = Work(asked, workers, at_once)
         self._done, self._cancelled = threading.Event(), threading.Event()
@@ -99,7 +99,7 @@ class Background:
                 ours.send(self._work)
                 while not (self.complete or self.problem or self._cancelled.is_set()):
                     if ours.poll(0.1):
-                        self._heed(ours.recv())
+                        self._handle(ours.recv())
         except (EOFError, ConnectionError):
             self._fail("its process has ended")
         except OSError as error:
@@ -115,7 +115,7 @@ class Background:
     def _fail(self, reason: str) -> None:
         self.problem = f"the {self.noun} could not be computed: {reason}"
 
-    def _heed(self, message: Any) -> None:
+    def _handle(self, message: Any) -> None:
         if isinstance(message, Waiting | Begun):
             self.waiting = isinstance(message, Waiting)
         elif isinstance(message, SweepDone):
@@ -146,15 +146,15 @@ class BackgroundSweep(Background):
 
 def results(sweep: Sweep, workers: int) -> Iterator[RunMetrics]:
     """Rows of a sweep, in the order in which they are computed, coarse first."""
-    question = SweepQuestion(sweep)
-    tasks = tasks_of(coarse_first(question), workers)
+    plan = SweepPlan(sweep)
+    tasks = tasks_of(coarse_first(plan), workers)
     for task, metrics in worker_pool.results(SweepRunner.computing, (sweep,), tasks, workers):
-        yield from rows_of(question, map(question.row, task), metrics)
+        yield from rows_of(plan, map(plan.row, task), metrics)
 
 
-def coarse_first(question: SweepQuestion) -> list[int]:
+def coarse_first(plan: SweepPlan) -> list[int]:
     """Numbers of all runs of a grid, every fourth tile in each direction first."""
-    shape = [len(axis.values) for axis in question.sweep.vary]
+    shape = [len(axis.values) for axis in plan.sweep.vary]
 
     def fineness(point: int) -> int:
         places, rest = [], point
@@ -163,5 +163,5 @@ def coarse_first(question: SweepQuestion) -> list[int]:
             places.append(place)
         return max(next(k for k, stride in enumerate(STRIDES) if place % stride == 0) for place in places)
 
-    points = sorted(range(question.count_of_points), key=fineness)
-    return [point * question.arms + arm for point in points for arm in range(question.arms)]
+    points = sorted(range(plan.count_of_points), key=fineness)
+    return [point * plan.arms + arm for point in points for arm in range(plan.arms)]

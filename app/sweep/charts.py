@@ -16,10 +16,10 @@ from app.export.ticks import plain_decades
 from app.scenario.errors import ScenarioError
 from app.storage.joint_kinds import units_of
 from app.sweep.axes import Axis
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import Kind, Points, SweepView, interval, points_of, statistic_of
-from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_metrics import COLUMNS
-from app.sweep.titles import named, said, title_of, unit_of
+from app.sweep.titles import named, title_of, unit_of, value_in_words
 from parameters import allowed
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
         mine = mine[np.argsort(np.asarray(points.values[x.path][mine], dtype=float))]
         at = np.asarray(points.values[x.path][mine], dtype=float)
         name = ", ".join(
-            f"{title_of(path)} {said(path, value)} {unit_of(path, units_of(sweep.scenario))}".rstrip()
+            f"{title_of(path)} {value_in_words(path, value)} {unit_of(path, units_of(sweep.scenario))}".rstrip()
             for path, value in zip(rest, key, strict=True)
             if path in shown
         )
@@ -195,8 +195,8 @@ def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -
         plot.plot(range(len(axes)), places, "-o" if len(axes) == 1 else "-", color=color, linewidth=0.6, alpha=0.8)
     for k, axis in enumerate(axes):
         low, high = _ends(axis) if axis.numeric else (axis.at(0.0), axis.at(1.0))
-        plot.text(k, -0.03, said(axis.path, low), ha="center", va="top", fontsize=6.0)
-        plot.text(k, 1.03, said(axis.path, high), ha="center", va="bottom", fontsize=6.0)
+        plot.text(k, -0.03, value_in_words(axis.path, low), ha="center", va="top", fontsize=6.0)
+        plot.text(k, 1.03, value_in_words(axis.path, high), ha="center", va="bottom", fontsize=6.0)
         plot.axvline(k, color="0.35", linewidth=0.5)
     from matplotlib.cm import ScalarMappable
 
@@ -256,28 +256,28 @@ def sheet(width: float, caption: str) -> tuple[Canvas, Axes]:
 def _caption(sweep: Sweep, points: Points, view: SweepView, missing: str, stopped: str) -> str:
     """Caption. missing, stopped: what points without a number look like, and those of which a run stopped or was
     refused; where both look the same, one that has a number looks like any other."""
-    arms, question = sweep.arms, SweepQuestion(sweep)
-    told = f"{sweep.scenario.name}, {_counted(len(points.number))}"
+    arms, plan = sweep.arms, SweepPlan(sweep)
+    caption = f"{sweep.scenario.name}, {_counted(len(points.number))}"
     if sweep.draw:
         kind = "corners of the declared set" if sweep.corners else "inside the declared set"
         moved = any(axis.path.startswith(("declared.", "robot.")) for axis in sweep.vary)
         same = "the same shares of what is declared" if moved else "the same"
-        told += f", {arms} true arms each, {kind}, {same} at every point"
-    if (runs := int(points.arms.sum())) < question.count:
-        told += f". Only {runs} of {question.count} runs so far"
+        caption += f", {arms} true arms each, {kind}, {same} at every point"
+    if (runs := int(points.arms.sum())) < plan.count:
+        caption += f". Only {runs} of {plan.count} runs so far"
         if fewer := int((points.arms < arms).sum()):
-            told += f", {_counted(fewer)} with fewer arms"
+            caption += f", {_counted(fewer)} with fewer arms"
     if statistic_of(view) == "share":
         low, _ = interval(arms, arms)
-        told += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"
+        caption += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"
     marked = points.stopped & np.isnan(points.number) if stopped == missing else points.stopped
     if marked.any():
-        told += f". {stopped}: runs that stopped or were refused ({_counted(int(marked.sum()))})"
+        caption += f". {stopped}: runs that stopped or were refused ({_counted(int(marked.sum()))})"
     if never := int((points.never & ~points.stopped).sum()):
-        told += f". {missing}: not on every arm ({_counted(never)})"
+        caption += f". {missing}: not on every arm ({_counted(never)})"
     if none := int((np.isnan(points.number) & ~points.never & ~points.stopped).sum()):
-        told += f". {missing}: no run has this metric ({_counted(none)})"
-    return told + "."
+        caption += f". {missing}: no run has this metric ({_counted(none)})"
+    return caption + "."
 
 
 def _counted(points: int) -> str:

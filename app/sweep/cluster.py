@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from app.process.worker_pool import FALLEN, Fallen
 from app.scenario.errors import ScenarioError
 from app.sweep import cluster_worker
-from app.sweep.question import Sweep
+from app.sweep.plan import Sweep
 from app.sweep.run_metrics import RunMetrics
 
 if TYPE_CHECKING:
@@ -68,13 +68,13 @@ class Cluster:
         return len(threads)
 
     def results(
-        self, sweep: Sweep, numbers: Sequence[int], say: Callable[[str], object], chunk: int = CHUNK
+        self, sweep: Sweep, numbers: Sequence[int], notify: Callable[[str], object], chunk: int = CHUNK
     ) -> Iterator[tuple[tuple[int, ...], list[RunMetrics] | Fallen]]:
         """Runs by their numbers with their metrics, in the order in which they are done; `FALLEN` for a run whose
         worker has ended each time, also with no other run beside. Only a few are handed out ahead, so there may be any
         number of them.
 
-        say: called with a sentence when there is no worker, and when there is one again.
+        notify: called with a sentence when there is no worker, and when there is one again.
         chunk: largest number of runs of a task.
 
         Raises ScenarioError where the scheduler is lost, or a worker has another version of the program.
@@ -89,7 +89,7 @@ class Cluster:
                 workers, looked = self.workers, time.monotonic()
                 if lonely != (workers == 0):
                     lonely = not lonely
-                    say(NOBODY.format(self._address) if lonely else "a worker has come")
+                    notify(NOBODY.format(self._address) if lonely else "a worker has come")
             for task in _ready(waiting, alone, len(under_way), workers, chunk):
                 future = self._submitted(asked, task)
                 under_way[future] = task

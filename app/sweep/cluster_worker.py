@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from app.scenario.errors import ScenarioError
 from app.sweep.fingerprint import fingerprint, own_arms
-from app.sweep.question import Sweep
+from app.sweep.plan import Sweep
 from app.sweep.run_metrics import RunMetrics, SweepRunner
 
 # A runner is for one thread, and a worker may have several: a second one waits.

@@ -6,7 +6,7 @@ import hashlib
 from importlib.metadata import version
 from pathlib import Path
 
-from app.sweep.question import Sweep
+from app.sweep.plan import Sweep
 from environments.regular_file import read_regular
 from environments.urdf import LARGEST as LARGEST_URDF
 

@@ -12,7 +12,7 @@ import msgspec
 
 from app.export.export_jobs import plain_name
 from app.sweep.fingerprint import fingerprint
-from app.sweep.question import Sweep
+from app.sweep.plan import Sweep
 from app.sweep.run_metrics import RunMetrics
 from app.sweep.run_store import LOCK, RunStore
 

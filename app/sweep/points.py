@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from app.scenario.errors import ScenarioError
-from app.sweep.question import Sweep
+from app.sweep.plan import Sweep
 from app.sweep.run_metrics import COLUMNS, METRIC_COLUMNS, Column
 from controllers.premises import Premise
 from parameters import allowed

@@ -17,7 +17,7 @@ from app.session.headless_run import simulate
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
-from app.sweep.question import Sweep, SweepQuestion, SweepRow
+from app.sweep.plan import Sweep, SweepPlan, SweepRow
 
 RunMetrics = dict[str, Any]
 
@@ -104,7 +104,7 @@ class SweepRunner:
     """Runner of a sweep's runs in one process; what runs have in common is computed once."""
 
     def __init__(self, sweep: Sweep) -> None:
-        self._question = SweepQuestion(sweep)
+        self._plan = SweepPlan(sweep)
         self._memory: Memory = kept_memory()
         self._previous: System | None = None
 
@@ -116,18 +116,18 @@ class SweepRunner:
 
     def metrics(self, number: int) -> RunMetrics:
         """Metrics of the run of this number. A run that is refused or stops is a row, too."""
-        return self.metrics_of(self._question.row(number))
+        return self.metrics_of(self._plan.row(number))
 
     def metrics_of(self, row: SweepRow) -> RunMetrics:
         """Metrics of a run, whose values may be others than those of the question's design."""
         started = time.perf_counter()
-        begun = self._question.told(row)
+        begun = self._plan.key_columns(row)
         try:
-            scenario = self._question.scenario(row)
+            scenario = self._plan.scenario(row)
             loop, metrics = simulate(
                 scenario,
-                until=self._question.sweep.until,
-                engine=self._question.sweep.engine,
+                until=self._plan.sweep.until,
+                engine=self._plan.sweep.engine,
                 previous=self._previous,
                 memory=self._memory,
             )
@@ -166,11 +166,11 @@ def _of(metrics: Metrics) -> RunMetrics:
     return {name: None if isinstance(each, float) and not math.isfinite(each) else each for name, each in row.items()}
 
 
-def rows_of(question: SweepQuestion, runs: Iterable[SweepRow], metrics: list[RunMetrics] | Fallen) -> list[RunMetrics]:
+def rows_of(plan: SweepPlan, runs: Iterable[SweepRow], metrics: list[RunMetrics] | Fallen) -> list[RunMetrics]:
     """Metrics of these runs as they were computed; of runs whose process has ended, rows that say so."""
     if not isinstance(metrics, Fallen):
         return metrics
-    return [question.told(run) | {"stopped": "the process that computed it has ended"} for run in runs]
+    return [plan.key_columns(run) | {"stopped": "the process that computed it has ended"} for run in runs]
 
 
 def columns_of(rows: Sequence[RunMetrics]) -> dict[str, np.ndarray]:

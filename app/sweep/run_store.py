@@ -19,7 +19,7 @@ from app.process.atomic_write import write_whole
 from app.scenario.errors import ScenarioError
 from app.storage.joint_kinds import units_of
 from app.sweep.fingerprint import another_program
-from app.sweep.question import FILE, Sweep, SweepQuestion, difference_told, differences, read, to_toml
+from app.sweep.plan import FILE, Sweep, SweepPlan, differences, differences_in_words, read, to_toml
 from app.sweep.run_metrics import COLUMNS, RunMetrics
 from app.sweep.titles import title_of, unit_of
 
@@ -54,7 +54,7 @@ class RunStore:
         try:
             self._take_up(sweep)
             self._schema = schema_of(sweep)
-            self.done = np.zeros(SweepQuestion(sweep).count, dtype=bool)
+            self.done = np.zeros(SweepPlan(sweep).count, dtype=bool)
             for part in parts(folder):
                 self.done[_read(part, self._schema, len(self.done), ["row"])["row"].to_numpy()] = True
             waiting = [row for row in journaled(folder, len(self.done)) if not self.done[row["row"]]]
@@ -112,7 +112,7 @@ class RunStore:
             write_whole(path, lambda file: file.write(text))
             return
         if other := differences(read(path, type(sweep)), sweep):
-            what = difference_told(other) or f"made by {another_program(sweep)}"
+            what = differences_in_words(other) or f"made by {another_program(sweep)}"
             raise ScenarioError(
                 f"--out {self._folder}: holds another {sweep.noun} ({what}); allowed: a folder of its own"
             )
@@ -193,7 +193,7 @@ def table_of(folder: Path) -> tuple[Sweep, dict[str, np.ndarray]]:
     """Sweep of a folder, and the columns of its runs so far, in the order of their rows. Raises ScenarioError where
     there are none."""
     sweep = read(folder / FILE)
-    schema, count = schema_of(sweep), SweepQuestion(sweep).count
+    schema, count = schema_of(sweep), SweepPlan(sweep).count
     done, tables = np.zeros(count, dtype=bool), []
     for part in parts(folder):
         table = _read(part, schema, count).cast(schema)

@@ -12,7 +12,7 @@ from tqdm import tqdm
 from app.process import worker_pool
 from app.process.cores import usable_cores
 from app.sweep.cluster import Cluster
-from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
 
 if TYPE_CHECKING:
@@ -59,11 +59,11 @@ def estimated(sweep: Sweep, left: np.ndarray, on: int | Cluster | None = None) -
     """Estimate for the runs of a sweep that are left, from the computing time of one run on this machine. Two
     neighbours are played: the first one also computes what all runs have in common, and the second what each has for
     itself, whose time is scaled where the duration is varied. left: their numbers. on: see `run`."""
-    question, runner = SweepQuestion(sweep), SweepRunner(sweep)
-    simulated, middle, seconds = question.seconds_of(left), question.count // 2, 0.0
-    for number in (middle, (middle + 1) % question.count) if len(left) else ():
+    plan, runner = SweepPlan(sweep), SweepRunner(sweep)
+    simulated, middle, seconds = plan.seconds_of(left), plan.count // 2, 0.0
+    for number in (middle, (middle + 1) % plan.count) if len(left) else ():
         seconds = runner.metrics(number)["wall_time"]
-    lasts = question.seconds_of(np.array([(middle + 1) % question.count]))
+    lasts = plan.seconds_of(np.array([(middle + 1) % plan.count]))
     computing = seconds * simulated / lasts if lasts else seconds * len(left)
     return SweepEstimate.of(len(left), simulated, computing, on)
 
@@ -74,10 +74,10 @@ def run(store: RunStore, sweep: Sweep, on: int | Cluster | None = None, *, show_
     on: number of processes, or a cluster, None for a process on each core. Raises OSError where runs cannot be written,
     and ScenarioError where the cluster is lost; what was written stays.
     """
-    question, left, failed = SweepQuestion(sweep), np.flatnonzero(~store.done).tolist(), 0
+    plan, left, failed = SweepPlan(sweep), np.flatnonzero(~store.done).tolist(), 0
     with tqdm(total=len(left), unit=" runs", desc="sweep", disable=not show_progress) as bar:
         for numbers, metrics in _computed(sweep, left, on, bar.write):
-            for each in rows_of(question, map(question.row, numbers), metrics):
+            for each in rows_of(plan, map(plan.row, numbers), metrics):
                 store.add(each)
                 failed += bool(each.get("stopped"))
             bar.set_postfix_str(f"{failed} stopped or refused" if failed else "")
@@ -87,10 +87,10 @@ def run(store: RunStore, sweep: Sweep, on: int | Cluster | None = None, *, show_
 
 
 def _computed(
-    sweep: Sweep, numbers: Sequence[int], on: int | Cluster | None, say: Callable[[str], object]
+    sweep: Sweep, numbers: Sequence[int], on: int | Cluster | None, notify: Callable[[str], object]
 ) -> Iterator[tuple[tuple[int, ...], list[RunMetrics] | worker_pool.Fallen]]:
     if isinstance(on, Cluster):
-        return on.results(sweep, numbers, say)
+        return on.results(sweep, numbers, notify)
     workers = on or usable_cores()
     return worker_pool.results(SweepRunner.computing, (sweep,), tasks_of(numbers, workers), workers)
 

@@ -96,7 +96,7 @@ def named(path: str, units: Units) -> str:
     return f"{title_of(path)} [{unit}]" if unit else title_of(path)
 
 
-def said(path: str, value: object) -> str:
+def value_in_words(path: str, value: object) -> str:
     """Value of a field in words: of a law its title, of a number three digits."""
     if path == "controller.law" and (law := laws().get(str(value))) is not None:
         return law.title

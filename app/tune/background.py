@@ -8,7 +8,7 @@ from app.process import worker_pool
 from app.sweep.background import Background
 from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate
-from app.tune.question import Tuning
+from app.tune.plan import Tuning
 from app.tune.running import Found, TuningCourse, computing, most_runs
 
 Result = RunMetrics | Candidate | Found
@@ -55,10 +55,10 @@ class BackgroundTuning(Background):
 
 def results(tuning: Tuning, workers: int) -> Iterator[Result]:
     """Rows of runs, candidates as soon as they are judged, and at the end what was found."""
-    course, told = TuningCourse(tuning, {}), 0
+    course, sent = TuningCourse(tuning, {}), 0
     for rows, metrics in worker_pool.results(computing, (tuning,), course.tasks(), workers):
         yield from course.take(rows, metrics)
-        yield from course.candidates[told:]
-        told = len(course.candidates)
-    yield from course.candidates[told:]
+        yield from course.candidates[sent:]
+        sent = len(course.candidates)
+    yield from course.candidates[sent:]
     yield course.found()

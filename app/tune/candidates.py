@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from app.sweep.axes import Value
 from app.sweep.run_metrics import RunMetrics
-from app.tune.question import Tuning
+from app.tune.plan import Tuning
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
 
@@ -49,8 +49,8 @@ def judged(tuning: Tuning, number: int, values: dict[str, Value], runs: Sequence
     broken = [reason for reason in reasons if reason]
     badge = ""
     if broken:
-        said, _ = Counter(broken).most_common(1)[0]
-        badge = f"{said} ({len(broken)} of {len(runs)} arms)"
+        commonest, _ = Counter(broken).most_common(1)[0]
+        badge = f"{commonest} ({len(broken)} of {len(runs)} arms)"
     aims = tuple(max(aim_of(run, aim) for run in runs) for aim in tuning.aims)
     kept = sum(run.get("verdict") == "holds" for run in runs) / len(runs)
     return Candidate(number, values, aims, badge, len(broken) / len(runs), kept)

@@ -21,12 +21,12 @@ from app.scenario import data
 from app.storage.joint_kinds import units_of
 from app.sweep.charts import sheet, wide
 from app.sweep.folder import packed
-from app.sweep.question import LONGEST_NAME
+from app.sweep.plan import LONGEST_NAME
 from app.sweep.run_metrics import COLUMNS, RunMetrics
 from app.sweep.run_store import RunStore, column
 from app.sweep.titles import unit_of
 from app.tune.candidates import Candidate, aim_of, front
-from app.tune.question import Tuning, in_words, program
+from app.tune.plan import Tuning, in_words, program
 from app.tune.running import Found
 
 if TYPE_CHECKING:
@@ -212,7 +212,7 @@ def _far_apart(values: list[float]) -> bool:
     return wide(np.array(values))
 
 
-def told(tuning: Tuning, found: Found) -> list[list[str]]:
+def summary_rows(tuning: Tuning, found: Found) -> list[list[str]]:
     """Rows of the table that is printed, its head first: gains, and the worst on the arms that were not seen with its
     change and the number of arms that are better."""
     paths = (axis.path.replace(".", ".\n", 1) for axis in tuning.vary)
@@ -260,10 +260,10 @@ def verdict(tuning: Tuning, found: Found) -> list[str]:
         sentences.append(short)
     badges = Counter(each.badge.rpartition(" (")[0] for each in found.candidates[1:] if each.badge)
     if badges:
-        said, count = badges.most_common(1)[0]
+        reason, count = badges.most_common(1)[0]
         sentences.append(
             f"{badges.total()} of {len(found.candidates) - 1} candidates are not offered, {count} of them because of "
-            f"this: {said}"
+            f"this: {reason}"
         )
     for number, each in found.tried.items():
         if number and each.badge:

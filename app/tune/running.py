@@ -13,11 +13,11 @@ from app.process import worker_pool
 from app.process.cores import usable_cores
 from app.scenario.errors import ScenarioError
 from app.sweep.axes import Value
-from app.sweep.question import SweepQuestion, SweepRow
+from app.sweep.plan import SweepPlan, SweepRow
 from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
 from app.sweep.running import CHUNK, SweepEstimate
 from app.tune.candidates import Candidate, front, judged
-from app.tune.question import Tuning
+from app.tune.plan import Tuning
 from app.tune.search import Search
 
 if TYPE_CHECKING:
@@ -85,13 +85,13 @@ class TuningCourse:
 
     def __init__(self, tuning: Tuning, known: dict[int, RunMetrics]) -> None:
         self.known = known
-        self._tuning, self._question = tuning, SweepQuestion(tuning)
+        self._tuning, self._plan = tuning, SweepPlan(tuning)
         self.candidates: list[Candidate] = []  # as far as they are judged
         self._offered: list[Candidate] = []
 
     def take(self, rows: Task, metrics: list[RunMetrics] | worker_pool.Fallen) -> list[RunMetrics]:
         """Take up the metrics of a task's runs, which are known from now on; returns them."""
-        known = rows_of(self._question, rows, metrics)
+        known = rows_of(self._plan, rows, metrics)
         self.known |= {each["row"]: each for each in known}
         return known
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from app.sweep.axes import Value
-from app.sweep.question import SweepQuestion
+from app.sweep.plan import SweepPlan
 from app.tune.candidates import Candidate
-from app.tune.question import Tuning
+from app.tune.plan import Tuning
 
 if TYPE_CHECKING:
     from optuna.trial import Trial
@@ -29,9 +29,9 @@ class Search:
         self._study = optuna.create_study(directions=["minimize" for _ in tuning.aims], sampler=sampler)
         self._trials: dict[int, Trial] = {}
         self._axes = tuning.vary
-        question = SweepQuestion(tuning)
+        plan = SweepPlan(tuning)
         for point in range(1, min(FIRST + 1, tuning.points)):
-            self._study.enqueue_trial(question.values_at(point))
+            self._study.enqueue_trial(plan.values_at(point))
 
     def ask(self, numbers: Sequence[int]) -> dict[int, dict[str, Value]]:
         """Gains of the candidates with these numbers: by number, their values by path, rounded to four digits where

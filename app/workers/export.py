@@ -32,7 +32,7 @@ class _Reporter:
         self._asker = asker
         self._percent = -1
 
-    def tell(self, share: float) -> None:
+    def report(self, share: float) -> None:
         if (percent := int(100 * share)) > self._percent:
             self._percent = percent
             self._asker.send(ExportProgress(share))
@@ -58,13 +58,13 @@ def serve(asker: Connection, descriptor: int) -> None:
 
 
 def _make(job: Job, asker: Connection, file: BinaryIO) -> None:
-    tell = _Reporter(asker).tell
+    on_progress = _Reporter(asker).report
     match job:
         case FigureJob(figure, form, options):
             file.write(render(figure, form, options))
         case DataJob(data, form, limit):
             write = {"csv": write_csv, "npz": write_npz}[form]
-            write(replace(data, pieces=_received(data, asker)), file, limit, tell)
+            write(replace(data, pieces=_received(data, asker)), file, limit, on_progress)
         case MadeJob(make, arguments):
             file.write(make(*arguments))
         case PlaybackJob(frames, limit, figure):
@@ -72,7 +72,7 @@ def _make(job: Job, asker: Connection, file: BinaryIO) -> None:
                 standalone_html,  # here: the others need neither viser nor the law
             )
 
-            file.write(standalone_html(frames, limit, tell, figure).encode())
+            file.write(standalone_html(frames, limit, on_progress, figure).encode())
 
 
 def _received(data: RecordingTable, asker: Connection) -> Iterator[np.ndarray]:

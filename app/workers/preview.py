@@ -18,7 +18,7 @@ from app.process.priority import step_back
 from app.scenario.errors import ScenarioError
 from app.session.arm_band import LATER, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.headless_run import engine_ready
-from app.session.preview import Foresight, Hurry, Outlook, PreviewDone, PreviewMetrics, PreviewRefusal, Question
+from app.session.preview import Foresight, Hurry, Outlook, PreviewDone, PreviewMetrics, PreviewRefusal, PreviewRequest
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
@@ -27,13 +27,13 @@ from app.storage.constants_store import kept_memory
 log = structlog.get_logger()
 
 DRAWING = 0.06  # s between two intermediate answers: each of them is drawn
-BANDED = 0.1  # s from a question of a moving slider to its answer, during which the band may grow
+BANDED = 0.1  # s from a request of a moving slider to its answer, during which the band may grow
 GROWN = 0.3  # s between two answers with a band that grows
 LOOK = 0.01  # s between two looks at how far the band is
-REST = 0.5  # s for the band, before the answer to a question that differs from the last one in time only
+REST = 0.5  # s for the band, before the answer to a request that differs from the last one in time only
 PICTURES = 2  # of the band that grows, meanwhile
 OLD = 0.5 * LATER  # s of simulated time, after which a band is computed anew
-SOON = 0.06  # s: an answer to a moving slider that needs less than this is completed, also when a newer question waits
+SOON = 0.06  # s: an answer to a moving slider that needs less than this is completed, also when a newer request waits
 NICENESS = 10  # the running loop comes first
 TURN = 5e-4  # s that a thread keeps the interpreter while another one waits for it
 
@@ -43,21 +43,21 @@ class _Known:
     """Results of earlier answers that the next one may use.
     band: of true arms.
     system: of the running scenario.
-    question, today: a question about the running scenario, and its metrics, which hold for its `horizon` s."""
+    request, today: a request about the running scenario, and its metrics, which hold for its `horizon` s."""
 
     memory: Memory
     band: _GrowingBand
     system: System | None = None
-    question: Question | None = None
+    request: PreviewRequest | None = None
     today: PreviewMetrics | None = None
 
-    def metrics_for(self, question: Question) -> PreviewMetrics | None:
-        """Metrics of this question about the running scenario, if they are known; else None."""
-        known = self.question
-        if known is None or (known.horizon, known.push) != (question.horizon, question.push):
+    def metrics_for(self, request: PreviewRequest) -> PreviewMetrics | None:
+        """Metrics of this request about the running scenario, if they are known; else None."""
+        known = self.request
+        if known is None or (known.horizon, known.push) != (request.horizon, request.push):
             return None
-        passed = question.state.t - known.state.t
-        return self.today if 0.0 <= passed < known.horizon and known.scenario == question.scenario else None
+        passed = request.state.t - known.state.t
+        return self.today if 0.0 <= passed < known.horizon and known.scenario == request.scenario else None
 
 
 class _GrowingBand:
@@ -74,16 +74,16 @@ class _GrowingBand:
         self._wanted = 0  # number of rows from which the growing band is drawn
 
     def follow(self, foresight: Foresight) -> None:
-        """Take care of the band for the answer to this foresight's question: keep, begin or forget it."""
-        question = foresight.question
-        of = (question.scenario, question.horizon, question.push, question.arms)
-        if of != self._of or foresight.bandless or not question.arms:
+        """Take care of the band for the answer to this foresight's request: keep, begin or forget it."""
+        request = foresight.request
+        of = (request.scenario, request.horizon, request.push, request.arms)
+        if of != self._of or foresight.bandless or not request.arms:
             self.leave()
-            self._of, self._horizon = of, question.horizon
-        if foresight.bandless or not question.arms or self._problem or self.going:
+            self._of, self._horizon = of, request.horizon
+        if foresight.bandless or not request.arms or self._problem or self.going:
             return
-        if self._band is None or not 0.0 <= question.state.t - self._band.since < OLD:
-            self._heeding(lambda: self._begin(foresight.stretch, question.arms))
+        if self._band is None or not 0.0 <= request.state.t - self._band.since < OLD:
+            self._attempt(lambda: self._begin(foresight.stretch, request.arms))
 
     def leave(self) -> None:
         """Forget the band, and compute no more of it."""
@@ -106,7 +106,7 @@ class _GrowingBand:
             if asker is None:
                 time.sleep(min(LOOK, left))
         if self._ahead is not None:
-            self._heeding(self._take)
+            self._attempt(self._take)
         return self._band is not drawn
 
     def behind(self, outlook: Outlook) -> Outlook:
@@ -135,7 +135,7 @@ class _GrowingBand:
             self._ahead.leave()
             self._ahead = None
 
-    def _heeding(self, act: Callable[[], None]) -> None:
+    def _attempt(self, act: Callable[[], None]) -> None:
         """Call `act`; a refusal or an arithmetic error is noted as the reason why there is no band."""
         try:
             act()
@@ -145,32 +145,32 @@ class _GrowingBand:
 
 
 def serve(asker: Connection) -> None:
-    """Answer one question at a time. Raises EOFError when the asker has gone."""
+    """Answer one request at a time. Raises EOFError when the asker has gone."""
     memory = kept_memory()
     known, newest = _Known(memory, _GrowingBand(memory)), None
     try:
         while True:
             while newest is not None and known.band.going and not asker.poll():
                 _grow(known.band, newest, asker, GROWN, asker)
-            question, asked = asker.recv(), time.perf_counter()
-            if isinstance(question, Hurry):  # the band is not needed any more; or the message came late
+            request, asked = asker.recv(), time.perf_counter()
+            if isinstance(request, Hurry):  # the band is not needed any more; or the message came late
                 known.band.leave()
                 continue
-            if newest is not None and not question.partial:  # a running loop asks again and again
+            if newest is not None and not request.partial:  # a running loop asks again and again
                 for _ in range(PICTURES):
                     _grow(known.band, newest, asker, REST / PICTURES)
-            newest = _answer(question, asked, asker, known)
+            newest = _answer(request, asked, asker, known)
             asker.send(PreviewDone())
     finally:
         known.band.leave()
 
 
 def _grow(
-    band: _GrowingBand, newest: Outlook, asker: Connection, seconds: float, heard: Connection | None = None
+    band: _GrowingBand, newest: Outlook, asker: Connection, seconds: float, interrupter: Connection | None = None
 ) -> None:
-    """Let the band for the newest answer grow for `seconds`. heard: connection whose next message ends this."""
+    """Let the band for the newest answer grow for `seconds`. interrupter: connection whose next message ends this."""
     try:
-        if band.grow(time.perf_counter() + seconds, heard):
+        if band.grow(time.perf_counter() + seconds, interrupter):
             asker.send(band.behind(newest))
     except (EOFError, ConnectionError):
         raise
@@ -179,26 +179,26 @@ def _grow(
         band.leave()
 
 
-def _answer(question: Question, asked: float, asker: Connection, known: _Known) -> Outlook | None:
-    """Answer a question that came at this instant of `time.perf_counter`. Returns the answer if it is whole, so that a
+def _answer(request: PreviewRequest, asked: float, asker: Connection, known: _Known) -> Outlook | None:
+    """Answer a request that came at this instant of `time.perf_counter`. Returns the answer if it is whole, so that a
     band may still be added to it."""
     try:
-        foresight = Foresight(question, known.system, known.memory, engine_ready())
+        foresight = Foresight(request, known.system, known.memory, engine_ready())
         known.system = foresight.base
         known.band.follow(foresight)
         today = known.metrics_for(foresight.unchanged)
         newest = _look_ahead(foresight, asked + BANDED, asker, today, known.band)
-        if newest is not None and question.compared and today is None:
+        if newest is not None and request.compared and today is None:
             newest = _compare(foresight, asker, known) or newest
         return newest
     except (ScenarioError, ArithmeticError, ValueError) as error:
-        asker.send(PreviewRefusal(question.number, str(error)))
+        asker.send(PreviewRefusal(request.number, str(error)))
     except (EOFError, ConnectionError):
         raise
-    except Exception as error:  # the process's last resort: report it, and be ready for the next question
+    except Exception as error:  # the process's last resort: report it, and be ready for the next request
         log.exception("fault", stage="a preview")
         known.system = None
-        asker.send(PreviewRefusal(question.number, f"internal error: {type(error).__name__}: {error}"))
+        asker.send(PreviewRefusal(request.number, f"internal error: {type(error).__name__}: {error}"))
     known.band.leave()
     return None
 
@@ -207,9 +207,9 @@ def _look_ahead(
     foresight: Foresight, banded: float, asker: Connection, today: PreviewMetrics | None, band: _GrowingBand
 ) -> Outlook | None:
     """Send the answer, before it intermediate ones if they are wanted, each with the band as far as it is. Returns the
-    answer, None where a newer question has overtaken it.
+    answer, None where a newer request has overtaken it.
     banded: instant until which the answer waits for a band that grows."""
-    owed = moves = foresight.question.partial
+    owed = moves = foresight.request.partial
     began = drawn = time.perf_counter()
     while foresight.share < 1.0:
         foresight.advance(foresight.batch)
@@ -234,14 +234,14 @@ def _send(answer: Outlook | PreviewRefusal, asker: Connection, band: _GrowingBan
 
 
 def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook | None:
-    """Answer once more, with the metrics of the running scenario. A newer question does not interrupt this, because all
+    """Answer once more, with the metrics of the running scenario. A newer request does not interrupt this, because all
     answers while the slider is held have the same metrics beside theirs."""
-    question = foresight.unchanged
-    running = Foresight(question, known.system, known.memory, engine_ready())
+    request = foresight.unchanged
+    running = Foresight(request, known.system, known.memory, engine_ready())
     while running.share < 1.0:
         running.advance(running.batch)
     if isinstance(outlook := running.outlook(), Outlook):
-        known.question, known.today = question, outlook.metrics
+        known.request, known.today = request, outlook.metrics
         return _send(foresight.outlook(outlook.metrics), asker, known.band)
     return None
 
@@ -249,14 +249,14 @@ def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook 
 def load_for(loop: ClosedLoop) -> None:
     """Load what answers about this run need, in a process that is forked into those that answer."""
     scenario = loop.system.scenario
-    question = Question(0, loop.state.copy(), scenario, scenario.controller.period, partial=False)
-    foresight = Foresight(question, loop.system, engine=engine_ready())
+    request = PreviewRequest(0, loop.state.copy(), scenario, scenario.controller.period, partial=False)
+    foresight = Foresight(request, loop.system, engine=engine_ready())
     foresight.advance(foresight.batch)
     foresight.outlook()
 
 
 def run(asker: Connection) -> None:
-    """Answer questions at a lower priority than the asker's, until it has gone."""
+    """Answer requests at a lower priority than the asker's, until it has gone."""
     step_back(NICENESS)
     sys.setswitchinterval(TURN)
     with asker:

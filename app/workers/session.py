@@ -69,7 +69,7 @@ class GatewayConnection:
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
         self._lines: BufferedReader = connection.makefile("rb")
-        self._telling = threading.Lock()
+        self._sending = threading.Lock()
 
     def next(self) -> ToSession:
         """Next message from the gateway. Raises EOFError when the gateway has gone."""
@@ -77,9 +77,9 @@ class GatewayConnection:
             raise EOFError
         return to_session.decode(text)
 
-    def tell(self, message: FromSession) -> None:
+    def send(self, message: FromSession) -> None:
         """Send a message, from any thread. Raises ConnectionError when the gateway has gone."""
-        with self._telling:
+        with self._sending:
             self._connection.sendall(line(message))
 
 
@@ -98,7 +98,7 @@ class Pulse:
         with contextlib.suppress(OSError):
             while not self._stopped.is_set():
                 self._dashboard.come_round()
-                self._gateway.tell(Alive(self._late()))
+                self._gateway.send(Alive(self._late()))
                 self._stopped.wait(BEAT)
 
 
@@ -121,7 +121,7 @@ def serve(gateway: GatewayConnection, previewer: Previewer) -> None:
     runner = Runner(scenario, Reach((given,) if given else ()))
     dashboard.attach(runner)
     preparing.stop()  # nobody listens to a spare process
-    gateway.tell(Ready(dashboard.port, dashboard.report_fields))
+    gateway.send(Ready(dashboard.port, dashboard.report_fields))
     begin = gateway.next()
     assert isinstance(begin, Begin)
     Pulse(gateway, dashboard, lambda: None if (pace := runner.latest.pace) is None else pace.late_median)
@@ -131,7 +131,7 @@ def serve(gateway: GatewayConnection, previewer: Previewer) -> None:
         dashboard.offer(remark(f"the session's scenario cannot be read, {begun.name} runs in its place: {problem}"))
     autosave, runs = (None, ()) if begin.kept is None else _autosave(begin.kept, begun, runner, dashboard)
     if begin.classes:
-        dashboard.classroom.open(lambda question: gateway.tell(Asks(question)), begin.asked)
+        dashboard.classroom.open(lambda question: gateway.send(Asks(question)), begin.asked)
     if begin.scenario or runs:
         runner.post(Continue(begun, runs))
     runner.start()
@@ -206,7 +206,7 @@ def _autosave(
     return autosave, runs
 
 
-def _report(gateway: GatewayConnection, runner: Runner, told: Scenario) -> None:
+def _report(gateway: GatewayConnection, runner: Runner, reported: Scenario) -> None:
     pause, pinned, due = threading.Event(), 0, time.monotonic() + IN_USE
     with contextlib.suppress(OSError):
         while not pause.wait(LOOK):
@@ -214,9 +214,9 @@ def _report(gateway: GatewayConnection, runner: Runner, told: Scenario) -> None:
             if time.monotonic() > due:
                 uploaded_urdfs.note_use(now.scenario.robot.urdf)
                 due = time.monotonic() + IN_USE
-            if (now.scenario is not told and now.scenario != told) or len(now.pinned) != pinned:
-                told, pinned = now.scenario, len(now.pinned)
-                gateway.tell(Changed(to_toml(told), pinned))
+            if (now.scenario is not reported and now.scenario != reported) or len(now.pinned) != pinned:
+                reported, pinned = now.scenario, len(now.pinned)
+                gateway.send(Changed(to_toml(reported), pinned))
 
 
 def limit_resources() -> None:
@@ -239,7 +239,7 @@ def run(file: int, previewer: Previewer) -> None:
         except Exception as error:  # the process's last resort: let the gateway say it
             events.exception("fault", stage="a session")
             with contextlib.suppress(OSError):
-                gateway.tell(Failed(f"{type(error).__name__}: {error}"))
+                gateway.send(Failed(f"{type(error).__name__}: {error}"))
             os._exit(1)
 
 

@@ -15,7 +15,7 @@ from app.process.priority import step_back
 from app.sweep import background
 from app.sweep.background import Begun, SweepDone, SweepFailed, Waiting, Work
 from app.tune import background as tuning_background
-from app.tune.question import Tuning
+from app.tune.plan import Tuning
 
 log = structlog.get_logger()
 

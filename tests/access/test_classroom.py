@@ -28,7 +28,7 @@ def test_the_last_answer_of_a_browser_counts_and_only_once() -> None:
 def test_answers_stay_when_they_are_shown_and_go_with_the_next_question() -> None:
     room = asked(CHOICE)
     room.give("one", "", 1, 1)
-    room.ask(ClassQuestion(1, "choice", "?", options=("a", "b", "c"), open=False, told="b"))
+    room.ask(ClassQuestion(1, "choice", "?", options=("a", "b", "c"), open=False, result="b"))
     assert room.given == (1,)
     with pytest.raises(AnswerRefusal, match="the answers were revealed"):
         room.give("two", "", 1, 1)

@@ -42,8 +42,8 @@ def test_every_signal_of_the_glossary_has_a_present_value_at_the_end_and_when_lo
     snapshot = snapshot_of(loop)
     signals = {symbol.written for symbol in GLOSSARY if symbol.signal}
     for t in (snapshot.t, 0.1):
-        told = json.loads(unescape(values_html(replace(snapshot, t=t)).split('"')[3]))
-        assert signals <= told.keys(), signals - told.keys()
+        values = json.loads(unescape(values_html(replace(snapshot, t=t)).split('"')[3]))
+        assert signals <= values.keys(), signals - values.keys()
 
 
 @pytest.mark.parametrize(("space", "unit"), [("cartesian", "mm"), ("joint", "mrad")])
@@ -56,14 +56,14 @@ def test_values_are_those_of_the_run_in_the_units_of_the_page(space: str, unit: 
     row = {name: values[-1] for name, values in rows.items()}
     model = {name: getattr(loop.system.controller.model, name) for name in ("M_m", "B_m", "K_m", "K_f")}
 
-    def told(name: str) -> str:
+    def value_of(name: str) -> str:
         return BY_NAME[name].value(row, loop.system, model)
 
-    *errors, of = told("e_r").replace(",", "").replace("−", "-").split()
+    *errors, of = value_of("e_r").replace(",", "").replace("−", "-").split()
     assert of == unit
     assert [float(error) for error in errors] == pytest.approx(list(1e3 * row["e_r"]), rel=6e-3, abs=1e-6)
-    assert told("‖s‖").endswith(f" {unit}/s")
-    layer, of = told("layer s_b").split()
+    assert value_of("‖s‖").endswith(f" {unit}/s")
+    layer, of = value_of("layer s_b").split()
     assert (float(layer), of) == (scenario.controller.layer, f"{unit[1:]}/s")
-    assert told("K_m").removesuffix(", each").endswith("N·m/rad" if space == "joint" else "N/m")
-    assert told("(8)") == ""
+    assert value_of("K_m").removesuffix(", each").endswith("N·m/rad" if space == "joint" else "N/m")
+    assert value_of("(8)") == ""

@@ -86,8 +86,8 @@ def test_a_contact_is_told_of_each_surface_as_it_is_at_last(further: str) -> Non
         row["multiplier_2"] = float(t < 0.3 or t >= 0.32)  # lost for 20 ms
         recording.commit()
     found = RunEvents()
-    told = [(round(event.t, 3), event.what) for event in found.of(recording, 0.6, None, ())]
-    assert told == [(0.1, "contact made"), (0.15, "contact lost"), (0.3, f"contact lost, {further} surface"),
+    events = [(round(event.t, 3), event.what) for event in found.of(recording, 0.6, None, ())]
+    assert events == [(0.1, "contact made"), (0.15, "contact lost"), (0.3, f"contact lost, {further} surface"),
                     (0.32, f"contact made, {further} surface")]  # fmt: skip
 
 

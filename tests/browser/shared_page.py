@@ -109,7 +109,7 @@ class SharedPage:
 
     def _runs_as_shipped(self, session: PageSession) -> bool:
         """Whether the loop runs the scenario as it is shipped, once it has heard all commands and goes on."""
-        session.wait(lambda now: now.heard >= self._runner.posted and now.phase == "running")
+        session.wait(lambda now: now.executed >= self._runner.posted and now.phase == "running")
         return session.now.scenario == SCENARIO
 
     def _put_back(self, page: Page) -> bool:

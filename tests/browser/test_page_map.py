@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.sweep.question import FILE
+from app.sweep.plan import FILE
 from drivers.pages import PATIENCE, VIEWPORT, PageSession, resting_box, type_over
 from tests.support.layout import lasting, lasting_faults
 
@@ -166,15 +166,15 @@ def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: 
     page.keyboard.press("ArrowUp")
     tile = r"stiffness of the surface 3160 N/m, boundary layer [\d.]+ m/s: largest force error at the end [\d.]+ N"
     session.wait(lambda _: re.fullmatch(tile, page.evaluate(FOCUSED)) is not None)
-    told = page.evaluate(FOCUSED)
-    expect(page.locator(".vs-said").first).to_have_text(told)
+    label = page.evaluate(FOCUSED)
+    expect(page.locator(".vs-said").first).to_have_text(label)
     seen = "((box) => box.top >= 0 && box.bottom <= innerHeight)(document.activeElement.getBoundingClientRect())"
     session.wait(lambda _: page.evaluate(seen))
     page.keyboard.press("Enter")
     session.wait(lambda now: now.phase == "paused" and now.t == pytest.approx(0.2))
     assert session.now.scenario.contact.K_e == pytest.approx(3162.28, rel=1e-5)
     assert session.now.scenario.controller.layer == pytest.approx(0.001 * 50**0.25, rel=1e-4)
-    session.wait(lambda _: page.evaluate(FOCUSED) == told)  # the next tile is an arrow away
+    session.wait(lambda _: page.evaluate(FOCUSED) == label)  # the next tile is an arrow away
 
 
 def test_a_search_finds_candidates_of_which_one_is_previewed_and_then_applied(session: PageSession):

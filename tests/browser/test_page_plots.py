@@ -193,12 +193,14 @@ def test_the_legend_has_the_values_of_now_and_hides_a_line(session: PageSession)
     session.runner.post(Pause())
     session.wait(lambda now: now.phase == "paused")
     page.mouse.move(700, 300)  # over no plot
-    told = "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.innerText.startsWith(name))?.innerText"
+    legend_entry = (
+        "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.innerText.startsWith(name))?.innerText"
+    )
     desired = session.now.scenario.force.value
-    page.wait_for_function(f"({told})('desired normal')?.endsWith('{desired:g}')")
+    page.wait_for_function(f"({legend_entry})('desired normal')?.endsWith('{desired:g}')")
     measured = float(session.now.recording.signals(("F_c",))["F_c"][-1, 0])
     page.wait_for_function(
-        f"(value) => Math.abs(({told})('measured normal')?.match(/[-\\d.]+$/)?.[0] - value) <= 0.01 * value",
+        f"(value) => Math.abs(({legend_entry})('measured normal')?.match(/[-\\d.]+$/)?.[0] - value) <= 0.01 * value",
         arg=measured,
     )
     line = page.locator(".u-series", has_text="measured normal").locator("th")

@@ -226,8 +226,8 @@ def test_a_blend_that_begins_with_its_epoch_or_is_taken_back_is_told_by_it() -> 
     loop.edit(msgspec.structs.replace(scenario, blend=plan))
     run(loop, 100)
     in_force = loop.system.controller.model.B_m
-    told = loop.recording.epochs[-1].model_at(loop.t - loop.period).B_m
-    np.testing.assert_allclose(told, in_force, rtol=1e-9)
+    recorded = loop.recording.epochs[-1].model_at(loop.t - loop.period).B_m
+    np.testing.assert_allclose(recorded, in_force, rtol=1e-9)
     assert not np.allclose(in_force, ClosedLoop.from_scenario(scenario).system.controller.model.B_m, rtol=1e-3)
     later = ClosedLoop.from_scenario(planned(0.05))
     later.edit(scenario)
@@ -274,8 +274,8 @@ def test_a_blend_to_a_model_that_would_be_refused_is_refused() -> None:
         assemble(edited(begun, "blend", {"to": alike, "at": 0.1, "over": 0.1}))
     with pytest.raises((ScenarioError, InvalidGain), match="M_m: smallest eigenvalue -1"):
         assemble(edited(scenario, "target_model.M_m", [-1.0] * 6))
-    told = blend_html(Runner(begun).snapshot, Edit("target_model", alike))
-    assert "blend: refused: a model on the way: not passive with its K_f" in told
+    html = blend_html(Runner(begun).snapshot, Edit("target_model", alike))
+    assert "blend: refused: a model on the way: not passive with its K_f" in html
 
 
 def test_a_blend_is_shown_again_to_the_last_bit() -> None:
@@ -331,9 +331,9 @@ def test_a_draft_is_applied_by_a_blend_and_judged_before() -> None:
     assert isinstance(applying(draft, 0.0), Edit)
     command = applying(draft, 0.2)
     assert isinstance(command, Blend)
-    told = blend_html(snapshot, draft)
-    assert "vs-good" in told
-    assert re.search(r"certified by eigenvalues, .* at α = [\d.]+ a pole at −[\d.]+", told)
+    html = blend_html(snapshot, draft)
+    assert "vs-good" in html
+    assert re.search(r"certified by eigenvalues, .* at α = [\d.]+ a pole at −[\d.]+", html)
     assert blend_html(snapshot, None) == blend_html(snapshot, Edit("target_model.M_m", [0.0] * 3)) == ""
     runner.post(command)
     runner._obey(runner._queued())

@@ -94,7 +94,7 @@ def test_sliding_mode_is_the_target_model() -> None:
 
 
 @pytest.mark.parametrize(
-    ("mode", "path", "value", "said"),
+    ("mode", "path", "value", "message"),
     [
         ("motion", "target_model.M_m", [0.0, 1, 1, 1, 1, 1], "target_model.M_m: singular"),
         ("motion", "target_model.K_m", [-1.0, 1, 1, 1, 1, 1], "target_model.K_m: smallest eigenvalue -1"),
@@ -111,12 +111,12 @@ def test_sliding_mode_is_the_target_model() -> None:
         ("motion", "target_model.B_m", [[float("nan")] * 6] * 6, "nan; allowed: a finite number"),
     ],
 )
-def test_invalid_gains_are_refused_by_name(mode: str, path: str, value: object, said: str) -> None:
+def test_invalid_gains_are_refused_by_name(mode: str, path: str, value: object, message: str) -> None:
     with pytest.raises(ScenarioError) as refusal:
         assemble(
             edited(scenario_of("ur5", mode, "rigid" if mode == "constrained" else "elastic", "plane"), path, value)
         )
-    assert said in str(refusal.value)
+    assert message in str(refusal.value)
 
 
 def test_types_refuse_what_the_theory_does_not_admit() -> None:

@@ -53,15 +53,15 @@ class Page:
     def __init__(self) -> None:
         self.runner = Runner(shipped()["ur5-hybrid"])
         self.widgets: list[Widget] = []
-        self.said: list[str] = []
+        self.complaints: list[str] = []
         self.whatif = WhatIf(Previewer())
-        self.lock = EditLock(self._obey, self.said.append)
+        self.lock = EditLock(self._obey, self.complaints.append)
         names = ("add_form", "add_folder", "add_text", "add_slider", "add_html", "add_button", "add_dropdown")
         gui = SimpleNamespace(**dict.fromkeys(names, self._add))
         self.desk = cast(
             Desk,
             SimpleNamespace(
-                gui=gui, post=self.lock.post, snapshot=self.snapshot, complain=self.said.append, lock=self.lock,
+                gui=gui, post=self.lock.post, snapshot=self.snapshot, complain=self.complaints.append, lock=self.lock,
                 whatif=self.whatif, choose=lambda _: None, sweep=lambda _: None, let_move=lambda _: None,
             ),
         )  # fmt: skip
@@ -111,7 +111,9 @@ def test_a_slider_that_a_lesson_locks_shows_the_running_value_again_and_nothing_
     page.lock.fields = frozenset({"target_model.B_m"})
     page.give(slider, place - 0.2)
     page.give(text, f"{text.value}{RELEASED}")
-    assert page.said == ["contact.K_e: locked by the goal of a lesson; allowed: target_model.B_m, or leave the lesson"]
+    assert page.complaints == [
+        "contact.K_e: locked by the goal of a lesson; allowed: target_model.B_m, or leave the lesson"
+    ]
     assert page.whatif.undo(page.snapshot()) is None
     field.show(page.snapshot())
     assert (text.value, slider.value) == (running, place)
@@ -137,7 +139,7 @@ def test_a_shift_shows_a_number_for_each_coordinate_and_says_how_many_there_are(
         field.show(page.snapshot())
         assert text.value == zeros
         page.give(text, f"0.02{COMMIT}")
-        assert page.said[-1] == f"shifted by [m]: 0.02; allowed: {count} numbers, such as {example}"
+        assert page.complaints[-1] == f"shifted by [m]: 0.02; allowed: {count} numbers, such as {example}"
         page.give(text, f"{example}{COMMIT}")
         field.show(page.snapshot())
         assert text.value == example

@@ -22,7 +22,7 @@ from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate
-from app.tune.question import Tuning, moved
+from app.tune.plan import Tuning, moved
 from drivers.waiting import until
 
 BASE = shipped()["planar3r-hybrid"]
@@ -115,10 +115,10 @@ def test_a_candidate_over_a_limit_is_a_cross_with_its_badge_and_not_of_the_front
     drawn = candidates_html(cast(BackgroundTuning, search), {"controller.layer": "boundary layer"}, 1)
     marks = dict(re.findall(r'data-point="(\d)".*?<(?:path|circle) class="(vs-[a-z]+)"', drawn))
     assert marks == {"0": "vs-own", "1": "vs-best", "2": "vs-best", "3": "vs-badged"}
-    said = dict(re.findall(r'data-point="(\d)"[^>]* aria-label="(.*?)"', drawn))
-    assert said["3"].endswith("worst of 4 arms. Not offered: over its limit: &lt;b&gt;layer&lt;/b&gt;")
-    assert said["1"].startswith("boundary layer 0.01 m/s: residual 1 N, torque variation 3 N·m/s, worst of 4 arms")
-    assert said["0"].startswith("own gains: residual 2 N")
+    labels = dict(re.findall(r'data-point="(\d)"[^>]* aria-label="(.*?)"', drawn))
+    assert labels["3"].endswith("worst of 4 arms. Not offered: over its limit: &lt;b&gt;layer&lt;/b&gt;")
+    assert labels["1"].startswith("boundary layer 0.01 m/s: residual 1 N, torque variation 3 N·m/s, worst of 4 arms")
+    assert labels["0"].startswith("own gains: residual 2 N")
     assert drawn.count("vs-chosen-ring") == 1
     assert "<b>" not in drawn
     assert "logarithmic" not in drawn

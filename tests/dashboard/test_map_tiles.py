@@ -14,8 +14,8 @@ import pytest
 from app.dashboard.widgets.map_tiles import Naming, Present, map_html
 from app.dashboard.widgets.robustness_map import badness
 from app.sweep.background import BackgroundSweep, coarse_first
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView, points_of
-from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_metrics import RunMetrics
 from tests.sweep.test_charts import columns
 from tests.sweep.test_question import sweep_of
@@ -37,25 +37,23 @@ def picture(
     shown = {"rows": [None] * 24, "going": False, "waiting": False, "problem": ""} | state
     naming = Naming("force error", "mN", 1e3, "" if view.within is None else "<7> mN", NAMES)
     points = points_of(sweep, columns(sweep) if table is None else table, view)
-    return map_html(
-        cast(BackgroundSweep, SimpleNamespace(question=SweepQuestion(sweep), **shown)), points, naming, present
-    )
+    return map_html(cast(BackgroundSweep, SimpleNamespace(plan=SweepPlan(sweep), **shown)), points, naming, present)
 
 
-def said_in(drawn: str) -> list[str]:
+def labels_in(drawn: str) -> list[str]:
     return re.findall(r'data-point="\d+"[^>]* aria-label="(.*?)"', drawn)
 
 
 def test_tiles_say_their_numbers_in_units_and_the_arms_behind_them() -> None:
     worst = picture(SweepView("force_error"))
-    said = said_in(worst)
-    assert len(said) == 6
+    labels = labels_in(worst)
+    assert len(labels) == 6
     number = "stiffness &lt;b&gt; 1000 N/m, gain 80 N·s/m: force error 3100 mN, worst of 4 arms"
-    assert said[1] == f"{number}; the promise holds for 3 of 4 arms; not met: {PREMISES}"
-    assert said[2].endswith("a run stopped or was refused")
+    assert labels[1] == f"{number}; the promise holds for 3 of 4 arms; not met: {PREMISES}"
+    assert labels[2].endswith("a run stopped or was refused")
     assert re.findall(r'data-point="(\d+)"', worst) == ["0", "1", "2", "3", "4", "5"]
     assert "<b>" not in worst
-    share = said_in(picture(SweepView("force_error", within=1.25)))
+    share = labels_in(picture(SweepView("force_error", within=1.25)))
     kept = "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)"
     assert share[0].endswith(f"{kept}; the promise holds for 3 of 4 arms; not met: d covers (17)")
     wide = columns() | {"force_error": 10.0 ** -columns()["point"]}
@@ -95,7 +93,7 @@ def test_refused_runs_draw_no_boundary_and_missing_metrics_are_reported() -> Non
     drawn = picture(SweepView("settling_time"), table=columns() | unknown | {"settling_time": np.full(24, np.inf)})
     assert 'class="vs-ends"' not in drawn
     assert 'class="vs-theorem"' not in drawn
-    assert "force error: no value on some arm" in said_in(drawn)[0]
+    assert "force error: no value on some arm" in labels_in(drawn)[0]
 
 
 def test_a_tile_opens_the_run_of_its_worst_arm() -> None:
@@ -112,11 +110,11 @@ def test_a_tile_opens_the_run_of_its_worst_arm() -> None:
 def test_over_one_field_there_is_a_course_with_an_interval_at_each_share() -> None:
     alone = sweep_of("contact.K_e=1e3:1e5:3:log", draw=4)
     worst = picture(SweepView("force_error"), {"contact.K_e": 1e4}, alone)
-    assert len(said_in(worst)) == 3
+    assert len(labels_in(worst)) == 3
     assert worst.count("vs-interval") == 0
     assert re.search(r'class="vs-present" d="M 187.0 ', worst)  # in the middle
     share = picture(SweepView("force_error", within=1.25), sweep=alone)
-    assert "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)" in said_in(share)[0]
+    assert "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)" in labels_in(share)[0]
     assert share.count("vs-interval") == 3
 
 
@@ -129,7 +127,7 @@ def test_a_map_that_failed_says_so() -> None:
 @pytest.mark.parametrize(("across", "up"), [(9, 9), (13, 5), (5, 5)])
 def test_every_fourth_tile_comes_first_and_each_comes_once(across: int, up: int) -> None:
     vary = (f"contact.K_e=1e3:1e5:{across}:log", f"controller.K_s=20:80:{up}")
-    asked = SweepQuestion(msgspec.structs.replace(sweep_of(*vary, draw=2)))
+    asked = SweepPlan(msgspec.structs.replace(sweep_of(*vary, draw=2)))
     order = coarse_first(asked)
     assert sorted(order) == list(range(asked.count))
     first = order[: 2 * len(range(0, across, 4)) * len(range(0, up, 4))]

@@ -209,29 +209,29 @@ def test_unknown_tab_names_reported_by_a_page_are_ignored() -> None:
     tabs = VisibleParts()
     tabs.marker_html("Some plots")
     tabs.panel_marker_html("controls: some")
-    heard: list[Any] = []
-    field = SimpleNamespace(_impl=SimpleNamespace(uuid="1"), value="", on_update=heard.append)
+    handlers: list[Any] = []
+    field = SimpleNamespace(_impl=SimpleNamespace(uuid="1"), value="", on_update=handlers.append)
     gui = SimpleNamespace(add_html=lambda _: None, add_text=lambda *_: field)
     tabs.add_field(cast(viser.GuiApi, gui))
     event = SimpleNamespace(client=SimpleNamespace(client_id=3))
     for number in range(100):
         field.value = f"Some plots,invented {number},controls: some,#500x400#{number}"
-        asyncio.run(heard[0](event))
+        asyncio.run(handlers[0](event))
     assert tabs.tabs([3]) == {"Some plots", "controls: some"}
     assert (tabs.reports("Some plots"), len(tabs._reports)) == (100, 2)
     field.value = f"{AWAY}#500x400#1"
-    asyncio.run(heard[0](event))
+    asyncio.run(handlers[0](event))
     assert tabs.all_away([3])
 
 
 def test_plots_are_fitted_to_the_lowest_scene_of_the_pages_that_are_open() -> None:
-    tabs, heard = VisibleParts(), list[Any]()
-    field = SimpleNamespace(_impl=SimpleNamespace(uuid="1"), value="", on_update=heard.append)
+    tabs, handlers = VisibleParts(), list[Any]()
+    field = SimpleNamespace(_impl=SimpleNamespace(uuid="1"), value="", on_update=handlers.append)
     tabs.add_field(cast(viser.GuiApi, SimpleNamespace(add_html=lambda _: None, add_text=lambda *_: field)))
     sizes = {1: "1280x720", 2: "1920x1080", 3: "390x287", 4: "", 5: "1e3x5", 6: "-5x-5", 7: "999999x1", 8: "0x0"}
     for client, size in sizes.items():
         field.value = f"Some plots#{size}#0.5"
-        asyncio.run(heard[0](SimpleNamespace(client=SimpleNamespace(client_id=client))))
+        asyncio.run(handlers[0](SimpleNamespace(client=SimpleNamespace(client_id=client))))
     assert tabs.scene_height([*sizes]) == 720
     assert tabs.scene_height([2, 3, 4, 5, 6, 7, 8]) == 1080
     tabs.tabs([1, 3])  # the second one has gone
@@ -271,7 +271,7 @@ def test_a_last_session_that_cannot_be_read_stays_offered_and_is_answered_once()
 
     gui = cast(viser.GuiApi, SimpleNamespace(add_folder=widget, add_html=widget, add_button=widget))
     offer = cast(Offer, SimpleNamespace(runs=(), saved=0.0, scenario=load("ur5-hybrid")))
-    page, said, done = SimpleNamespace(client=object()), list[str](), list[object]()
+    page, complaints, done = SimpleNamespace(client=object()), list[str](), list[object]()
     during: list[Any] = [ScenarioError("no room"), ValueError("boom"), None]
 
     def take_up(_: Offer) -> tuple[tuple[()], str]:
@@ -282,17 +282,17 @@ def test_a_last_session_that_cannot_be_read_stays_offered_and_is_answered_once()
         return (), ""
 
     session = LastSession(offer, "", take_up, lambda: done.append("refused"))
-    lock = EditLock(done.append, said.append)
-    add_last_session(gui, session, 0.0, lock, said.append)
+    lock = EditLock(done.append, complaints.append)
+    add_last_session(gui, session, 0.0, lock, complaints.append)
     folder, text, go_on, dismiss = made
     offered = text.content
     lock.fields = frozenset({"target_model.B_m"})
     go_on.click(page)
-    assert said.pop() == "the last session: locked by the goal of a lesson; allowed: leave the lesson"
+    assert complaints.pop() == "the last session: locked by the goal of a lesson; allowed: leave the lesson"
     lock.fields = None
     for sentence in ("cannot be continued now: no room", "ValueError: boom"):
         go_on.click(page)
-        assert sentence in said[-1]
+        assert sentence in complaints[-1]
         assert text.content == offered
         assert all(each.visible for each in (folder, go_on, dismiss))
     go_on.click(page)

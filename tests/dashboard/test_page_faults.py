@@ -39,7 +39,7 @@ class Server:
     def open(self, *, reads: bool = True) -> Client:
         return Client(self.dashboard.port, lambda: set(self.dashboard.clients), reads=reads)
 
-    def said(self) -> str:
+    def status_text(self) -> str:
         """What the status line shows."""
         return self.dashboard._content._status.content if self.dashboard._content is not None else ""
 
@@ -79,13 +79,13 @@ def test_a_loop_that_hangs_is_said_and_is_not_healthy(server: Server, monkeypatc
         with monkeypatch.context() as patched:
             patched.setattr("app.session.runner.SILENCE", 0.5)
             patched.setattr(server.runner, "_advance", hanging)
-            until(lambda: "no sign of life" in server.said())
+            until(lambda: "no sign of life" in server.status_text())
             status, sentence = health()
             assert (status, sentence.partition(" for ")[0]) == (503, "The loop has given no sign of life")
     finally:
         goes_on.set()
     until(lambda: health() == healthy)
-    until(lambda: "no sign of life" not in server.said())
+    until(lambda: "no sign of life" not in server.status_text())
     page.vanish()
     until(lambda: not server.dashboard.clients)
 
@@ -164,7 +164,9 @@ def test_a_page_that_cannot_be_drawn_says_so_and_the_run_goes_on(
     assert view is not None
     with monkeypatch.context() as patched:
         patched.setattr(view._plots, "show", boom)
-        until(lambda: "the page could not be drawn (KeyError: &#x27;boom&#x27;); the run goes on" in server.said())
+        until(
+            lambda: "the page could not be drawn (KeyError: &#x27;boom&#x27;); the run goes on" in server.status_text()
+        )
     until(lambda: view._drawn is not None and view._drawn.t > before.t + 1.0)
     client.vanish()
 
@@ -203,14 +205,16 @@ def test_a_callback_that_fails_is_said_on_the_page(server: Server, monkeypatch: 
     with monkeypatch.context() as patched:
         patched.setattr(view._hand, "_drag", boom)  # which viser calls one after the other
         client.send(drag("start", before.tool))
-        until(lambda: "could not carry that out (KeyError: &#x27;boom&#x27;)" in server.said(), server.said)
+        until(
+            lambda: "could not carry that out (KeyError: &#x27;boom&#x27;)" in server.status_text(), server.status_text
+        )
     handles = view._server.gui._gui_input_handle_from_uuid
     speed = next(h for h in handles.values() if getattr(h, "label", "") == "Speed")
     choice = {"type": "GuiUpdateMessage", "uuid": speed._impl.uuid, "updates": {"value": "2×"}}
     with monkeypatch.context() as patched:
         patched.setattr(playback, "SetSpeed", warp)
         client.send(choice)  # as a task
-        until(lambda: "could not carry that out (ValueError: warp)" in server.said(), server.said)
+        until(lambda: "could not carry that out (ValueError: warp)" in server.status_text(), server.status_text)
     client._connection.send(b"\x93garbage")
     client.send(choice)
     until(lambda: server.runner.snapshot.speed == 2.0)

@@ -15,19 +15,19 @@ from drivers.waiting import until
 def test_a_value_that_the_program_sets_calls_nothing_back_also_when_the_server_has_ended() -> None:
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    heard = list[tuple[int, str]]()
+    received = list[tuple[int, str]]()
     field = server.gui.add_text("mass", "")
 
-    async def hear(event: PageEvent) -> None:
-        heard.append((event.client.client_id, event.target.value))
+    async def receive(event: PageEvent) -> None:
+        received.append((event.client.client_id, event.target.value))
 
-    field.on_update(from_pages(hear))
+    field.on_update(from_pages(receive))
     try:
         with visiting(f"http://127.0.0.1:{server.get_port()}") as page:
             until(lambda: server.get_clients(), "no page")
             field.value = "1"
-            page.say({"type": "GuiUpdateMessage", "uuid": field._impl.uuid, "updates": {"value": "2"}})
-            until(lambda: heard, "not heard")
+            page.send({"type": "GuiUpdateMessage", "uuid": field._impl.uuid, "updates": {"value": "2"}})
+            until(lambda: received, "not heard")
     finally:
         server.stop()
     with warnings.catch_warnings(record=True) as warned:
@@ -35,4 +35,4 @@ def test_a_value_that_the_program_sets_calls_nothing_back_also_when_the_server_h
         field.value = "3"
         gc.collect()
     assert not [warning for warning in warned if "never awaited" in str(warning.message)]
-    assert [value for _, value in heard] == ["2"]
+    assert [value for _, value in received] == ["2"]

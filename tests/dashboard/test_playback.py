@@ -29,11 +29,11 @@ def test_a_tick_tells_of_the_nearer_ones_before_it_in_the_pages_words() -> None:
     ]
     (tick,) = apart(laws, CARTESIAN)
     assert tick.event.t == 83.4
-    first, second = tick.told.splitlines()
+    first, second = tick.description.splitlines()
     assert first.startswith("80.00 s: ")
     assert "computed torque" in first
     assert second.endswith("20000 N/m")
-    assert "contact.K_e" not in tick.told
+    assert "contact.K_e" not in tick.description
 
 
 def test_a_field_has_the_unit_of_the_coordinates_and_what_is_left_out_is_said_as_what_it_is() -> None:
@@ -59,8 +59,8 @@ def test_a_list_is_said_by_its_one_number_or_its_first_ones() -> None:
 
 
 def test_a_refusal_names_a_matrix_as_the_page_does() -> None:
-    said = "blend.to: target_model.K_m2: smallest eigenvalue -1000; allowed: symmetric positive definite"
-    assert refusal_in_words(said).startswith("blend.to: K_m of the free coordinates: smallest eigenvalue")
+    refusal = "blend.to: target_model.K_m2: smallest eigenvalue -1000; allowed: symmetric positive definite"
+    assert refusal_in_words(refusal).startswith("blend.to: K_m of the free coordinates: smallest eigenvalue")
     assert refusal_in_words("target_model.M_m1: small") == "M_m of the pressed coordinates: small"
     assert refusal_in_words("target_model.K_f: an entry") == "K_f: an entry"
     assert refusal_in_words("target_model: unstable") == "target_model: unstable"

@@ -15,14 +15,14 @@ from drivers.waiting import until
 def test_callback_reads_the_page_value_before_redraw_overwrites_it() -> None:
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    widget_lock, over, heard = WidgetLock(server), threading.Event(), list[str]()
+    widget_lock, over, received = WidgetLock(server), threading.Event(), list[str]()
     dropdown = server.gui.add_dropdown("Mode", ("motion", "hybrid", "impedance"))
 
     @dropdown.on_update
     async def _(event: viser.GuiEvent) -> None:
         if event.client is not None:
             time.sleep(0.05)  # the machine has other things to do
-            heard.append(dropdown.value)
+            received.append(dropdown.value)
 
     def draw() -> None:
         while not over.wait(0.001):
@@ -35,10 +35,10 @@ def test_callback_reads_the_page_value_before_redraw_overwrites_it() -> None:
         with visiting(f"http://127.0.0.1:{server.get_port()}") as page:
             page.wait(lambda: bool(server.get_clients()) or not time.sleep(0.05))
             for value in ("hybrid", "impedance"):
-                page.say({"type": "GuiUpdateMessage", "uuid": dropdown._impl.uuid, "updates": {"value": value}})
-            until(lambda: len(heard) > 1)
+                page.send({"type": "GuiUpdateMessage", "uuid": dropdown._impl.uuid, "updates": {"value": value}})
+            until(lambda: len(received) > 1)
     finally:
         over.set()
         drawing.join()
         server.stop()
-    assert heard == ["hybrid", "impedance"]
+    assert received == ["hybrid", "impedance"]

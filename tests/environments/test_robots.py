@@ -124,7 +124,7 @@ def test_another_arm_brings_what_depends_on_it_and_can_be_saved() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"posture": [0.0, 1.0]}, "robot.posture: 2 values given; allowed: 3, one for each joint of this arm"),
         ({"posture": [0.0, 1.9, 1.0]}, "robot.posture: 1.9 for joint 'shoulder'; allowed: -1.8 to 1.8"),
@@ -137,11 +137,11 @@ def test_another_arm_brings_what_depends_on_it_and_can_be_saved() -> None:
         ({"tool_offset": [1.0]}, "robot.tool_offset"),
     ],
 )
-def test_wrong_fields_of_the_robot(changes: dict[str, object], said: str) -> None:
+def test_wrong_fields_of_the_robot(changes: dict[str, object], message: str) -> None:
     own = with_robot(shipped()["ur5-hybrid"], {"urdf": str(BENT)})
     with pytest.raises(ScenarioError) as refusal:
         assemble(with_robot(own, changes))
-    assert said in str(refusal.value)
+    assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
@@ -155,7 +155,7 @@ def without(tag: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"\x89PNG\r\n", "not XML in UTF-8"),
         (TEXT.encode("utf-16"), "not XML in UTF-8"),
@@ -192,12 +192,12 @@ def without(tag: str) -> str:
         (TEXT.replace('axis xyz="0 1 0"', 'axis xyz="0 0 1"'), "in no posture can its joints move the tool"),
     ],
 )  # fmt: skip
-def test_wrong_files_are_refused_in_a_sentence(content: str | bytes, said: str, tmp_path: Path) -> None:
+def test_wrong_files_are_refused_in_a_sentence(content: str | bytes, message: str, tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(RobotError) as refusal:
         robots.load("", urdf=str(path))
-    assert said in str(refusal.value)
+    assert message in str(refusal.value)
     assert "arm.urdf" in str(refusal.value)
     assert "\n" not in str(refusal.value)
     assert len(str(refusal.value)) < 500

@@ -9,7 +9,7 @@ import pytest
 
 from app.analysis.metrics import Account
 from app.evidence import baselines, families, practice
-from app.sweep.question import SweepQuestion
+from app.sweep.plan import SweepPlan
 from tests.support.svg import texts_of
 
 pytestmark = pytest.mark.slow  # long or many simulations
@@ -22,7 +22,7 @@ def test_every_name_in_the_prose_on_practice_has_its_number_table_or_figure() ->
 
 
 def test_families_of_arms_tell_what_is_inside_the_declared_set_and_what_outside() -> None:
-    asked = SweepQuestion(families.map_of("vsmrc"))
+    asked = SweepPlan(families.map_of("vsmrc"))
     ends = (0, asked.count // 2, asked.count - 1)  # links of 0.7, 1.05 and 1.4 times the mass
     tables = [families.map_rows(law, ends) for law in families.LAWS]
     for table in tables:
@@ -50,6 +50,6 @@ def test_a_run_beyond_its_bound_counts_also_where_nothing_is_promised_in_some_pe
     lots = [[kept, gone], [gone, replace(kept, over_bound=None, promised=0.0)], *[[kept, kept]] * 4]
     others = [kept] * 6 + [[kept]] * (6 * len(baselines.NOISES))
     text = baselines.SECTION.text(baselines.conclude([*lots, *others]), "evidence")
-    said = " ".join(text.split())
-    assert "Of the 4 runs of the robust laws, 3 have a bound (20) on ‖s‖: with the layer in 75 % of the" in said
-    assert "discontinuous law in 25 %, since a premise fails in the others. There ‖s‖ left it 2 times" in said
+    words = " ".join(text.split())
+    assert "Of the 4 runs of the robust laws, 3 have a bound (20) on ‖s‖: with the layer in 75 % of the" in words
+    assert "discontinuous law in 25 %, since a premise fails in the others. There ‖s‖ left it 2 times" in words

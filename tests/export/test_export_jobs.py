@@ -108,8 +108,12 @@ def test_npz_reads_back_to_the_same_bits_and_names_every_unit(tmp_path: Path) ->
 def test_files_that_are_no_recording_are_named(tmp_path: Path) -> None:
     (tmp_path / "text.npz").write_text("text")
     np.savez(tmp_path / "other.npz", t=np.zeros(3))
-    for name, said in (("text.npz", "not a recording"), ("other.npz", "not a recording"), ("none.npz", "No such file")):
-        with pytest.raises(ScenarioError, match=said):
+    for name, message in (
+        ("text.npz", "not a recording"),
+        ("other.npz", "not a recording"),
+        ("none.npz", "No such file"),
+    ):
+        with pytest.raises(ScenarioError, match=message):
             read_npz(tmp_path / name)
 
 
@@ -126,12 +130,12 @@ def test_data_over_their_limit_are_refused_with_what_fits(write) -> None:
 
 
 def test_data_come_from_the_other_process_as_from_this_one() -> None:
-    data, told = table(load("ur5-hybrid"), noise(2 * BLOCK + 5)), []
+    data, progress = table(load("ur5-hybrid"), noise(2 * BLOCK + 5)), []
     here = io.BytesIO()
     write_csv(data, here)
-    assert made(DataJob(data, "csv", np.inf), told.append) == here.getvalue()
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    assert made(DataJob(data, "csv", np.inf), progress.append) == here.getvalue()
+    assert progress == sorted(progress)
+    assert progress[-1] == 1.0
     for form in ("csv", "npz"):
         with pytest.raises(ExportError, match="allowed: 1 MB"):
             made(DataJob(data, form, 1e6), lambda _: None)
@@ -219,14 +223,14 @@ def test_printed_colours_can_be_seen_on_white_and_told_apart() -> None:
 def test_caption_says_the_scenario_in_numbers() -> None:
     scenario = edited(edited(load("ur5-hybrid"), "truth.payload_mass", 1.5), "declared.payload_mass", 2.0)
     model = {"M_m": 10 * np.eye(2), "B_m": np.diag([632.5, 4]), "K_m": np.array([[2, 1], [1, 2.0]]), "K_f": np.eye(2)}
-    said = caption(scenario, assemble(scenario).controller, model, CARTESIAN, 1.0, 9.0)
+    text = caption(scenario, assemble(scenario).controller, model, CARTESIAN, 1.0, 9.0)
     for words in (
         "ur5-hybrid", "hybrid mode", "t = 1 to 9 s", "M_m = 10 I kg", "diag(632.5, 4) N·s/m", "[2 1; 1 2] N/m",
         "True arm: link scaling 1.15, payload mass 1.5 kg", "Declared: link scaling 0.15, payload mass 2 kg",
         "T = 1 ms", "K_e = 10000 N/m", "Force: constant, value 20 N", "F_1 = 10",
     ):  # fmt: skip
-        assert words in said
-    assert said.startswith("UR5 presses with 20 N, draws a circle (ur5-hybrid, edited): ")
+        assert words in text
+    assert text.startswith("UR5 presses with 20 N, draws a circle (ur5-hybrid, edited): ")
     plain = caption(load("ur5-hybrid"), assemble(scenario).controller, model, CARTESIAN, 1.0, 9.0)
     assert plain.startswith("UR5 presses with 20 N, draws a circle (ur5-hybrid): ")
     moving = edited(scenario, "mode", "motion")
@@ -343,13 +347,13 @@ def test_file_names_are_tame() -> None:
 
 def test_uploads_that_are_no_scenario_are_refused() -> None:
     assert from_file(to_toml(load("ur5-motion")).encode()) == load("ur5-motion")
-    for content, said in (
+    for content, message in (
         (b"\xff\xfe", "UTF-8"),
         (b"mode = ", "not a TOML file"),
         (b"a = 1\n", "a"),
         (b"#" * 2_000_000, "2 MB"),
     ):
-        with pytest.raises(ScenarioError, match=said):
+        with pytest.raises(ScenarioError, match=message):
             from_file(content)
 
 
@@ -374,7 +378,7 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
     assert vsmrc("export", saved, "--out", str(again), "--to", "svg", "csv", *plots).returncode == 0
     for name in ("vsmrc-ur5-hybrid-Overview-Sliding-0.50s.svg", "vsmrc-ur5-hybrid-0.50s.csv"):
         assert (again / name).read_bytes() == (first / name).read_bytes()
-    for arguments, said in (
+    for arguments, message in (
         (
             (saved, "--start", "3", "--out", str(again)),
             "nothing recorded from 3 s to the end; allowed: within 0 to 0.499 s",
@@ -403,7 +407,7 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
         assert commands.execute(["export", *arguments]) == 2
         refusal = capfd.readouterr().err
         assert refusal.count("\n") == 1
-        assert said in refusal
+        assert message in refusal
 
 
 def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path: Path) -> None:
@@ -432,8 +436,8 @@ def test_a_recording_with_an_edit_on_its_way_is_drawn_as_the_run_itself(tmp_path
         assert saved["epochs"] == pytest.approx([0.0, 0.1, 0.2, 0.2, 0.3])
         assert from_toml(str(saved["first_scenario"])) == begun
         assert saved["changes"].tolist() == changes
-    assert told_in_csv(loop.recording, scenario) == (begun, changes)
-    assert told_in_csv(loop.recording, scenario, 0.25) == (loop.recording.epochs[3].scenario, changes[2:])
+    assert changes_in_csv(loop.recording, scenario) == (begun, changes)
+    assert changes_in_csv(loop.recording, scenario, 0.25) == (loop.recording.epochs[3].scenario, changes[2:])
     np.testing.assert_array_equal(played_again(begun, changes, 0.4).recording.rows(), loop.recording.rows())
     assert read_npz(tmp_path / "run.npz")[0] == scenario
     files = {}
@@ -456,13 +460,13 @@ def played_again(begun: Scenario, changes: list[str], until: float) -> ClosedLoo
     return loop
 
 
-def told_in_csv(recording: Recording, scenario: Scenario, since: float = 0.0) -> tuple[Scenario, list[str]]:
+def changes_in_csv(recording: Recording, scenario: Scenario, since: float = 0.0) -> tuple[Scenario, list[str]]:
     """Scenario in the comment lines of a CSV, and what they tell of its changes."""
     file = io.BytesIO()
     write_csv(table(scenario, recording, since), file)
     comments = [line[2:] for line in file.getvalue().decode().splitlines() if line.startswith("# ")]
-    told = [line.removeprefix("# ") for line in comments if line.startswith("# from")]
-    return from_toml("\n".join(comments)), told
+    comments = [line.removeprefix("# ") for line in comments if line.startswith("# from")]
+    return from_toml("\n".join(comments)), comments
 
 
 def test_a_scenario_that_held_for_no_row_is_not_that_of_a_file() -> None:
@@ -484,7 +488,7 @@ def test_the_end_of_a_planned_blend_is_told() -> None:
     )
     loop = ClosedLoop.from_scenario(planned, 100, memory=kept_memory())
     run_to(loop, 0.06)
-    first, changes = told_in_csv(loop.recording, loop.system.scenario)
+    first, changes = changes_in_csv(loop.recording, loop.system.scenario)
     assert first == planned
     assert changes == ["from t = 0.04 s: the planned blend has ended, its model is the target model from here on"]
 

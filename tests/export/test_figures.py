@@ -85,8 +85,8 @@ def test_nothing_of_a_figure_leaves_the_paper_or_another_text(snapshot: Snapshot
 def test_symbols_are_set_as_mathematics_and_no_markup_is_left(snapshot: Snapshot) -> None:
     figure = figure_of(plots_of([ALL_PLOTS]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.9)
     svg = render(figure, "svg", FigureOptions(letters=True))
-    said = letters_of(svg)
-    assert not re.search(r"[$\\_]", said)
+    letters = letters_of(svg)
+    assert not re.search(r"[$\\_]", letters)
     assert b"$" not in svg
     italic = {
         tspan.text
@@ -169,8 +169,8 @@ def test_a_gap_of_a_line_stays_a_gap() -> None:
 
 def test_the_page_on_exports_names_every_plot() -> None:
     text = (Path(__file__).parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
-    told = dict(re.findall(r"^\| (\w+) \| ([\w ,]+) \|$", text.partition("The plots by name")[2], re.MULTILINE))
-    assert {tab: names for tab, names in told.items() if tab != "tab"} == {
+    plots = dict(re.findall(r"^\| (\w+) \| ([\w ,]+) \|$", text.partition("The plots by name")[2], re.MULTILINE))
+    assert {tab: names for tab, names in plots.items() if tab != "tab"} == {
         title: ", ".join(plot.name for plot in tab.plots) for title, tab in TABS.items()
     }
 

@@ -36,11 +36,11 @@ def test_the_table_has_target_sampled_loop_and_measured_points(
     known: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert execute(["response", str(known), "--out", str(tmp_path / "out"), "--measure", "4", "--chirp", "1", "9"]) == 0
-    said = capsys.readouterr().out
-    assert re.search("^along x.* about the axis of γ: within 10% of the target's impedance up to", said, re.MULTILINE)
-    assert "measured: within " in said
-    assert "force loop" not in said
-    assert "poles of the target model at 9.35 1/s, damping 0.802" in said  # sqrt(700 / 8), 120 / (2 sqrt(700 8))
+    output = capsys.readouterr().out
+    assert re.search("^along x.* about the axis of γ: within 10% of the target's impedance up to", output, re.MULTILINE)
+    assert "measured: within " in output
+    assert "force loop" not in output
+    assert "poles of the target model at 9.35 1/s, damping 0.802" in output  # sqrt(700 / 8), 120 / (2 sqrt(700 8))
     with (tmp_path / "out" / "response.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     l = assemble(load("ur5-impedance")).layout.l
@@ -68,10 +68,10 @@ def test_the_force_loop_has_its_margins_and_a_table_of_gain_and_phase(
 ) -> None:
     """At the crossing that is told the gain is 1, and the phase is the margin away from -180 degrees."""
     assert execute(["response", "ur5-hybrid", "--out", str(tmp_path)]) == 0
-    said = r"gain margin (\S+), phase margin (\S+)°, delay margin (\S+) ms \(\S+ periods, at (\S+) Hz\)"
-    told = re.search(f"force loop: {said}", capsys.readouterr().out)
-    assert told is not None
-    gain, phase, late, crossing = map(float, told.groups())
+    pattern = r"gain margin (\S+), phase margin (\S+)°, delay margin (\S+) ms \(\S+ periods, at (\S+) Hz\)"
+    margins = re.search(f"force loop: {pattern}", capsys.readouterr().out)
+    assert margins is not None
+    gain, phase, late, crossing = map(float, margins.groups())
     assert phase == pytest.approx(0.36 * late * crossing, rel=0.01)
     with (tmp_path / "force_loop.csv").open(encoding="utf-8") as file:
         rows = np.array([[float(cell) for cell in row] for row in list(csv.reader(file))[1:]])
@@ -102,9 +102,9 @@ def test_what_has_no_response_is_refused_in_a_sentence(
     arguments: tuple[str, ...], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert execute(["response", *arguments, "--out", str(tmp_path)]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith(f"vsmrc: {sentence}")
-    assert told.count("\n") == 1
+    errors = capsys.readouterr().err
+    assert errors.startswith(f"vsmrc: {sentence}")
+    assert errors.count("\n") == 1
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ QUESTION = ClassQuestion(1, "choice", "Which way, <b>then</b>?", options=("there
 
 async def asked(lab: Town, question: ClassQuestion | None, number: int = 0) -> None:
     """Let the lecturer ask, and wait until the gateway knows."""
-    lab.actors[number].say(Asks(question))
+    lab.actors[number].emit(Asks(question))
     while not any(session.classroom.question == question for session in lab.pool.sessions):
         await asyncio.sleep(0.005)
 
@@ -43,8 +43,8 @@ async def opened(lab: Town) -> tuple[ClientWebSocketResponse, str]:
     return page, await class_of(lab, lecture)
 
 
-async def give(lab: Town, path: str, said: Any, **headers: str) -> tuple[int, dict[str, Any]]:
-    body = said if isinstance(said, bytes) else json.dumps(said).encode()
+async def give(lab: Town, path: str, content: Any, **headers: str) -> tuple[int, dict[str, Any]]:
+    body = content if isinstance(content, bytes) else json.dumps(content).encode()
     named = {name.replace("_", "-"): value for name, value in headers.items()}
     async with lab.client.post(lab.url(f"{path}answer"), data=body, headers=named) as answer:
         return answer.status, await answer.json() if answer.content_type == "application/json" else {}
@@ -58,7 +58,7 @@ async def student(lab: Town, path: str) -> dict[str, str]:
     return {"Cookie": cookies(answer)}
 
 
-async def told(lab: Town, given: list[Any], number: int = 0) -> None:
+async def until_answers(lab: Town, given: list[Any], number: int = 0) -> None:
     """Wait until the lecturer's process has these answers, in any order."""
     while not (answers := lab.actors[number].answers) or sorted(answers[-1].given) != given:
         await asyncio.sleep(0.005)
@@ -83,7 +83,7 @@ async def test_a_class_answers_and_the_lecturer_gets_every_answer_once() -> None
         assert await give(lab, path, {"number": 1, "given": 1}, **one) == (200, {"own": 1})
         assert await give(lab, path, {"number": 1, "given": 2}, **one) == (200, {"own": 2})
         assert await give(lab, path, {"number": 1, "given": 2}, **other) == (200, {"own": 2})
-        await told(lab, [2, 2])
+        await until_answers(lab, [2, 2])
         late = await student(lab, path)  # comes now, and sees the question without an answer; a reload keeps one's own
         assert (await question(lab, path, **late))["own"] is None
         assert (await question(lab, path, **one))["own"] == 2
@@ -96,7 +96,7 @@ async def test_hostile_answers_harm_nobody() -> None:
         page, path = await opened(lab)
         one = await student(lab, path)
         await asked(lab, QUESTION)
-        for said in (
+        for content in (
             b"",
             b"{",
             b"[1]",
@@ -107,8 +107,8 @@ async def test_hostile_answers_harm_nobody() -> None:
             b"x" * 60_000,
             b"null",
         ):
-            status, answer = await give(lab, path, said, **one)
-            assert status == (413 if len(said) > 64 * 1024 else 400)
+            status, answer = await give(lab, path, content, **one)
+            assert status == (413 if len(content) > 64 * 1024 else 400)
             assert answer["refused"].startswith("answer: too long; allowed: " if status == 413 else "answer: ")
         for given in (0, 3, "1", None, [1], {"a": 1}, 1e308, 10**400, True):
             assert (await give(lab, path, {"number": 1, "given": given}, **one))[0] == 409
@@ -177,7 +177,7 @@ async def test_a_class_goes_on_when_the_lecturers_process_has_fallen() -> None:
         assert (await question(lab, path, **one))["own"] == 1
         assert await give(lab, path, {"number": 1, "given": 2}, **other) == (200, {"own": 2})
         lab.actors[1].answers.clear()
-        lab.actors[1].say(Asks(QUESTION))
+        lab.actors[1].emit(Asks(QUESTION))
         while not lab.actors[1].answers:
             await asyncio.sleep(0.005)
         assert lab.actors[1].answers[-1].given == (1, 2)
@@ -195,7 +195,7 @@ async def test_a_browser_that_never_stops_answering_does_not_flood_the_lecturer(
         begun = asyncio.get_running_loop().time()
         for k in range(200):
             assert (await give(lab, path, {"number": 1, "given": 1 + k % 2}, **one))[0] == 200
-        await told(lab, [2])
+        await until_answers(lab, [2])
         assert len(lab.actors[0].answers) <= 1 + (asyncio.get_running_loop().time() - begun) / GATHERED
         await page.close()
 
@@ -212,7 +212,7 @@ async def test_thirty_of_a_class_answer_at_once() -> None:
             *(give(lab, path, {"number": 1, "given": 1 + k % 2}, **each) for k, each in enumerate(students))
         )
         assert all(status == 200 for status, _ in answers)
-        await told(lab, [1] * 15 + [2] * 15)
+        await until_answers(lab, [1] * 15 + [2] * 15)
         await page.close()
 
 

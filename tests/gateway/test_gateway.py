@@ -187,7 +187,7 @@ def test_each_limit_closes_the_connection_with_its_reason(link: Link, what: Any,
     with visiting(link.url) as page:
         with suppress(ConnectionClosed):  # while it is still sending; the reason is then read
             for message in what if isinstance(what, list) else [what]:
-                page.say(message)
+                page.send(message)
         with pytest.raises(ConnectionClosed, match=reason):
             page.lose()
 
@@ -302,14 +302,14 @@ def test_a_dashboard_alone_answers_its_own_pages_only() -> None:
         with pytest.raises(InvalidStatus, match="403"), visiting(url, origin="http://evil.example"):
             pass
         with visiting(url, origin=url) as page:
-            page.say(b"garbage")  # is left out
+            page.send(b"garbage")  # is left out
             page.wait(lambda: bool(page.html))
     finally:
         dashboard.close()
 
 
 @pytest.mark.parametrize(
-    ("server_settings", "said"),
+    ("server_settings", "message"),
     [
         (ServerSettings("0.0.0.0", token="never"), "--token: never, with --host 0.0.0.0; allowed: only with 127.0.0.1"),
         (ServerSettings(shared=True, places=0), "--max-sessions: 0; allowed: 1 or more"),
@@ -318,9 +318,9 @@ def test_a_dashboard_alone_answers_its_own_pages_only() -> None:
         (ServerSettings(origins=("lab.example.org",)), "--origin 'lab.example.org'; allowed: scheme and name"),
     ],
 )
-def test_settings_that_make_no_sense_are_refused(server_settings: ServerSettings, said: str) -> None:
+def test_settings_that_make_no_sense_are_refused(server_settings: ServerSettings, message: str) -> None:
     assert server_settings.open
-    with pytest.raises(ScenarioError, match=re.escape(said)):
+    with pytest.raises(ScenarioError, match=re.escape(message)):
         serve(load("ur5-hybrid"), PageStyle(), server_settings, None)
 
 

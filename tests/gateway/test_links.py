@@ -129,7 +129,7 @@ async def test_revoked_links_open_nothing_and_close_their_pages() -> None:
 def relaying() -> int:
     """Number of tasks that relay pages, three for each."""
     names = [getattr(task.get_coro(), "__qualname__", "") for task in asyncio.all_tasks()]
-    return sum(names.count(name) for name in ("_heard", "_shown", "Event.wait"))
+    return sum(names.count(name) for name in ("_pass_on", "_pass_back", "Event.wait"))
 
 
 @in_a_loop

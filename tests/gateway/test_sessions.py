@@ -35,7 +35,7 @@ class Fake:
         self.prepared, self.begun, self.alive = prepared, "", True
         self.kept: KeptFolder | None = None
         self.remarks = list[str]()
-        self._says: asyncio.Queue[Changed | None] = asyncio.Queue()
+        self._outbox: asyncio.Queue[Changed | None] = asyncio.Queue()
 
     def begin(self, begin: Begin) -> None:
         self.begun, self.kept = begin.scenario or self.prepared, begin.kept
@@ -47,19 +47,19 @@ class Fake:
         self.remarks.append(sentence)
 
     async def changes(self) -> AsyncIterator[Changed]:
-        while (said := await self._says.get()) is not None:
-            yield said
+        while (message := await self._outbox.get()) is not None:
+            yield message
 
     async def end(self) -> str:
         self.fall()
         return "ended by SIGKILL"
 
-    def say(self, scenario: str, pinned: int = 0) -> None:
-        self._says.put_nowait(Changed(scenario, pinned))
+    def emit(self, scenario: str, pinned: int = 0) -> None:
+        self._outbox.put_nowait(Changed(scenario, pinned))
 
     def fall(self) -> None:
         self.alive = False
-        self._says.put_nowait(None)
+        self._outbox.put_nowait(None)
 
 
 class Town:
@@ -169,7 +169,7 @@ async def test_a_session_that_nobody_looks_at_rests_with_its_scenario_and_comes_
     session = town.pool.new()
     await town.wanted(session)
     with town.pool.viewing(session, PAGE):
-        town.made[0].say("changed")
+        town.made[0].emit("changed")
         await town.pass_time(10_000.0)
         assert session.phase == "running"
     await town.pass_time(599.0)
@@ -187,14 +187,14 @@ async def test_a_fall_is_told_and_mended_without_touching_the_others() -> None:
     a, b = town.pool.new(), town.pool.new()
     await town.wanted(a), await town.wanted(b)
     first, other = town.made
-    first.say("as it was last")
+    first.emit("as it was last")
     await town.pass_time()
     first.fall()
     await town.pass_time()
     assert (a.phase, a.crashes) == ("running", 1)
-    assert "SIGKILL" in a.told
+    assert "SIGKILL" in a.notice
     assert town.made[2].begun == "as it was last"
-    assert (b.process, other.alive, b.crashes, b.told) == (other, True, 0, "")
+    assert (b.process, other.alive, b.crashes, b.notice) == (other, True, 0, "")
 
 
 @in_a_loop
@@ -207,7 +207,7 @@ async def test_session_that_crashes_three_times_fails_until_restarted() -> None:
         town.made[-1].fall()
         await town.pass_time(1.0)
     assert session.phase == "failed"
-    assert "3 times within a minute" in session.told
+    assert "3 times within a minute" in session.notice
     assert await town.wanted(session) == "failed"  # and a page that asks again does not begin it
     assert await town.wanted(waiting) == "running"  # its place is free
     town.pool.again(session)
@@ -245,7 +245,7 @@ async def test_a_process_that_cannot_begin_is_told() -> None:
     town.broken = True
     session = town.pool.new()
     assert await town.wanted(session) == "failed"
-    assert "could not begin" in session.told
+    assert "could not begin" in session.notice
     assert town.pool.taken == 0
 
 
@@ -319,7 +319,7 @@ def test_reopened_session_store_restores_sessions_and_links(tmp_path: Path) -> N
             await town.looked_at(everyone)
             town.made[0].fall()
             await town.pass_time()
-            town.made[1].say("another")
+            town.made[1].emit("another")
             await town.pass_time()
             town.made[1].fall()
             await town.pass_time()
@@ -359,7 +359,7 @@ def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> Non
         await town.looked_at(new)
         assert "none of them may go for it" in town.made[0].remarks[0]
         assert (new.kept, town.made[0].kept) == (False, None)
-        town.made[0].say(USUAL, pinned=1)
+        town.made[0].emit(USUAL, pinned=1)
         await town.pass_time()
         assert new.kept  # with pinned runs of its own it takes the room of one of who has most, not of the oldest
         assert town.made[0].kept is not None

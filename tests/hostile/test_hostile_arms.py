@@ -47,7 +47,7 @@ def entities(levels: int) -> str:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (entities(9), "has a DOCTYPE"),
         ('<!DOCTYPE r SYSTEM "file:///etc/passwd"><robot name="r"/>', "has a DOCTYPE"),
@@ -68,8 +68,8 @@ def entities(levels: int) -> str:
         (BENT.replace(UPPER, UPPER + '<visual><geometry><box size="1 0 1"/></geometry></visual>'), "size = 0; allowed"),
     ],
 )  # fmt: skip
-def test_urdfs_that_are_refused(content: str, said: str) -> None:
-    with pytest.raises(RobotError, match=said) as caught:
+def test_urdfs_that_are_refused(content: str, message: str) -> None:
+    with pytest.raises(RobotError, match=message) as caught:
         urdf.parse(content.encode("utf-8"), "evil.urdf")
     assert one_sentence(caught.value).startswith("robot.urdf: evil.urdf: ")
 
@@ -263,9 +263,9 @@ def test_who_comes_over_the_network_learns_of_no_file(tmp_path: Path, monkeypatc
             "~",
         ):
             for command in (Edit("robot.urdf", elsewhere), Load(edited(load("ur5-motion"), "robot.urdf", elsewhere))):
-                said = answer(command)
-                assert said is not None
-                assert said.endswith(": not on this server; allowed: a URDF that was uploaded"), said
+                message = answer(command)
+                assert message is not None
+                assert message.endswith(": not on this server; allowed: a URDF that was uploaded"), message
     finally:
         runner.close()
 

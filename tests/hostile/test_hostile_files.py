@@ -37,7 +37,7 @@ pytestmark = pytest.mark.slow  # processes of its own
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("a=" + "[" * 5000, "nested without end; allowed: at most 16 deep"),
         ("y." * 20_000 + "b = 1", "line 1 has 20000 dots; allowed: at most 300"),
@@ -58,8 +58,8 @@ pytestmark = pytest.mark.slow  # processes of its own
         ("#" * (LARGEST + 1), "allowed: at most"),
     ],
 )  # fmt: skip
-def test_scenarios_that_are_refused(text: str, said: str) -> None:
-    with pytest.raises(ScenarioError, match=said) as caught:
+def test_scenarios_that_are_refused(text: str, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message) as caught:
         from_file(text.encode())
     one_sentence(caught.value)
 
@@ -190,7 +190,7 @@ def claiming(shape: str) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (npz(t=np.array([{}, {}, {}], dtype=object)), "t claims object .*; allowed: numbers or text"),
         (npz(t=None), "t is missing"),
@@ -214,9 +214,9 @@ def claiming(shape: str) -> bytes:
         (b"", "not a recording"),
     ],
 )  # fmt: skip
-def test_recordings_that_are_refused(tmp_path: Path, content: bytes, said: str) -> None:
+def test_recordings_that_are_refused(tmp_path: Path, content: bytes, message: str) -> None:
     (tmp_path / "run.npz").write_bytes(content)
-    with pytest.raises(ScenarioError, match=said) as caught:
+    with pytest.raises(ScenarioError, match=message) as caught:
         read_npz(tmp_path / "run.npz")
     one_sentence(caught.value)
 

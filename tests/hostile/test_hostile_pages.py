@@ -84,8 +84,8 @@ def upload(name: str = "t", parts: int = 2, size: int = 4, to: str = "file") -> 
 
 
 def part(index: int, content: bytes = b"ab", name: str = "t") -> dict[str, Any]:
-    told = {"part_index": index, "content": content}
-    return {"type": "FileTransferPart", "source_component_uuid": "file", "transfer_uuid": name} | told
+    fields = {"part_index": index, "content": content}
+    return {"type": "FileTransferPart", "source_component_uuid": "file", "transfer_uuid": name} | fields
 
 
 def png(width: int, height: int) -> bytes:
@@ -115,7 +115,7 @@ def test_what_pages_send_is_admitted(message: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("message", "said"),
+    ("message", "reason"),
     [
         (b"", "message of 0 bytes: "),
         (b"\xc1", "malformed"),
@@ -162,8 +162,8 @@ def test_what_pages_send_is_admitted(message: dict[str, Any]) -> None:
         (pack(part(0)), "parts that this page has announced"),
     ],
 )  # fmt: skip
-def test_what_no_page_sends_is_refused_in_a_sentence(message: bytes | str, said: str) -> None:
-    with pytest.raises(RefusedMessage, match=said) as caught:
+def test_what_no_page_sends_is_refused_in_a_sentence(message: bytes | str, reason: str) -> None:
+    with pytest.raises(RefusedMessage, match=reason) as caught:
         visitor().admit(message)
     assert len(str(caught.value)) < 400
 

@@ -44,7 +44,7 @@ def test_a_session_that_hangs_is_killed_and_begun_again_and_it_is_said() -> None
                     os.kill(made[0].process_id, signal.SIGSTOP)
                     while not (session.crashes and session.phase == "running"):
                         await asyncio.sleep(0.05)
-            assert "it gave no sign of life for 6 s" in session.told
+            assert "it gave no sign of life for 6 s" in session.notice
             assert not made[0].alive
             assert made[1].alive
         finally:

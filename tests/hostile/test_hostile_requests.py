@@ -162,6 +162,6 @@ def test_what_a_page_calls_its_version_is_not_printed(capfd: pytest.CaptureFixtu
             socket.recv(timeout=PATIENCE)
     finally:
         dashboard.close()
-    said = capfd.readouterr()
-    assert "my-own" not in said.out + said.err
-    assert "99999" not in said.out + said.err
+    output = capfd.readouterr()
+    assert "my-own" not in output.out + output.err
+    assert "99999" not in output.out + output.err

@@ -177,9 +177,9 @@ async def test_copies_can_be_forbidden() -> None:
 # slow and silent connections
 
 
-async def silent(town: Town, said: bytes = b"") -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+async def silent(town: Town, content: bytes = b"") -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
     reader, writer = await asyncio.open_connection("127.0.0.1", town.port)
-    writer.write(said)
+    writer.write(content)
     return reader, writer
 
 
@@ -187,8 +187,8 @@ async def silent(town: Town, said: bytes = b"") -> tuple[asyncio.StreamReader, a
 async def test_a_request_that_does_not_come_is_not_waited_for() -> None:
     async with town(serves={"deadline": 0.3}) as lab, asyncio.timeout(PATIENCE):
         page = await lab.looked_at(await lab.arrive())
-        for said in (b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nA: "):
-            reader, _ = await silent(lab, said)
+        for content in (b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nA: "):
+            reader, _ = await silent(lab, content)
             assert await reader.read() == b""  # closed
         await page.ping()
         assert not page.closed  # who is in, may be silent

@@ -56,7 +56,7 @@ def test_answers_are_counted_first_and_shown_when_the_lecturer_says_so() -> None
     assert made.present.answers == (1, 2, 2)
     made.reveal("A: 1, B: 2")
     assert sent[-1] is not None
-    assert (sent[-1].number, sent[-1].open, sent[-1].told) == (1, False, "A: 1, B: 2")
+    assert (sent[-1].number, sent[-1].open, sent[-1].result) == (1, False, "A: 1, B: 2")
     ask(made, CHOICE)  # asked again: a question of its own
     assert made.present.question.number == 2
     assert made.present.answers == ()
@@ -131,8 +131,8 @@ def test_a_class_that_cannot_be_read_is_set_aside_and_one_that_cannot_be_written
     (tmp_path / FILE).write_text("{")
     made, _ = desk()
     assert "set-aside-class.json" in made.keep_in(tmp_path, pytest.fail)
-    said: list[str] = []
-    made.keep_in(tmp_path / "gone", said.append)
+    complaints: list[str] = []
+    made.keep_in(tmp_path / "gone", complaints.append)
     ask(made, CHOICE)
-    assert said == ["the class's answers cannot be saved: No such file or directory; the class goes on"]
+    assert complaints == ["the class's answers cannot be saved: No such file or directory; the class goes on"]
     assert made.present is not None

@@ -127,8 +127,8 @@ def test_progress_survives_a_restart_and_the_runs_are_played_again(tmp_path: Pat
 def test_a_damaged_file_of_progress_is_set_aside_and_lessons_go_on(damaged: bytes, tmp_path: Path) -> None:
     (tmp_path / FILE).write_bytes(damaged)
     notebook = Notebook()
-    told = notebook.keep_in(tmp_path)
-    assert told.startswith("the progress in lessons cannot be read: ")
+    problem = notebook.keep_in(tmp_path)
+    assert problem.startswith("the progress in lessons cannot be read: ")
     assert (tmp_path / f"set-aside-{FILE}").read_bytes() == damaged
     LessonCourse(lesson(), notebook).go(1)
     assert json.loads((tmp_path / FILE).read_text(encoding="utf-8"))["test"]["step"] == 2
@@ -146,9 +146,14 @@ def test_of_progress_in_another_version_of_the_lesson_stays_what_fits(step: int)
 
 
 def test_answers_are_right_within_their_tolerance_only() -> None:
-    told = {"way": MeasuredNumber(10.0, "mm")}
-    assert [score_number(NUMBER, given, told).points for given in (8.99, 9.0, 11.0, 11.01)] == [0.0, 1.0, 1.0, 0.0]
-    assert "off by 1.01 mm" in score_number(NUMBER, 11.01, told).verdict
+    measurements = {"way": MeasuredNumber(10.0, "mm")}
+    assert [score_number(NUMBER, given, measurements).points for given in (8.99, 9.0, 11.0, 11.01)] == [
+        0.0,
+        1.0,
+        1.0,
+        0.0,
+    ]
+    assert "off by 1.01 mm" in score_number(NUMBER, 11.01, measurements).verdict
     assert [score_choice(CHOICE, given).points for given in (1, 2)] == [0.0, 1.0]
     t = np.linspace(0.0, 1.0, 50)
     trace = Trace("run", LINE, t, np.sin(t))
@@ -188,15 +193,15 @@ def test_a_time_is_measured_and_predicted_in_its_own_unit_and_no_length_is_a_tim
     system: Any = SimpleNamespace(scenario=scenario, robot=robot, units=Units("cartesian", "revolute"))
     recording: Any = SimpleNamespace(stretch=lambda *_: {"t": t, "phi": np.where(t < 0.8, 1.0, 0.0)})
 
-    def told(statistic: Any, unit: str) -> str:
+    def number(statistic: Any, unit: str) -> str:
         return str(taken(system, recording, 2.0, Measure(unit, signal="phi", statistic=statistic, level=0.5)))
 
-    assert [told("below", unit) for unit in ("s", "ms")] == ["0.8 s", "800 ms"]
-    assert [told("settles", unit) for unit in ("s", "ms")] == ["0.8 s", "800 ms"]
-    assert told("peak", "mm") == "1000 mm"
+    assert [number("below", unit) for unit in ("s", "ms")] == ["0.8 s", "800 ms"]
+    assert [number("settles", unit) for unit in ("s", "ms")] == ["0.8 s", "800 ms"]
+    assert number("peak", "mm") == "1000 mm"
     for statistic in ("below", "settles"):
         with pytest.raises(ScenarioError, match=f"unit: 'mm' of the statistic {statistic}; allowed: s, ms"):
-            told(statistic, "mm")
+            number(statistic, "mm")
 
     run = LessonRun("run", 2.0, (LINE,), {"way": Measure("ms", signal=LINE.signal, statistic="settles", start=0.5)})
     step = LessonStep(1, 1, "predict", "", NUMBER, None)
@@ -237,10 +242,10 @@ def test_what_is_no_answer_is_refused(question: ChoiceQuestion | NumberQuestion 
 
 @pytest.mark.parametrize("drawn", ["", "{", "[" * 100_000, '"\ud800"'], ids=["none", "cut", "deep", "no UTF-8"])
 def test_what_is_no_drawn_line_is_said(drawn: str) -> None:
-    said: list[str] = []
-    answer = SimpleNamespace(_field=SimpleNamespace(value=drawn), _desk=SimpleNamespace(complain=said.append))
+    complaints: list[str] = []
+    answer = SimpleNamespace(_field=SimpleNamespace(value=drawn), _desk=SimpleNamespace(complain=complaints.append))
     asyncio.run(CurveAnswer._on_lock(cast(CurveAnswer, answer), None))
-    assert said == ["your line: nothing is drawn yet; allowed: draw it on the axes, or use the arrow keys"]
+    assert complaints == ["your line: nothing is drawn yet; allowed: draw it on the axes, or use the arrow keys"]
 
 
 def test_a_line_along_the_ends_of_its_rounded_axes_is_an_answer() -> None:

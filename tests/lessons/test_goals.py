@@ -55,8 +55,8 @@ def test_a_run_that_was_changed_on_its_way_is_not_judged() -> None:
 def test_a_run_that_has_stopped_is_not_waited_for() -> None:
     goal, loop = loop_with(CALM)
     run_to(loop, 0.1)
-    said = judged(LESSON, loop.system, loop.recording, loop.t, stopped=True)
-    assert said.waiting == f"The run has stopped before t = {goal.seconds:g} s: try it again."
+    verdict = judged(LESSON, loop.system, loop.recording, loop.t, stopped=True)
+    assert verdict.waiting == f"The run has stopped before t = {goal.seconds:g} s: try it again."
 
 
 def test_a_change_after_the_judgement_takes_nothing_back() -> None:

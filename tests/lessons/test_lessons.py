@@ -94,7 +94,7 @@ def lesson(*changes: tuple[str, str]) -> Lesson:
 def test_every_shipped_lesson_is_fit_to_be_given(name: str) -> None:
     checked = check(load(name), kept_memory())
     assert not checked.problems
-    assert len(checked.told) >= 3
+    assert len(checked.measurements) >= 3
     assert sum(step.question is not None for step in checked.lesson.steps) >= 3
 
 
@@ -123,7 +123,7 @@ def test_a_lesson_with_every_kind_of_step_is_checked_without_a_problem() -> None
     checked = check(lesson())
     assert not checked.problems
     assert {step.kind for step in checked.lesson.steps} == {"scenario", "predict", "run", "observe", "explain", "goal"}
-    assert checked.told["way"].unit == "mm"
+    assert checked.measurements["way"].unit == "mm"
 
 
 @pytest.mark.slow
@@ -229,10 +229,10 @@ def test_an_edit_of_an_entry_of_a_matrix_is_made() -> None:
 def test_a_file_that_is_no_lesson_is_refused_with_line_and_reason(old: str, new: str, sentence: str) -> None:
     with pytest.raises(LessonError) as refused:
         lesson((old, new))
-    told = str(refused.value)
-    assert sentence in told
-    assert told.startswith("test/lesson.md, line ")
-    assert "\n" not in told
+    message = str(refused.value)
+    assert sentence in message
+    assert message.startswith("test/lesson.md, line ")
+    assert "\n" not in message
 
 
 def test_the_command_checks_plays_and_lists(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -89,8 +89,8 @@ def test_a_disk_that_is_full_is_said_once_and_survived() -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full")
     _, terminal = logged(Path("/dev/full"), 'events.info("one")\nevents.info("two")\nevents.warning("three")')
-    said, three = terminal
-    assert said == "vsmrc: the log cannot be written: No space left on device; going on"
+    refusal, three = terminal
+    assert refusal == "vsmrc: the log cannot be written: No space left on device; going on"
     assert "event=three" in three
 
 

@@ -60,22 +60,24 @@ PLANTED = [
 ]
 
 
-@pytest.mark.parametrize(("plant", "said"), PLANTED)
+@pytest.mark.parametrize(("plant", "message"), PLANTED)
 def test_a_folder_in_which_others_have_a_hand_is_neither_trusted_nor_used(
-    plant: Callable[[Path], None], said: str, tmp_path: Path
+    plant: Callable[[Path], None], message: str, tmp_path: Path
 ) -> None:
     folder = tmp_path / "shelf" / "vsmrc-lab"
     folder.parent.mkdir()
     plant(folder)
-    with pytest.raises(NotOwnError, match=said):
+    with pytest.raises(NotOwnError, match=message):
         own(folder)
-    with pytest.raises(StateError, match=f"--state-dir .*: {said}.*; allowed: a folder that only its owner can write"):
+    with pytest.raises(
+        StateError, match=f"--state-dir .*: {message}.*; allowed: a folder that only its owner can write"
+    ):
         occupied(folder)
     assert not list(folder.iterdir())
-    told = kernels_of(INHERIT, XDG_CACHE_HOME=str(folder.parent))
-    assert len(set(told)) == 1  # the processes beside use the same one
-    assert folder not in Path(told[0]).parents
-    assert not Path(told[0]).exists()  # it has ended with its maker
+    folders = kernels_of(INHERIT, XDG_CACHE_HOME=str(folder.parent))
+    assert len(set(folders)) == 1  # the processes beside use the same one
+    assert folder not in Path(folders[0]).parents
+    assert not Path(folders[0]).exists()  # it has ended with its maker
 
 
 def test_ones_own_folder_is_made_private_and_lasts(tmp_path: Path) -> None:
@@ -86,18 +88,18 @@ def test_ones_own_folder_is_made_private_and_lasts(tmp_path: Path) -> None:
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "new")  # a link above may be anything: its target is looked at, and used
     assert own(link / "vsmrc-lab") == folder.resolve()
-    told = kernels_of(TELL, XDG_CACHE_HOME=str(tmp_path / "new"))
-    assert Path(told[0]).parent == folder
-    assert Path(told[0]).stat().st_mode & 0o777 == 0o700
+    folders = kernels_of(TELL, XDG_CACHE_HOME=str(tmp_path / "new"))
+    assert Path(folders[0]).parent == folder
+    assert Path(folders[0]).stat().st_mode & 0o777 == 0o700
 
 
 def test_without_a_home_that_can_be_written_no_shared_folder_is_used(tmp_path: Path) -> None:
     """The folder that others could foresee below the temporary one, as it was planted once."""
     (tmp_path / "vsmrc-lab").mkdir(mode=0o777)
-    told = kernels_of(INHERIT, XDG_CACHE_HOME="/dev/null/none", TMPDIR=str(tmp_path))
-    assert len(set(told)) == 1
-    assert Path(told[0]).parent == tmp_path
-    assert Path(told[0]).name != "vsmrc-lab"
+    folders = kernels_of(INHERIT, XDG_CACHE_HOME="/dev/null/none", TMPDIR=str(tmp_path))
+    assert len(set(folders)) == 1
+    assert Path(folders[0]).parent == tmp_path
+    assert Path(folders[0]).name != "vsmrc-lab"
     assert not list((tmp_path / "vsmrc-lab").iterdir())
 
 
@@ -118,8 +120,8 @@ def test_a_user_without_a_home_has_a_session_that_is_not_kept_and_no_uploads(
         "compiled kernels are not kept for the next start\n"
     )
     assert local_server._state_folder(None) is None
-    said = "this session is not kept: there is no home folder; allowed: with HOME or XDG_STATE_HOME\n"
-    assert capsys.readouterr().out == said
+    notice = "this session is not kept: there is no home folder; allowed: with HOME or XDG_STATE_HOME\n"
+    assert capsys.readouterr().out == notice
     arm = (Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf").read_bytes()
     refusal = "robot.urdf: arm.urdf cannot be kept: there is no home folder; allowed: with HOME or XDG_DATA_HOME"
     with pytest.raises(ScenarioError, match=f"^{refusal}$"):

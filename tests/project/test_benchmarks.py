@@ -68,14 +68,14 @@ def test_a_verdict_is_kept_beside_the_others_until_its_row_changes(
     monkeypatch.setattr(mutations, "KEPT", tmp_path / "kept.jsonl")
     monkeypatch.setattr(mutations, "PAGE", tmp_path / "page.md")
 
-    def told() -> list[str]:
+    def results() -> list[str]:
         lines = mutations.PAGE.read_text(encoding="utf-8").splitlines()
         return [line.split("|")[3].strip() for line in lines if "`a.py`" in line]
 
     for row, result in ((rows[0], mutations.CAUGHT), (rows[1], mutations.SURVIVED)):
         mutations.keep(mutations.Verdict(row, result, "test_a.py::test_b", datetime.date(2026, 1, 2)))
-    assert told() == ["caught", "SURVIVED", "not run yet"]
+    assert results() == ["caught", "SURVIVED", "not run yet"]
     assert "Of 3 planted mistakes, **1 have not been run yet**" in mutations.PAGE.read_text(encoding="utf-8")
     rows[:2] = rows[0]._replace(first="another"), rows[1]._replace(new="other")
     mutations.keep(mutations.Verdict(rows[2], mutations.CAUGHT, "", datetime.date(2026, 1, 3)))
-    assert told() == ["caught", "not run yet", "caught"]
+    assert results() == ["caught", "not run yet", "caught"]

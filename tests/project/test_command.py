@@ -83,9 +83,9 @@ def test_run_says_in_which_units_its_figures_are(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], space: str, length: str, force: str
 ) -> None:
     assert run("ur5-motion", out=tmp_path, duration=0.05, settings=((f"task_space.kind={space}",),)) == 0
-    told = capsys.readouterr().out
-    assert not re.search(r"[a-z]_[a-z]", told.replace(str(tmp_path), "")), "words, as on the page"
-    units = {line[:40].strip(): line.split()[-1] for line in told.splitlines()}
+    output = capsys.readouterr().out
+    assert not re.search(r"[a-z]_[a-z]", output.replace(str(tmp_path), "")), "words, as on the page"
+    units = {line[:40].strip(): line.split()[-1] for line in output.splitlines()}
     assert units["path error at the end, largest"] == length
     excess = next(figure for figure in RUN_METRICS if figure.field == "envelope_violation")
     assert excess.unit(JOINT if space == "joint" else CARTESIAN) == f"{length}/s"
@@ -98,10 +98,10 @@ def test_run_says_in_which_units_its_figures_are(
 def test_figures_that_a_law_has_not_are_not_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     own = ("controller.law=computed-torque",)
     assert run("planar2r-semicircle", out=tmp_path, duration=0.05, settings=(own,)) == 0
-    told = {line[:40].strip(): line[40:].strip() for line in capsys.readouterr().out.splitlines()}
+    figures = {line[:40].strip(): line[40:].strip() for line in capsys.readouterr().out.splitlines()}
     for figure in ("least margin of (17)", "s = 0 by (18) within", "‖s‖ beyond (20) and the band, largest"):
-        assert told[figure] == "—"
-    assert told["path error at the end, largest"] != "—"
+        assert figures[figure] == "—"
+    assert figures["path error at the end, largest"] != "—"
 
 
 def test_runs_are_compared_side_by_side(here: Callable[..., Done]) -> None:
@@ -115,7 +115,7 @@ def test_runs_are_compared_side_by_side(here: Callable[..., Done]) -> None:
 def test_what_is_said_when_nobody_reads_any_more_stops_nothing() -> None:
     ours, theirs = os.pipe()
     os.close(ours)
-    code = "from app.process.terminal_text import say; say('one'); say('two')"
+    code = "from app.process.terminal_text import print_line; print_line('one'); print_line('two')"
     done = subprocess.run([sys.executable, "-c", code], stdout=theirs, stderr=subprocess.PIPE, text=True, check=False)
     os.close(theirs)
     assert (done.returncode, done.stderr) == (0, "")
@@ -156,8 +156,8 @@ def test_serve_says_its_address_and_a_busy_port_and_ends_on_ctrl_c() -> None:
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert server.stdout is not None
-        said = next(line for line in server.stdout if line.startswith("VSMRC Lab"))
-        assert "http://127.0.0.1:8137" in said
+        line = next(line for line in server.stdout if line.startswith("VSMRC Lab"))
+        assert "http://127.0.0.1:8137" in line
         second = vsmrc("serve", "--port", "8137")
         assert second.returncode == 2
         assert "8137" in second.stderr
@@ -211,10 +211,10 @@ main()
         assert server.stdout is not None
         assert next(line for line in server.stdout if line.startswith("VSMRC Lab"))
         server.send_signal(signal.SIGINT)
-        said, _ = server.communicate(timeout=60)
+        output, _ = server.communicate(timeout=60)
         assert server.returncode == 0
-        assert "ended" in said
-        assert said.splitlines()[-1] == "what was registered"
+        assert "ended" in output
+        assert output.splitlines()[-1] == "what was registered"
     finally:
         server.kill()
         server.wait()

@@ -25,7 +25,7 @@ def test_a_frame_rate_that_makes_no_sense_is_refused(here: Callable[..., Done]) 
 
 
 def test_a_misspelt_choice_of_a_flag_is_refused_with_what_was_meant(here: Callable[..., Done]) -> None:
-    for arguments, said in (
+    for arguments, message in (
         (("serve", "--theme", "drak"), "--theme 'drak'; allowed: dark, light; did you mean dark?"),
         (
             ("serve", "--log-level", "inf"),
@@ -37,7 +37,7 @@ def test_a_misspelt_choice_of_a_flag_is_refused_with_what_was_meant(here: Callab
     ):
         done = here(*arguments)
         assert done.returncode == 2
-        assert said in done.stderr
+        assert message in done.stderr
         assert done.stderr.count("\n") == 1
 
 
@@ -66,21 +66,24 @@ def test_a_folder_without_a_name_is_refused(command: str, here: Callable[..., Do
 
 def test_an_unknown_law_may_be_in_a_file_for_the_commands_that_take_one(here: Callable[..., Done]) -> None:
     done = here("sweep", "ur5-hybrid", "--set", "controller.law=mine", "--dry-run")
-    said = re.search(r"by --use FILE of ([\w, ]+)\)", done.stderr)
-    assert said
+    named = re.search(r"by --use FILE of ([\w, ]+)\)", done.stderr)
+    assert named
     takers = {name for name, command in COMMANDS.items() if "use" in inspect.signature(command).parameters}
-    assert set(re.findall(r"\w+", said[1])) - {"and"} == takers
+    assert set(re.findall(r"\w+", named[1])) - {"and"} == takers
 
 
 def test_nothing_to_compare_is_said(here: Callable[..., Done]) -> None:
-    for arguments, said in (((), "compare: no scenario"), (("ur5-hybrid", "--last", "-1"), "allowed: more than 0 s")):
+    for arguments, message in (
+        ((), "compare: no scenario"),
+        (("ur5-hybrid", "--last", "-1"), "allowed: more than 0 s"),
+    ):
         done = here("compare", *arguments)
         assert done.returncode == 2
-        assert said in done.stderr
+        assert message in done.stderr
 
 
 def test_a_part_of_the_run_without_figures_is_refused_and_the_least_one_has_them(here: Callable[..., Done]) -> None:
-    for arguments, said in (
+    for arguments, message in (
         (("--last", "0.0005"), "--last 0.0005: fewer than two control periods of planar3r-hybrid; allowed: 0.002 s or"),
         (("--last", "0.0019"), "--last 0.0019: fewer than two control periods of planar3r-hybrid; allowed: 0.002 s or"),
         (("--duration", "0.001"), "simulation.duration: 0.001: fewer than two control periods of planar3r-hybrid"),
@@ -88,7 +91,7 @@ def test_a_part_of_the_run_without_figures_is_refused_and_the_least_one_has_them
     ):
         done = here("compare", "planar3r-hybrid", *arguments)
         assert done.returncode == 2
-        assert said in done.stderr
+        assert message in done.stderr
         assert done.stderr.count("\n") == 1
     for duration in ("0.002", "0.013", "0.3"):  # whatever the instants of the rows are rounded to
         done = here("compare", "planar3r-hybrid", "--duration", duration, "--last", "0.002")
@@ -135,7 +138,7 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("run", "nothing"), "allowed: a .toml file or"),
         (("run", "ur5-hybird"), "; did you mean ur5-hybrid?"),
@@ -267,17 +270,17 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
     ],
 )
 def test_wrong_input_is_refused_in_one_sentence(
-    arguments: tuple[str, ...], said: str, tmp_path: Path, here: Callable[..., Done]
+    arguments: tuple[str, ...], message: str, tmp_path: Path, here: Callable[..., Done]
 ) -> None:
     done = here(*arguments, "--out", str(tmp_path / "out"))
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("",), "vsmrc: an empty text: no such command; allowed: serve, run"),
         (("run", "ur5-hybrid"), "vsmrc: run: no --out; allowed: --out with the name of a folder\n"),
@@ -296,11 +299,11 @@ def test_wrong_input_is_refused_in_one_sentence(
     ],
 )
 def test_what_has_no_folder_is_refused_in_one_sentence_too(
-    arguments: tuple[str, ...], said: str, here: Callable[..., Done]
+    arguments: tuple[str, ...], message: str, here: Callable[..., Done]
 ) -> None:
     done = here(*arguments)
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
     assert done.stderr.count("\n") == 1
 
 
@@ -326,13 +329,13 @@ def test_a_file_in_place_of_the_folder_is_refused_before_anything_runs(
 
 
 def test_a_chart_goes_to_a_file_with_a_known_ending(tmp_path: Path, here: Callable[..., Done]) -> None:
-    for out, said in (
+    for out, message in (
         (tmp_path, "is a folder; allowed: a file"),
         (tmp_path / "x", "no ending; allowed: a name that ends in .svg, .pdf, .png"),
         (tmp_path / "x.jpg", "ends in .jpg; allowed: a name that ends in .svg, .pdf, .png"),
     ):
         done = here("sweep", "plot", str(tmp_path), "--out", str(out))
-        assert (done.returncode, done.stderr) == (2, f"vsmrc: --out {out}: {said}\n")
+        assert (done.returncode, done.stderr) == (2, f"vsmrc: --out {out}: {message}\n")
 
 
 def test_a_law_that_is_not_chosen_is_said(tmp_path: Path, here: Callable[..., Done]) -> None:
@@ -344,7 +347,7 @@ def test_a_law_that_is_not_chosen_is_said(tmp_path: Path, here: Callable[..., Do
 
 
 @pytest.mark.parametrize(
-    ("states", "said"),
+    ("states", "message"),
     [
         ("5", "states 5; allowed: a function of the number of coordinates"),
         ("lambda n: -1", "states gives -1 for 2 coordinates; allowed: a whole number, 0 to 1000"),
@@ -352,7 +355,7 @@ def test_a_law_that_is_not_chosen_is_said(tmp_path: Path, here: Callable[..., Do
     ],
 )
 def test_a_law_whose_state_has_no_length_is_refused(
-    states: str, said: str, tmp_path: Path, here: Callable[..., Done]
+    states: str, message: str, tmp_path: Path, here: Callable[..., Done]
 ) -> None:
     (law := tmp_path / "law.py").write_text(
         "from controllers.control_law import ControlLaw\n"
@@ -361,12 +364,12 @@ def test_a_law_whose_state_has_no_length_is_refused(
     )
     done = here("run", "planar3r-hybrid", "--use", str(law), "--out", str(tmp_path / "out"))
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
     assert str(law) in done.stderr
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (("mode", "levitation"), "mode: 'levitation'; allowed: constrained, hybrid"),
         (("motion", "spiral"), "motion"),
@@ -380,16 +383,16 @@ def test_a_law_whose_state_has_no_length_is_refused(
         (("surface.colour", "red"), "surface.colour: no such field; allowed: kind, origin"),
     ],
 )
-def test_wrong_field_is_named(change: tuple[str, object], said: str) -> None:
-    with pytest.raises(ScenarioError, match=said.replace("(", r"\(")):
+def test_wrong_field_is_named(change: tuple[str, object], message: str) -> None:
+    with pytest.raises(ScenarioError, match=message.replace("(", r"\(")):
         edited(Scenario(), *change)
 
 
 def test_scenario_files_that_are_none(tmp_path: Path) -> None:
-    for text, said in (("mode = ", "not a TOML file"), ("colour = 'red'", "colour"), ("[robot]\nlegs = 2", "legs")):
+    for text, message in (("mode = ", "not a TOML file"), ("colour = 'red'", "colour"), ("[robot]\nlegs = 2", "legs")):
         path = tmp_path / "scenario.toml"
         path.write_text(text)
-        with pytest.raises(ScenarioError, match=said):
+        with pytest.raises(ScenarioError, match=message):
             load(str(path))
     with pytest.raises(ScenarioError, match="cannot be read"):
         load(str(tmp_path / "missing.toml"))

@@ -125,14 +125,14 @@ def test_its_parameters_are_said_by_the_scenario() -> None:
     assert from_toml(to_toml(scenario)) == scenario
     loop = ClosedLoop.from_scenario(scenario)
     assert loop.system.controller.parameters == {"k_i": 123.0}
-    for change, said in (
+    for change, message in (
         ({"k_i": -1.0}, "controller.own.pid-gravity.k_i: -1 N/(m·s); allowed: 0 to 50000 N/(m·s)"),
         ({"k_d": 1.0}, "controller.own.pid-gravity.k_d: no such parameter; allowed: k_i; did you mean k_i?"),
     ):
         for path, value in change.items():
             with pytest.raises(ScenarioError) as refused:
                 loop.edit(edited(scenario, f"controller.own.pid-gravity.{path}", value))
-            assert str(refused.value) == said
+            assert str(refused.value) == message
     for path, value, wrong in (
         (
             "controller.own.pid-gravity.k_i",
@@ -149,7 +149,7 @@ def test_its_parameters_are_said_by_the_scenario() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("def torque(:\n", "my_law.py, line 1: SyntaxError: "),
         (HEAD + "nonsense\n", "my_law.py, line 4: NameError: name 'nonsense' is not defined"),
@@ -194,12 +194,12 @@ def test_its_parameters_are_said_by_the_scenario() -> None:
     ],
 )
 def test_a_file_that_fails_is_said_in_one_sentence_with_its_line(
-    text: str, said: str, written: Callable[[str], Path], capfd: pytest.CaptureFixture[str]
+    text: str, message: str, written: Callable[[str], Path], capfd: pytest.CaptureFixture[str]
 ) -> None:
     path = written(text)
     assert execute(["run", "ur5-hybrid", "--use", str(path), "--out", str(path.parent / "out")]) == 2
     printed = capfd.readouterr().err
-    assert said in printed
+    assert message in printed
     assert printed.count("\n") == 1
     assert not (path.parent / "out").exists()
 
@@ -212,7 +212,7 @@ def test_a_file_that_is_none_is_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("torque", "said"),
+    ("torque", "message"),
     [
         ("def torque(told, out):\n    out.terms.gravity[:] = told.q[:2]\n", "line 5: ValueError: could not broadcast"),
         ("def torque(told, out):\n    out.nothing = 1.0\n", "line 5: AttributeError: no field 'nothing'; there are"),
@@ -225,14 +225,14 @@ def test_a_file_that_is_none_is_said(tmp_path: Path) -> None:
     ids=["shape", "field", "arguments", "compiled"],
 )
 def test_a_law_that_cannot_answer_is_refused_and_what_runs_goes_on(
-    torque: str, said: str, written: Callable[[str], Path]
+    torque: str, message: str, written: Callable[[str], Path]
 ) -> None:
     use([written(HEAD + torque + LAW.format(""))])
     loop = ClosedLoop.from_scenario(load("ur5-hybrid"))
     loop.step()
     with pytest.raises(ScenarioError) as refused:
         loop.edit(under("mine"))
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
     loop.step()
     assert loop.system.controller.law.kind == "vsmrc"
@@ -274,8 +274,8 @@ def test_the_caption_says_which_law_it_was() -> None:
     use([PID])
     system = assemble(under("pid-gravity"))
     matrices = {name: np.eye(6) for name in ("M_m", "B_m", "K_m", "K_f")}
-    said = caption(system.scenario, system.controller, matrices, system.units, 0.0, 1.0)
-    assert "PID + gravity, k_i = 5000 N/(m·s), T = 1 ms." in said
+    text = caption(system.scenario, system.controller, matrices, system.units, 0.0, 1.0)
+    assert "PID + gravity, k_i = 5000 N/(m·s), T = 1 ms." in text
 
 
 def test_a_law_that_ends_the_program_is_said_with_its_line(written: Callable[[str], Path]) -> None:

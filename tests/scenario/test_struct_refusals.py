@@ -14,7 +14,7 @@ RUN = "title = 'a'\nseconds = 1\nshow = [{signal = 't', unit = 's', title = 'x'}
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (
             f"{RUN}[measures.sound]\nunit = 's'\n[measures.wrong]\nunit = 's'\nstatistic = 'largst'",
@@ -28,11 +28,11 @@ RUN = "title = 'a'\nseconds = 1\nshow = [{signal = 't', unit = 's', title = 'x'}
         (RUN.replace("1", "'x'"), "seconds: 'x'; allowed: a number, got text"),
     ],
 )  # fmt: skip
-def test_a_block_is_refused_in_the_words_of_scenarios(text: str, said: str) -> None:
+def test_a_block_is_refused_in_the_words_of_scenarios(text: str, message: str) -> None:
     data = tomllib.loads(text)
     with pytest.raises(msgspec.ValidationError) as refused:
         msgspec.convert(data, LessonRun)
-    assert struct_refusal(refused.value, data, LessonRun) == said
+    assert struct_refusal(refused.value, data, LessonRun) == message
 
 
 def test_a_text_of_another_form_is_shown_its_form() -> None:

@@ -19,11 +19,11 @@ def test_revolute_joints_have_the_units_of_angles_and_prismatic_ones_those_of_le
 
 
 @pytest.mark.parametrize(
-    ("joints", "said"), [("revolute", "N·m·s/rad"), ("prismatic", "N·s/m"), ("mixed", "N·m·s/rad and N·s/m")]
+    ("joints", "unit"), [("revolute", "N·m·s/rad"), ("prismatic", "N·s/m"), ("mixed", "N·m·s/rad and N·s/m")]
 )
-def test_fields_of_the_joints_have_the_units_of_the_joints(joints: JointKinds, said: str) -> None:
+def test_fields_of_the_joints_have_the_units_of_the_joints(joints: JointKinds, unit: str) -> None:
     for section in ("truth", "declared"):
-        assert unit_in(Units("cartesian", joints), f"{section}.viscous", "N·m·s/rad") == said
+        assert unit_in(Units("cartesian", joints), f"{section}.viscous", "N·m·s/rad") == unit
     assert label_in(Units("cartesian", joints), "sensor.moment_bias", "bias [N·m]") == "bias [N·m]"
 
 

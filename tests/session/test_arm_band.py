@@ -13,7 +13,7 @@ from app.scenario.data import edited, shipped
 from app.scenario.departures import Departure
 from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import SEED, SIGNALS, ArmsAhead, Band, BandStretch, TrueArms
-from app.session.preview import Foresight, Outlook, Question
+from app.session.preview import Foresight, Outlook, PreviewRequest
 from app.session.preview_client import Previewer
 from app.simulation import assembly
 from app.simulation.assembly import assemble
@@ -32,7 +32,7 @@ def running(scenario: Scenario) -> ClosedLoop:
 
 
 def foresight_of(loop: ClosedLoop, scenario: Scenario) -> Foresight:
-    return Foresight(Question(1, loop.state.copy(), scenario, HORIZON, arms=COUNT), engine="compiled")
+    return Foresight(PreviewRequest(1, loop.state.copy(), scenario, HORIZON, arms=COUNT), engine="compiled")
 
 
 def truth_of(scenario: Scenario, number: int, n: int) -> TruthSection:
@@ -112,7 +112,7 @@ def test_an_arm_that_stops_is_counted_and_has_no_values_beyond_its_end() -> None
     """A force loop too fast for a rigid surface: most arms lose it at once."""
     loop = running(shipped()["ur5-constrained"])
     scenario = edited(loop.system.scenario, "target_model.K_f", [0.2, *5 * [0.0]])
-    ahead = Foresight(Question(1, loop.state.copy(), scenario, 3.0, arms=COUNT), engine="compiled").stretch
+    ahead = Foresight(PreviewRequest(1, loop.state.copy(), scenario, 3.0, arms=COUNT), engine="compiled").stretch
     band = band_of(ahead)
     known = np.isfinite(band.signals["s_norm"].reshape(COUNT, -1))
     ends = known.sum(axis=1)
@@ -124,7 +124,7 @@ def test_an_arm_that_stops_is_counted_and_has_no_values_beyond_its_end() -> None
 def test_a_band_grows_with_all_its_arms_and_its_beginning_stays() -> None:
     loop = running(shipped()["ur5-hybrid"])
     stretch = Foresight(
-        Question(1, loop.state.copy(), loop.system.scenario, 5.0, arms=COUNT), engine="compiled"
+        PreviewRequest(1, loop.state.copy(), loop.system.scenario, 5.0, arms=COUNT), engine="compiled"
     ).stretch
     ahead, seen = true_arms().run(stretch, COUNT), list[Band]()
     while ahead.going:
@@ -143,7 +143,7 @@ def test_a_band_grows_with_all_its_arms_and_its_beginning_stays() -> None:
 def test_arms_that_are_left_run_no_farther() -> None:
     loop = running(shipped()["ur5-hybrid"])
     scenario = loop.system.scenario
-    stretch = Foresight(Question(1, loop.state.copy(), scenario, 1000.0, arms=COUNT), engine="compiled").stretch
+    stretch = Foresight(PreviewRequest(1, loop.state.copy(), scenario, 1000.0, arms=COUNT), engine="compiled").stretch
     ahead = true_arms().run(stretch, COUNT)
     until(lambda: ahead.reached > 0)
     ahead.leave()
@@ -158,7 +158,7 @@ def test_a_band_that_cannot_be_says_why() -> None:
     stated = edited(loop.system.scenario, "declared.delta_G", "2 + away")
     assert foresight_of(loop, stated).bandless.startswith("declared.delta_G is stated, and only its run shows whether")
     assert foresight_of(loop, loop.system.scenario).bandless == ""
-    by_steps = Foresight(Question(1, loop.state.copy(), loop.system.scenario, HORIZON, arms=COUNT))
+    by_steps = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, HORIZON, arms=COUNT))
     assert "compiled" in by_steps.bandless
 
 

@@ -21,7 +21,16 @@ from app.analysis.metrics import BAND, settling_time
 from app.analysis.steady_force import steady_force_error
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import Scenario
-from app.session.preview import LASTS, Foresight, Hurry, Outlook, PreviewDone, PreviewMetrics, PreviewRefusal, Question
+from app.session.preview import (
+    LASTS,
+    Foresight,
+    Hurry,
+    Outlook,
+    PreviewDone,
+    PreviewMetrics,
+    PreviewRefusal,
+    PreviewRequest,
+)
 from app.session.preview_client import Previewer
 from app.simulation.closed_loop import ClosedLoop
 from app.workers.preview import serve
@@ -61,7 +70,7 @@ def disturbed() -> Scenario:
 
 
 def foreseen(loop: ClosedLoop, scenario: Scenario, horizon: float) -> np.ndarray:
-    foresight = Foresight(Question(1, loop.state.copy(), scenario, horizon))
+    foresight = Foresight(PreviewRequest(1, loop.state.copy(), scenario, horizon))
     while foresight.share < 1.0:
         foresight.advance(37)
     return foresight._loop.recording.rows()
@@ -118,7 +127,7 @@ def test_final_force_error_is_that_of_37(K_m1: float, K_e: float) -> None:
     loop = running(shipped()["ur5-hybrid"])
     stiffness = [K_m1, 4000.0, 4000.0, 4000.0, 4000.0, 4000.0]
     scenario = edited(edited(loop.system.scenario, "target_model.K_m", stiffness), "contact.K_e", K_e)
-    foresight = Foresight(Question(1, loop.state.copy(), scenario, 2.0))
+    foresight = Foresight(PreviewRequest(1, loop.state.copy(), scenario, 2.0))
     foresight.advance(10_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -135,7 +144,7 @@ def test_settling_of_the_force_is_that_of_the_target_model() -> None:
     # (1 + x) exp(-x) = 0.02 at x = 5.834
     known = edited(edited(shipped()["ur5-hybrid"], "truth.link_scaling", 1.0), "motion", "hold")
     loop = running(known, 1500)
-    foresight = Foresight(Question(1, loop.state.copy(), edited(loop.system.scenario, "force.value", 30.0), 2.0))
+    foresight = Foresight(PreviewRequest(1, loop.state.copy(), edited(loop.system.scenario, "force.value", 30.0), 2.0))
     foresight.advance(10_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -146,7 +155,7 @@ def test_settling_of_the_force_is_that_of_the_target_model() -> None:
 
 def test_under_impedance_the_path_error_is_that_of_the_plots() -> None:
     loop = running(shipped()["ur5-impedance"], 3000)
-    foresight = Foresight(Question(0, loop.state.copy(), loop.system.scenario, 1.0))
+    foresight = Foresight(PreviewRequest(0, loop.state.copy(), loop.system.scenario, 1.0))
     foresight.advance(1000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -160,7 +169,7 @@ def test_a_tool_that_is_twisted_shows_its_angle_error() -> None:
     scenario = edited(edited(shipped()["ur5-impedance-6d"], "motion", "hold"), "truth.push", [0.0, 0.0, 0.0])
     scenario = edited(edited(scenario, "truth.push_start", 0.0), "truth.push_moment", [0.0, 0.0, 0.5])
     loop = running(edited(scenario, "truth.push_duration", 20.0))
-    metrics = preview_metrics(Question(1, loop.state.copy(), loop.system.scenario, 3.0))
+    metrics = preview_metrics(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 3.0))
     expected = 0.5 / (loop.system.layout.l**2 * 1500.0)
     assert (metrics.angle_largest, metrics.angle_error) == (pytest.approx(expected, rel=1e-3),) * 2
 
@@ -171,16 +180,16 @@ def test_a_tool_that_is_twisted_shows_its_angle_error() -> None:
 )
 def test_only_errors_of_what_is_free_are_told(scenario: str, path: bool, angle: bool) -> None:
     state = running(shipped()[scenario], 5).state.copy()
-    metrics = preview_metrics(Question(1, state, state.scenario, 0.05, push=30.0))
-    assert all((told is not None) == path for told in (metrics.motion_largest, metrics.motion_error))
-    assert all((told is not None) == angle for told in (metrics.angle_largest, metrics.angle_error))
+    metrics = preview_metrics(PreviewRequest(1, state, state.scenario, 0.05, push=30.0))
+    assert all((error is not None) == path for error in (metrics.motion_largest, metrics.motion_error))
+    assert all((error is not None) == angle for error in (metrics.angle_largest, metrics.angle_error))
 
 
 @pytest.mark.parametrize("periods", [1, 2, 3, 1000])
 def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
     loop = running(shipped()["planar2r-semicircle"], 5)
     period = loop.system.scenario.controller.period
-    foresight = Foresight(Question(1, loop.state.copy(), loop.system.scenario, periods * period))
+    foresight = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, periods * period))
     foresight.advance(periods)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -191,7 +200,7 @@ def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
 
 def test_a_preview_of_a_run_that_stops_in_its_first_period_says_why() -> None:
     loop = running(shipped()["ur5-hybrid"])
-    foresight = Foresight(Question(1, loop.state.copy(), loop.system.scenario, 1.0))
+    foresight = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 1.0))
     foresight.advance(1)
     foresight._loop.fail("the arm", ArithmeticError("torn"))
     refused = foresight.outlook()
@@ -203,7 +212,7 @@ def test_a_preview_of_a_run_that_stops_in_its_first_period_says_why() -> None:
 def test_leaving_the_domain_is_said() -> None:
     loop = running(shipped()["ur5-hybrid"])
     weak = edited(edited(loop.system.scenario, "controller.gain", "constant"), "controller.d", 1.0)
-    foresight = Foresight(Question(1, loop.state.copy(), edited(weak, "truth.payload_mass", 20.0), 1.0))
+    foresight = Foresight(PreviewRequest(1, loop.state.copy(), edited(weak, "truth.payload_mass", 20.0), 1.0))
     foresight.advance(10_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -215,8 +224,8 @@ def test_leaving_the_domain_is_said() -> None:
 def test_the_compiled_engine_foresees_the_same() -> None:
     for name in ("ur5-hybrid", "ur5-impedance", "ur5-constrained"):
         state = running(shipped()[name]).state.copy()
-        question = Question(1, state, edited(state.scenario, "controller.layer", 0.02), 0.3)
-        foreseen = [Foresight(question, engine="pinocchio"), Foresight(question, engine="compiled")]
+        request = PreviewRequest(1, state, edited(state.scenario, "controller.layer", 0.02), 0.3)
+        foreseen = [Foresight(request, engine="pinocchio"), Foresight(request, engine="compiled")]
         while foreseen[0].share < 1.0:
             for foresight in foreseen:
                 foresight.advance(70)
@@ -226,8 +235,8 @@ def test_the_compiled_engine_foresees_the_same() -> None:
             np.testing.assert_allclose(compiled[name_of], values, rtol=0.0, atol=1e-9 * np.abs(values).max())
 
 
-def preview_metrics(question: Question) -> PreviewMetrics:
-    foresight = Foresight(question)
+def preview_metrics(request: PreviewRequest) -> PreviewMetrics:
+    foresight = Foresight(request)
     foresight.advance(100_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -246,7 +255,7 @@ def test_an_arm_on_a_moving_surface_is_not_pushed(name: str, moving: str) -> Non
     still = edited(edited(shipped()[name], "motion", "hold"), "rotation", "hold")
     for scenario, pushed in ((still, 20.0), (edited(still, moving, 0.01), 0.0)):
         loop = ClosedLoop.from_scenario(scenario)
-        assert Foresight(Question(1, loop.state.copy(), scenario, 1.0, push=20.0))._push == pushed
+        assert Foresight(PreviewRequest(1, loop.state.copy(), scenario, 1.0, push=20.0))._push == pushed
 
 
 def test_an_arm_at_rest_is_pushed_and_gives_way_as_its_stiffness_says() -> None:
@@ -256,7 +265,7 @@ def test_an_arm_at_rest_is_pushed_and_gives_way_as_its_stiffness_says() -> None:
     m, b, k = 10.0, 60.0, 2000.0
     loop = running(edited(free, "target_model.B_m", 6 * [b]))
     state, scenario = loop.state.copy(), loop.system.scenario
-    metrics = preview_metrics(Question(1, state, scenario, 4.0, push=30.0))
+    metrics = preview_metrics(PreviewRequest(1, state, scenario, 4.0, push=30.0))
     assert metrics.push == 30.0
     omega, zeta = np.sqrt(k / m), b / (2.0 * np.sqrt(k * m))
     beyond = np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
@@ -265,28 +274,32 @@ def test_an_arm_at_rest_is_pushed_and_gives_way_as_its_stiffness_says() -> None:
     assert metrics.motion_overshoot == pytest.approx(30.0 / k * beyond, rel=0.1 + 2.0 * wave)
     assert metrics.motion_error < 2e-4
     assert not metrics.motion_grows
-    assert preview_metrics(Question(1, state, scenario, 0.2, push=30.0)).motion_grows  # it ends within the first swing
-    assert not preview_metrics(Question(1, state, scenario, 1.0, push=30.0)).motion_grows  # at rest under the push
+    assert preview_metrics(
+        PreviewRequest(1, state, scenario, 0.2, push=30.0)
+    ).motion_grows  # it ends within the first swing
+    assert not preview_metrics(
+        PreviewRequest(1, state, scenario, 1.0, push=30.0)
+    ).motion_grows  # at rest under the push
     assert metrics.contact_largest is None
-    assert preview_metrics(Question(1, state, scenario, 4.0)).motion_largest < 2e-4
+    assert preview_metrics(PreviewRequest(1, state, scenario, 4.0)).motion_largest < 2e-4
     # a sinusoidal push of no size, or a moment that is over, leaves nothing of itself to this one
     for path, value in (("truth.push_frequency", 3.0), ("truth.push_moment", [0.0, 0.0, 0.1])):
         left = edited(edited(edited(scenario, path, value), "truth.push_start", 0.0), "truth.push_every", 0.0)
         left = running(edited(left, "truth.push_duration", 0.001)).state.copy()
-        again = preview_metrics(Question(1, left, left.scenario, 4.0, push=30.0))
+        again = preview_metrics(PreviewRequest(1, left, left.scenario, 4.0, push=30.0))
         assert (again.push, again.motion_largest) == (30.0, pytest.approx(metrics.motion_largest, rel=1e-3))
     # what moves by itself is not pushed: by an edit, on its path, by a push of its own
     shifted = edited(scenario, "shift.by", [0.02])
-    assert preview_metrics(Question(1, state, shifted, 1.0, push=30.0)).push == 0.0
+    assert preview_metrics(PreviewRequest(1, state, shifted, 1.0, push=30.0)).push == 0.0
     for moving in ("ur5-hybrid", "ur5-heavy"):
         state = running(shipped()[moving]).state.copy()
-        assert preview_metrics(Question(1, state, state.scenario, 5.0, push=30.0)).push == 0.0
+        assert preview_metrics(PreviewRequest(1, state, state.scenario, 5.0, push=30.0)).push == 0.0
 
 
 def test_overshoot_of_a_force_is_what_goes_beyond_its_final_value() -> None:
     hybrid = edited(shipped()["ur5-hybrid"], "target_model.B_m", [200.0, *5 * [400.0]])
     state = running(hybrid, 1500).state.copy()
-    metrics = preview_metrics(Question(1, state, edited(hybrid, "force.value", 30.0), 2.0))
+    metrics = preview_metrics(PreviewRequest(1, state, edited(hybrid, "force.value", 30.0), 2.0))
     zeta = 200.0 / (2.0 * np.sqrt(10.0 * 1e4))  # M_m, K_f K_e
     beyond = 10.0 * np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
     assert metrics.force_overshoot == pytest.approx(beyond, rel=0.3)  # the desired force changes within some time
@@ -296,7 +309,7 @@ def test_overshoot_of_a_force_is_what_goes_beyond_its_final_value() -> None:
 def test_overshoot_of_a_force_that_ends_where_it_began_is_the_way_to_either_side() -> None:
     """A payload is taken up: the force rises, and comes back."""
     state = running(shipped()["ur5-hybrid"], 2500).state.copy()
-    asked = Question(1, state, edited(state.scenario, "truth.payload_mass", 0.5), 2.0)
+    asked = PreviewRequest(1, state, edited(state.scenario, "truth.payload_mass", 0.5), 2.0)
     foresight = Foresight(asked)
     foresight.advance(100_000)
     force = foresight._loop.recording.signals(("multiplier",))["multiplier"]
@@ -307,7 +320,7 @@ def test_overshoot_of_a_force_that_ends_where_it_began_is_the_way_to_either_side
 def test_a_stiffer_surface_is_told_with_the_largest_force_on_it() -> None:
     loop = running(shipped()["ur5-hybrid"], 1500)
     stiffer = edited(loop.system.scenario, "contact.K_e", 1.6e5)
-    metrics = preview_metrics(Question(1, loop.state.copy(), stiffer, 0.5))
+    metrics = preview_metrics(PreviewRequest(1, loop.state.copy(), stiffer, 0.5))
     loop.edit(stiffer)
     for _ in range(round(0.5 / stiffer.controller.period)):
         loop.step()
@@ -352,19 +365,19 @@ def test_a_question_that_only_time_has_changed_gives_way_at_once() -> None:
     ours, theirs = Pipe()
     with ours, theirs:
         for message in (
-            Question(1, state, state.scenario, 0.05, partial=False),
+            PreviewRequest(1, state, state.scenario, 0.05, partial=False),
             Hurry(),
-            Question(2, state, state.scenario, 0.05),
+            PreviewRequest(2, state, state.scenario, 0.05),
         ):
             ours.send(message)
         answering = threading.Thread(target=answer_all, args=(theirs,))
         answering.start()
-        heard = [ours.recv()]
-        while not (isinstance(heard[-1], Outlook) and heard[-1].whole):
-            heard.append(ours.recv())
+        received = [ours.recv()]
+        while not (isinstance(received[-1], Outlook) and received[-1].whole):
+            received.append(ours.recv())
     answering.join()
-    assert isinstance(heard[0], PreviewDone)
-    assert {message.number for message in heard[1:] if isinstance(message, Outlook)} == {2}
+    assert isinstance(received[0], PreviewDone)
+    assert {message.number for message in received[1:] if isinstance(message, Outlook)} == {2}
 
 
 def answer_all(asker: Connection) -> None:
@@ -377,7 +390,7 @@ def test_the_running_scenario_is_computed_for_comparison_and_once(previewer: Pre
     for force in (30.0, 40.0):
         previewer.ask(state, edited(state.scenario, "force.value", force), 0.5, partial=False, compared=True)
         answer = until(lambda force=force: compared(previewer, force))
-        today = preview_metrics(Question(1, state, state.scenario, 0.5))
+        today = preview_metrics(PreviewRequest(1, state, state.scenario, 0.5))
         assert answer.today is not None
         for figure, value in msgspec.structs.asdict(today).items():
             found = getattr(answer.today, figure)

@@ -128,7 +128,7 @@ def test_a_folder_has_one_server_at_a_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"", "no session of this program"),
         (b"\x00\xff" * 500, "no session of this program"),
@@ -143,11 +143,11 @@ def test_a_folder_has_one_server_at_a_time(tmp_path: Path) -> None:
         (b" " * 5_000_000, "more than 4 MB"),
     ],
 )
-def test_a_file_that_is_no_session_is_set_aside_in_a_sentence(tmp_path: Path, content: bytes, said: str) -> None:
+def test_a_file_that_is_no_session_is_set_aside_in_a_sentence(tmp_path: Path, content: bytes, message: str) -> None:
     (tmp_path / SESSION).write_bytes(content)
     folder = StateFolder(tmp_path)
     assert folder.offer() is None
-    assert said in folder.problem
+    assert message in folder.problem
     assert "\n" not in folder.problem
     assert (tmp_path / f"set-aside-{SESSION}").read_bytes() == content
     folder.save(changed(), ())
@@ -236,8 +236,8 @@ def test_what_cannot_be_continued_now_is_kept_for_later(tmp_path: Path, pinned: 
 def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
     runner = Runner(SCENARIO)
     runner.start()
-    said: list[str] = []
-    autosave = Autosave(StateFolder(tmp_path), lambda: runner.snapshot, said.append)
+    message: list[str] = []
+    autosave = Autosave(StateFolder(tmp_path), lambda: runner.snapshot, message.append)
     until(lambda: runner.snapshot.t > 1.0)
     assert left(tmp_path) == set()  # nothing has been changed
     runner.post(Edit("controller.layer", 0.02))
@@ -247,10 +247,10 @@ def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))  # as a disk that is full
     try:
         runner.post(Pin())
-        until(lambda: said)
+        until(lambda: message)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert said == [f"the session cannot be saved in {tmp_path}: File too large; the run goes on"]
+    assert message == [f"the session cannot be saved in {tmp_path}: File too large; the run goes on"]
     assert left(tmp_path) == {SESSION}
     assert "0.03" in (tmp_path / SESSION).read_text()  # what fits is saved
     runner.post(Unpin(1))
@@ -270,14 +270,14 @@ def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
 
 
 def test_what_could_not_be_saved_is_saved_at_the_end_when_there_is_room_again(tmp_path: Path) -> None:
-    runner, said = Runner(SCENARIO), list[str]()
+    runner, message = Runner(SCENARIO), list[str]()
     runner.start()
-    autosave = Autosave(StateFolder(tmp_path), lambda: runner.snapshot, said.append)
+    autosave = Autosave(StateFolder(tmp_path), lambda: runner.snapshot, message.append)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
     try:
         runner.post(Edit("controller.layer", 0.02))
-        until(lambda: said)
+        until(lambda: message)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     runner.close()

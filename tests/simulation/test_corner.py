@@ -249,7 +249,7 @@ def test_a_lost_contact_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "path", "value", "told_so"),
+    ("name", "path", "value", "message"),
     [
         ("ur5-corner", "second.contact.kind", "rigid", "second.contact.kind: 'rigid' in hybrid mode; allowed: elastic"),
         ("ur5-corner", "second.surface.normal", [0, 0, -1], "second.surface.normal: the normals [[0.0, 0.0, -1.0], [0"),
@@ -282,10 +282,10 @@ def test_a_lost_contact_is_named() -> None:
         ("ur5-motion", "second.contact.kind", "elastic", "second.contact.kind: 'elastic' without a first surface"),
     ],
 )
-def test_refusals_name_the_field_of_the_further_surface(name: str, path: str, value: object, told_so: str) -> None:
+def test_refusals_name_the_field_of_the_further_surface(name: str, path: str, value: object, message: str) -> None:
     with pytest.raises(ScenarioError) as refused:
         assemble(edited(load(name), path, value))
-    assert told_so in str(refused.value)
+    assert message in str(refused.value)
 
 
 def test_the_third_of_three_surfaces_is_named_where_it_makes_no_corner_with_the_others() -> None:

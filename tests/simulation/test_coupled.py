@@ -277,7 +277,7 @@ def test_what_the_step_cannot_follow_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("edits", "told_so"),
+    ("edits", "message"),
     [
         ({"coupling.K_e": [9000.0, 0.0, 0.0]}, "coupling.K_e: [9000.0, 0.0, 0.0] N/m makes K_e = [[10000.0, 9000.0]"),
         ({"coupling.K_e_hat": [8000.0, 0.0, 0.0]}, "allowed: entries with which it is symmetric positive definite"),
@@ -291,7 +291,7 @@ def test_what_the_step_cannot_follow_is_named() -> None:
         ({"coupling.K_e": [1.0, 2.0]}, "coupling.K_e"),
     ],
 )  # fmt: skip
-def test_refusals_name_the_matrix(edits: dict[str, object], told_so: str) -> None:
+def test_refusals_name_the_matrix(edits: dict[str, object], message: str) -> None:
     def built() -> System:
         scenario = load("ur5-corner-coupled")
         for path, value in edits.items():
@@ -300,7 +300,7 @@ def test_refusals_name_the_matrix(edits: dict[str, object], told_so: str) -> Non
 
     with pytest.raises(ScenarioError) as refused:
         built()
-    assert told_so in str(refused.value)
+    assert message in str(refused.value)
 
 
 def test_an_edit_of_what_couples_the_surfaces_reaches_the_plant_and_the_law() -> None:

@@ -26,7 +26,7 @@ def changed(scenario: Scenario, fields: dict[str, object]) -> Scenario:
 
 
 @pytest.mark.parametrize(
-    ("truth", "declared", "said"),
+    ("truth", "declared", "message"),
     [
         ({"truth.link_scaling": 0.85}, {"declared.link_scaling": 0.15}, "link scaling |0.85 − 1| = 0.15 > declared 0"),
         ({"truth.link_scaling": 1.15}, {"declared.link_scaling": 0.15}, "link scaling |1.15 − 1| = 0.15 > declared 0"),
@@ -63,10 +63,10 @@ def changed(scenario: Scenario, fields: dict[str, object]) -> Scenario:
     ],
 )
 def test_each_inequality_is_named_with_both_numbers_and_equality_is_inside(
-    truth: dict[str, object], declared: dict[str, object], said: str
+    truth: dict[str, object], declared: dict[str, object], message: str
 ) -> None:
     scenario = changed(Scenario(), truth)
-    assert outside(scenario, CARTESIAN) == (said,)
+    assert outside(scenario, CARTESIAN) == (message,)
     assert outside(changed(scenario, declared), CARTESIAN) == ()
     (path, bound), *_ = declared.items()
     assert len(outside(edited(changed(scenario, declared), path, 0.99 * float(str(bound))), CARTESIAN)) == 1
@@ -94,7 +94,7 @@ def test_bias_and_noise_of_a_sensor_count_where_they_reach_the_reading() -> None
     faulty = {"sensor.ideal": True, "sensor.noise": 1.0, "sensor.bias": [9.0, 0.0, 0.0]}
     for name, known in (("ur5-constrained", 0), ("ur5-hybrid", 1)):
         scenario = changed(shipped()[name], faulty | {"simulation.leaving_domain": "flag"})
-        assert sum(said.startswith("force error") for said in outside(scenario, CARTESIAN)) == known
+        assert sum(message.startswith("force error") for message in outside(scenario, CARTESIAN)) == known
         loop = ClosedLoop.from_scenario(scenario)
         for _ in range(50):
             loop.step()
@@ -170,7 +170,7 @@ STATED = {
 
 @pytest.mark.parametrize("engine", ["step", "compiled"])
 @pytest.mark.parametrize(
-    ("tighter", "said"),
+    ("tighter", "message"),
     [
         ({}, None),
         ({"declared.delta_M": 0.02}, "‖ΔM‖"),
@@ -181,7 +181,7 @@ STATED = {
     ],
 )
 def test_a_run_judges_whether_the_true_arm_is_within_stated_bounds(
-    tighter: dict[str, object], said: str | None, engine: str
+    tighter: dict[str, object], message: str | None, engine: str
 ) -> None:
     """Whatever is declared of the links: then these are not judged. The numbers are those of Pinocchio's true arm."""
     lighter = {"declared.link_scaling": 0.0, "truth.link_scaling": 0.9, "controller.gain": "constant"}
@@ -190,10 +190,10 @@ def test_a_run_judges_whether_the_true_arm_is_within_stated_bounds(
     run = CompiledRun(loop) if engine == "compiled" else loop
     run.advance(100) if isinstance(run, CompiledRun) else [loop.step() for _ in range(100)]
     standing, errors = loop.standing, loop.state.evaluation.part("errors")
-    assert [each.split(" = ")[0] for each in standing.outsiders] == ([] if said is None else [said])
+    assert [each.split(" = ")[0] for each in standing.outsiders] == ([] if message is None else [message])
     finding = next(each for each in standing.findings if each.premise == "declared")
-    assert (finding.failed is None) == (said is None)
-    assert said is None or (standing.run.verdict == "nothing promised" and said in standing.now.because)
+    assert (finding.failed is None) == (message is None)
+    assert message is None or (standing.run.verdict == "nothing promised" and message in standing.now.because)
 
     row = loop.recording.signals(("t", "q", "q_dot"))
     t, q, q_dot = (row[name][-1] for name in ("t", "q", "q_dot"))
@@ -218,7 +218,7 @@ def test_a_run_judges_whether_the_true_arm_is_within_stated_bounds(
 
 
 @pytest.mark.parametrize(
-    ("path", "value", "said"),
+    ("path", "value", "message"),
     [
         ("declared.delta_M", "speed", '"speed" at character 1 is unknown; allowed: numbers, away, pi'),
         ("declared.delta_C", "__import__(1)", '"__import__" at character 1 is unknown'),
@@ -231,6 +231,8 @@ def test_a_run_judges_whether_the_true_arm_is_within_stated_bounds(
         ("declared.link_centre", 0.9, "some arm would have no inertia left"),
     ],
 )
-def test_a_bound_or_a_link_that_makes_no_sense_is_refused_with_a_sentence(path: str, value: object, said: str) -> None:
-    with pytest.raises(ScenarioError, match=re.escape(said)):
+def test_a_bound_or_a_link_that_makes_no_sense_is_refused_with_a_sentence(
+    path: str, value: object, message: str
+) -> None:
+    with pytest.raises(ScenarioError, match=re.escape(message)):
         ClosedLoop.from_scenario(edited(shipped()["planar3r-hybrid"], path, value))

@@ -46,8 +46,8 @@ def test_the_arm_moves_by_the_torque_that_the_drives_give() -> None:
         np.testing.assert_allclose(np.diff(record["q_dot"], axis=0)[k] / loop.period, q_ddot, rtol=1e-6, atol=1e-8)
     joint = int(np.abs(tau[first] / applied[first]).argmax()) + 1
     asked, t = tau[first, joint - 1], record["t"][first]
-    said = f"t = {t:.3f} s: the drive of joint {joint} saturates: the law asks for {asked:.4g} N·m"
-    assert (loop.warning or "").startswith(said)
+    message = f"t = {t:.3f} s: the drive of joint {joint} saturates: the law asks for {asked:.4g} N·m"
+    assert (loop.warning or "").startswith(message)
     assert metrics_of(loop).saturated_share == pytest.approx((tau != applied).any(axis=1).mean())
 
 
@@ -102,15 +102,15 @@ def test_the_multiplier_is_solved_for_what_the_drives_give() -> None:
 
 
 @pytest.mark.parametrize(
-    ("limit", "said"),
+    ("limit", "message"),
     [
         (-0.5, r"truth\.torque_limit: -0\.5; allowed: 0 for no limit, or numbers > 0"),
         ([50.0] * 5, r"truth\.torque_limit: 5 values; allowed: one factor, or 6 torques, one per joint"),
         ([50.0, 50.0, 0.0, 50.0, 50.0, 50.0], r"truth\.torque_limit: 0\.0; allowed: 0 for no limit"),
     ],
 )
-def test_a_limit_that_cannot_be_is_refused(limit: object, said: str) -> None:
-    with pytest.raises(ScenarioError, match=said):
+def test_a_limit_that_cannot_be_is_refused(limit: object, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
         assemble(edited(shipped()["ur5-motion"], "truth.torque_limit", limit))
 
 

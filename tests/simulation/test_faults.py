@@ -104,7 +104,7 @@ YIELDING = edited(edited(load("ur5-impedance"), "target_model.K_m", [1.0] * 6), 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("base", "path", "value", "said"),
+    ("base", "path", "value", "message"),
     [
         (BILATERAL, "target_model.M_m", [1.0] + [12.0] * 5, "the arm diverges"),
         (load("ur5-constrained"), "force.value", -5.0, "contact lost, the surface would have to pull"),
@@ -112,12 +112,12 @@ YIELDING = edited(edited(load("ur5-impedance"), "target_model.K_m", [1.0] * 6), 
     ],
 )
 def test_what_nature_ends_ends_in_a_sentence(
-    runner: Runner, base: Scenario, path: str, value: object, said: str
+    runner: Runner, base: Scenario, path: str, value: object, message: str
 ) -> None:
     begun(runner, base)
     runner.post(Edit(path, value))
     stopped = ended(runner)
-    assert said in stopped.reason
+    assert message in stopped.reason
     assert len(stopped.recording) > 100
     runner.post(Load(base))
     until(lambda: runner.snapshot.scenario == base and runner.snapshot.phase == "running")

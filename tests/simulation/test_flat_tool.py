@@ -254,8 +254,8 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_flat_tool_that_cannot_be_is_refused(name: str) -> None:
-    changes, said = REFUSED[name]
-    with pytest.raises(ScenarioError, match=said):
+    changes, message = REFUSED[name]
+    with pytest.raises(ScenarioError, match=message):
         assemble(changed(shipped()[ALIGN], **changes))
 
 

@@ -266,16 +266,16 @@ def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> No
 
 def test_before_the_first_period_nothing_is_promised() -> None:
     sound = ClosedLoop.from_scenario(short("ur5-hybrid")).standing
-    said = (sound.now.verdict, sound.now.because)
-    assert said == ("nothing promised", "the run is judged in the next control period")
+    found = (sound.now.verdict, sound.now.because)
+    assert found == ("nothing promised", "the run is judged in the next control period")
     assert (sound.run.verdict, sound.run.because) == ("nothing promised", "no control period has been computed")
     assert all(finding.holds for finding in sound.findings)
-    for fields, said in (
+    for fields, reason in (
         ({"controller__law": "computed-torque"}, "the law is not the robust one"),
         ({"truth__link_scaling": 1.3}, "the true arm is outside the declared set"),
     ):
         standing = ClosedLoop.from_scenario(short("ur5-hybrid", **fields)).standing
-        assert said in standing.now.because
+        assert reason in standing.now.because
         assert [finding.holds for finding in standing.findings].count(False) == 1
 
 

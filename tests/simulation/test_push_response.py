@@ -9,7 +9,7 @@ import pytest
 
 from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.schema import Scenario
-from app.session.push_measurement import Chirp, PushExperiment, not_linear, told
+from app.session.push_measurement import Chirp, PushExperiment, deviation_sentence, not_linear
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.force_margin import ForceLoop
@@ -151,7 +151,7 @@ def test_a_chirp_measures_mass_damper_and_spring_in_the_midst_of_a_motion() -> N
     predicted = sampled.in_metres(sampled.admittance(frequency))
     scale = np.abs(predicted).max(axis=(1, 2))[:, None, None]
     np.testing.assert_allclose(admittance / scale, predicted / scale, atol=0.001)
-    assert "leaves out" not in told(points, sampled, not_linear(loop.state))
+    assert "leaves out" not in deviation_sentence(points, sampled, not_linear(loop.state))
 
 
 @pytest.mark.slow  # long simulations
@@ -161,7 +161,7 @@ def test_a_measurement_far_from_its_prediction_says_what_that_leaves_out() -> No
     loop = ClosedLoop.from_scenario(from_plain(data))
     found = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t).response
     assert found is not None
-    sentence = told([PushExperiment(loop.state, found.axes).sine(2.0)], found, not_linear(loop.state))
+    sentence = deviation_sentence([PushExperiment(loop.state, found.axes).sine(2.0)], found, not_linear(loop.state))
     assert sentence.endswith("leaves out: dry friction in the joints")
 
 
@@ -175,7 +175,7 @@ def test_a_gain_by_17_that_grows_with_the_push_is_named_where_it_is_the_reason()
         found = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t).response
         assert found is not None
         points = PushExperiment(loop.state, found.axes).chirp(Chirp(low=10.0, high=100.0, seconds=2.0, points=5))
-        sentences.append(told(points, found, not_linear(loop.state)))
+        sentences.append(deviation_sentence(points, found, not_linear(loop.state)))
         errors.append(float(re.findall(r"within (\S+) %", sentences[-1])[0]))
     assert sentences[0].endswith("leaves out: the gain d by (17), which grows with the push")
     assert "leaves out" not in sentences[1]

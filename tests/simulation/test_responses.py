@@ -217,7 +217,7 @@ def test_the_disturbance_has_its_norm_at_all_times(n: int, frequency: float) -> 
 
 
 @pytest.mark.parametrize(
-    ("force", "said"),
+    ("force", "message"),
     [
         ({"kind": "constant", "value": -10.0}, "force.value: -10 N, but the surface only pushes"),
         ({"kind": "step", "value": 5.0, "start": -1.0}, "force.start: -1 N, but the surface only pushes"),
@@ -226,9 +226,11 @@ def test_the_disturbance_has_its_norm_at_all_times(n: int, frequency: float) -> 
     ],
 )
 @pytest.mark.parametrize("kind", ["elastic", "mass-damper-spring"])
-def test_a_force_that_a_pushing_surface_cannot_have_is_refused(kind: str, force: dict[str, object], said: str) -> None:
+def test_a_force_that_a_pushing_surface_cannot_have_is_refused(
+    kind: str, force: dict[str, object], message: str
+) -> None:
     pulling = changed(shipped()["ur5-hybrid"], contact={"kind": kind, "unilateral": True}, force=force)
-    with pytest.raises(ScenarioError, match=said) as refused:
+    with pytest.raises(ScenarioError, match=message) as refused:
         assemble(pulling)
     assert str(refused.value).endswith("or contact.unilateral = false")
     assemble(edited(pulling, "contact.unilateral", False))
@@ -247,11 +249,11 @@ def test_lost_contact_with_an_elastic_surface_is_said_with_its_instant() -> None
     for each in (loop, resumed):
         while each.t < 0.7:
             each.step()
-        said = re.match(r"t = ([\d.]+) s: contact lost", each.warning or "")
-        assert said is not None, each.warning
+        lost = re.match(r"t = ([\d.]+) s: contact lost", each.warning or "")
+        assert lost is not None, each.warning
         rows = each.recording.signals(("t", "multiplier"))
         first = rows["t"][(rows["multiplier"] == 0.0) & (rows["t"] >= 0.5)][0]
-        assert float(said[1]) == pytest.approx(first, abs=1.5e-3)
+        assert float(lost[1]) == pytest.approx(first, abs=1.5e-3)
 
 
 def test_a_surface_out_of_reach_is_what_is_blamed() -> None:

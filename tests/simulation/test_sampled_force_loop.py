@@ -82,7 +82,7 @@ def test_a_force_loop_that_a_low_pass_calms_is_not_said_to_diverge() -> None:
         last = loop.recording.at(loop.t)
         settles = loop.stopped is None and abs(last["multiplier"][0] - last["F_cd"][0]) < 0.1
         factors.append((loop.sampled.force_factor, settles, "force loop diverges" in (loop.warning or "")))
-    assert [(abs(factor) < 1.0, settles, said) for factor, settles, said in factors] == [
+    assert [(abs(factor) < 1.0, settles, warned) for factor, settles, warned in factors] == [
         (False, False, True),
         (True, True, False),
     ]

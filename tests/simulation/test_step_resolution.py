@@ -141,9 +141,9 @@ def test_stiff_contact_is_refused_with_a_remedy(robot: str, K_e: float, period: 
     scenario = pressing(robot, K_e, period, simulation__integrator=integrator, controller__layer=0.2)
     with pytest.raises(ScenarioError) as refusal:
         ClosedLoop.from_scenario(scenario)
-    said = str(refusal.value)
-    assert said.startswith(f"contact.K_e: 1e+06 N/m is too stiff for 1 step(s) of {integrator}")
-    enough = int(said.split("simulation.substeps >= ")[1].split(",")[0])
+    message = str(refusal.value)
+    assert message.startswith(f"contact.K_e: 1e+06 N/m is too stiff for 1 step(s) of {integrator}")
+    enough = int(message.split("simulation.substeps >= ")[1].split(",")[0])
     assert enough > 1
     if enough > 3:
         with pytest.raises(ScenarioError, match=r"contact\.K_e"):
@@ -168,17 +168,17 @@ def test_stiff_contact_at_1_kHz_settles_to_the_closed_form(robot: str, K_e: floa
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "said"),
+    ("field", "value", "message"),
     [
         ("contact__B_e", 1e4, "contact.B_e: 10000 N·s/m is too stiff"),
         ("contact__friction_viscous", 1e4, "contact.friction_viscous: 10000 N·s/m is too stiff"),
         ("truth__viscous", 100.0, "truth.viscous: 100 N·m·s/rad is too stiff"),
     ],
 )
-def test_everything_stiff_is_refused_by_its_own_name(field: str, value: float, said: str) -> None:
+def test_everything_stiff_is_refused_by_its_own_name(field: str, value: float, message: str) -> None:
     with pytest.raises(ScenarioError) as refusal:
         assemble(pressing("planar3r", 1e4, H, **{field: value}))
-    assert str(refusal.value).startswith(said)
+    assert str(refusal.value).startswith(message)
 
 
 def test_a_third_surface_beside_the_first_is_refused_by_its_own_name() -> None:

@@ -198,8 +198,8 @@ def test_noise_of_the_forces_is_the_same_whatever_that_of_the_moments() -> None:
 def test_declared_moment_error_is_compared_with_bias_and_noise() -> None:
     scenario = still(sensor__moment_noise=0.02, sensor__moment_bias=[0.0, 0.0, 0.1], declared__moment_error=0.19)
     assert outside(scenario, CARTESIAN) == ()
-    (said,) = outside(edited(scenario, "declared.moment_error", 0.17), CARTESIAN)
-    assert said == "moment error (bias + 4σ of noise) 0.18 N·m > declared 0.17 N·m"
+    (sentence,) = outside(edited(scenario, "declared.moment_error", 0.17), CARTESIAN)
+    assert sentence == "moment error (bias + 4σ of noise) 0.18 N·m > declared 0.17 N·m"
 
 
 def test_a_hand_turns_the_tool_by_a_spring() -> None:

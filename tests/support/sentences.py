@@ -4,8 +4,8 @@ from __future__ import annotations
 
 
 def one_sentence(error: BaseException) -> str:
-    said = str(error)
-    assert "\n" not in said
-    assert "Traceback" not in said
-    assert len(said) < 1200
-    return said
+    text = str(error)
+    assert "\n" not in text
+    assert "Traceback" not in text
+    assert len(text) < 1200
+    return text

@@ -27,7 +27,7 @@ from app.sweep import background
 from app.sweep.axes import axis_of
 from app.sweep.background import Background, BackgroundSweep
 from app.sweep.folder import packed, zipped
-from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_metrics import SweepRunner
 from app.sweep.run_store import table_of
 from app.sweep.share import Allowance, Share, allowance_of
@@ -47,7 +47,7 @@ def test_rows_of_the_background_are_those_of_a_run_and_of_the_loop_to_the_last_b
     alone, found = SweepRunner(SWEEP), {row["row"]: timeless(row) for row in sweep.rows}
     assert found == {number: timeless(alone.metrics(number)) for number in range(6)}
 
-    asked = SweepQuestion(SWEEP)
+    asked = SweepPlan(SWEEP)
     loop = Loop(shipped()["planar2r-semicircle"])  # it has another scenario before
     loop.start()
     try:
@@ -67,7 +67,7 @@ def test_a_session_that_is_killed_takes_its_computation_with_it() -> None:
     code = (
         "import sys, time, msgspec\n"
         "from app.sweep.background import BackgroundSweep\n"
-        "from app.sweep.question import Sweep\n"
+        "from app.sweep.plan import Sweep\n"
         f"BackgroundSweep(msgspec.convert(msgspec.json.decode({text!r}), Sweep), 1)\n"
         "time.sleep(1000)\n"
     )

@@ -9,8 +9,8 @@ import pytest
 from app.scenario.errors import ScenarioError
 from app.sweep.axes import Axis, axis_of
 from app.sweep.charts import _borders, _geometric, _shares, chart
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView, interval, points_of, require_metric
-from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_metrics import METRIC_COLUMNS
 from tests.support.svg import texts_of
 from tests.sweep.test_question import BASE, sweep_of
@@ -22,8 +22,8 @@ def columns(sweep: Sweep = SWEEP) -> dict[str, np.ndarray]:
     """Table of a sweep whose force error is 0.1 N times point plus arm; the run 9 stopped, (17) fails for an arm of
     point 4, and the arms of point 5 are outside what is declared. The promise holds but for arm 3,
     for want of (17), at point 1 also of the declaration. The rows are out of order."""
-    asked = SweepQuestion(sweep)
-    rows = [asked.told(asked.row(number)) for number in range(asked.count)]
+    asked = SweepPlan(sweep)
+    rows = [asked.key_columns(asked.row(number)) for number in range(asked.count)]
     for row in rows:
         row |= {
             "force_error": 0.1 * row["point"] + row["arm"],
@@ -249,7 +249,7 @@ def test_what_stopped_is_marked_in_every_chart_and_runs_that_are_missing_are_tol
 
 def test_a_field_of_words_has_a_chart_without_being_asked_for_one() -> None:
     words = msgspec.structs.replace(SWEEP, vary=(Axis("controller.law", ("vsmrc", "computed-torque")),))
-    rows = [SweepQuestion(words).told(SweepQuestion(words).row(number)) for number in range(8)]
+    rows = [SweepPlan(words).key_columns(SweepPlan(words).row(number)) for number in range(8)]
     table = {name: np.resize(column, 8) for name, column in columns().items()}
     table |= {name: np.array([row[name] for row in rows]) for name in rows[0]}
     assert b"<svg" in chart(words, table, SweepView("force_error"), "svg")

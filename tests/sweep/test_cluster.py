@@ -25,7 +25,7 @@ from app.sweep import cluster_worker, running
 from app.sweep.axes import axis_of
 from app.sweep.cluster import Cluster
 from app.sweep.fingerprint import fingerprint
-from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_metrics import RunMetrics, SweepRunner
 from app.sweep.run_store import RunStore
 from drivers.cluster import Scheduler, worker
@@ -93,7 +93,7 @@ def timeless(rows: list[RunMetrics]) -> list[RunMetrics]:
 def expected() -> list[RunMetrics]:
     """Rows of `SWEEP`, computed here."""
     runner = SweepRunner(SWEEP)
-    return timeless([runner.metrics(number) for number in range(SweepQuestion(SWEEP).count)])
+    return timeless([runner.metrics(number) for number in range(SweepPlan(SWEEP).count)])
 
 
 def rows_of(folder: Path) -> list[RunMetrics]:
@@ -219,29 +219,29 @@ def test_what_is_wrong_is_one_sentence(scheduler: Scheduler) -> None:
         Cluster("tcp://127.0.0.1:1")
     with pytest.raises(ScenarioError, match="no scheduler answers"):
         Cluster("nonsense://x")
-    told: list[str] = []
+    notices: list[str] = []
     with Cluster(address) as closed:
         pass
     other = msgspec.structs.replace(SWEEP, program="another")
     with Cluster(address) as cluster:
         with worker(address):
             with pytest.raises(ScenarioError, match="on this worker, another asked; allowed: the same versions"):
-                list(cluster.results(other, range(3), told.append))
-            task, metrics = next(cluster.results(SWEEP, range(40), told.append))
+                list(cluster.results(other, range(3), notices.append))
+            task, metrics = next(cluster.results(SWEEP, range(40), notices.append))
             assert isinstance(metrics, list)
             assert [each["row"] for each in metrics] == list(task)
         until(lambda: cluster.workers == 0)
         lonely = f"no worker there: start one with `dask worker {address}`"
-        told.clear()
+        notices.clear()
 
-        def say(sentence: str) -> None:
-            told.append(sentence)
+        def notify(sentence: str) -> None:
+            notices.append(sentence)
             if sentence == lonely:
                 process.kill()
 
         with pytest.raises(ScenarioError, match="the connection is lost; what was computed is kept"):
-            list(cluster.results(SWEEP, range(40), say))
+            list(cluster.results(SWEEP, range(40), notify))
         for lost in (cluster, closed):
             with pytest.raises(ScenarioError, match="the connection is lost"):
                 running.SweepEstimate.of(1, 1.0, 1.0, lost)
-    assert told == [lonely]
+    assert notices == [lonely]

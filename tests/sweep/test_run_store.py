@@ -21,27 +21,27 @@ from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.sweep import run_store
 from app.sweep.axes import axis_of
-from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_store import JOURNAL, RunStore, parts, schema_of, table_of
 from tests.sweep.test_question import sweep_of
 
 SWEEP = sweep_of("contact.K_e=1e3:1e5:50:log", "controller.K_s=20:80:80")  # 4,000 runs
-ASKED = SweepQuestion(SWEEP)
+ASKED = SweepPlan(SWEEP)
 
 
 def metrics(number: int) -> dict[str, object]:
     """Metrics as a run would have them, found again in its row."""
-    told = ASKED.told(ASKED.row(number))
-    return told | {"motion_error": 1e-6 * number, "stopped": None, "verdict": "holds"}
+    keys = ASKED.key_columns(ASKED.row(number))
+    return keys | {"motion_error": 1e-6 * number, "stopped": None, "verdict": "holds"}
 
 
-def fill(folder: Path, told: Callable[[int], object] | None = None) -> None:
-    """Add whatever is missing, until it is done or killed. told: called with each row that has been added."""
+def fill(folder: Path, added: Callable[[int], object] | None = None) -> None:
+    """Add whatever is missing, until it is done or killed. added: called with each row that has been added."""
     with RunStore(folder, SWEEP) as store:
         for number in np.flatnonzero(~store.done).tolist():
             store.add(metrics(number))
-            if told is not None:
-                told(number)
+            if added is not None:
+                added(number)
         store.flush()
 
 
@@ -80,14 +80,14 @@ def test_nothing_is_lost_or_there_twice_after_fifty_kills(tmp_path: Path, monkey
             forks.stdin.flush()
             pid = int(forks.stdout.readline())
             rows = min(int(random.integers(0, 60)), ASKED.count - seen[-1])
-            told = [forks.stdout.readline() for _ in range(rows)]
+            lines = [forks.stdout.readline() for _ in range(rows)]
             time.sleep(float(random.uniform(0.0, 0.003)))
             os.kill(pid, signal.SIGKILL)
             while (line := forks.stdout.readline()) != "ended\n":
-                told.append(line)
+                lines.append(line)
             with RunStore(tmp_path, SWEEP) as store:
                 seen.append(int(store.done.sum()))
-            assert len(told) <= seen[-1] - seen[-2] <= len(told) + 1
+            assert len(lines) <= seen[-1] - seen[-2] <= len(lines) + 1
         forks.stdin.close()
     assert len(set(seen)) > 20  # the kills came in the middle
     assert parts(tmp_path)
@@ -234,7 +234,7 @@ def test_rows_that_wait_in_the_journal_are_drawn_too(tmp_path: Path) -> None:
 def test_a_part_of_another_sweep_and_lines_that_are_no_rows_are_not_taken(tmp_path: Path) -> None:
     other = sweep_of("contact.K_e=1e3:1e5:5:log")
     with RunStore(tmp_path / "other", other) as store:
-        store.add(SweepQuestion(other).told(SweepQuestion(other).row(4)) | {"verdict": "holds"})
+        store.add(SweepPlan(other).key_columns(SweepPlan(other).row(4)) | {"verdict": "holds"})
         store.flush()
     with RunStore(tmp_path / "own", SWEEP) as store:
         store.add(metrics(7))

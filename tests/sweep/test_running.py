@@ -23,7 +23,7 @@ from app.simulation.verdict import Outcome
 from app.sweep import running
 from app.sweep.axes import axis_of
 from app.sweep.fingerprint import fingerprint
-from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_metrics import COLUMNS, METRIC_COLUMNS, RunMetrics, SweepRunner
 from app.sweep.run_store import JOURNAL, RunStore, table_of
 from tests.support.pages import ROOT
@@ -51,7 +51,7 @@ def test_a_row_is_the_same_alone_and_after_any_others() -> None:
     first = [timeless(forwards.metrics(number)) for number in range(8)]
     assert [timeless(backwards.metrics(number)) for number in reversed(range(8))] == first[::-1]
     assert timeless(SweepRunner(SWEEP).metrics(5)) == first[5]
-    asked = SweepQuestion(SWEEP)
+    asked = SweepPlan(SWEEP)
     _, metrics = simulate(asked.scenario(asked.row(5)), engine="compiled")
     for name, value in {
         "motion_error": metrics.motion_error_tail, "angle_error": metrics.angle_error_tail,
@@ -83,7 +83,7 @@ def test_the_columns_in_the_docs_are_those_of_the_table() -> None:
 
 def test_an_earlier_end_changes_nothing_before_it_and_goes_on_within_omega() -> None:
     short = msgspec.structs.replace(SWEEP, until=0.1)
-    asked, row = SweepQuestion(short), SweepRunner(short).metrics(5)
+    asked, row = SweepPlan(short), SweepRunner(short).metrics(5)
     assert asked.seconds_of(np.arange(asked.count)) == pytest.approx(0.1 * asked.count)
     loop, _ = simulate(asked.scenario(asked.row(5)), until=0.1, engine="compiled")
     assert row["simulated_time"] == pytest.approx(loop.t) == pytest.approx(0.1)
@@ -99,8 +99,8 @@ def test_an_estimate_is_of_the_durations_that_are_varied(monkeypatch: pytest.Mon
     asked = msgspec.structs.replace(SWEEP, vary=(axis_of("simulation.duration=0.1,0.2,0.9"),))
 
     def as_long_as_simulated(_: SweepRunner, number: int) -> RunMetrics:
-        question = SweepQuestion(asked)
-        return {"wall_time": question.scenario(question.row(number)).simulation.duration}
+        plan = SweepPlan(asked)
+        return {"wall_time": plan.scenario(plan.row(number)).simulation.duration}
 
     monkeypatch.setattr(SweepRunner, "metrics", as_long_as_simulated)
     for left, length in ((range(6), 2.4), ((0, 1, 2), 0.4), ((3, 4, 5), 2.0), ((), 0.0)):  # also after an interruption
@@ -175,9 +175,9 @@ def test_the_command_runs_draws_and_repeats_a_row(
     assert execute([*ASKED, "--dry-run"]) == 0
     assert "12 runs of 3.6 s simulated time" in capsys.readouterr().out
     assert execute([*ASKED, "--out", folder]) == 0
-    said = capsys.readouterr().out
-    assert "12 of 12 runs are there already" in said
-    assert "0 runs" not in said
+    output = capsys.readouterr().out
+    assert "12 of 12 runs are there already" in output
+    assert "0 runs" not in output
     png = tmp_path / "of.png"
     assert execute(["sweep", "plot", folder, "--out", str(png)]) == 0  # the name says which form
     assert png.read_bytes().startswith(b"\x89PNG")
@@ -245,9 +245,9 @@ def test_options_that_make_no_sense_are_refused_in_one_sentence(
 ) -> None:
     """FOLDER is that of a sweep which has run."""
     assert execute([argument.replace("FOLDER", str(swept)) for argument in arguments]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert said.count("\n") == 1
+    output = capsys.readouterr().err
+    assert sentence in output
+    assert output.count("\n") == 1
 
 
 def test_a_full_disk_is_one_sentence_and_what_is_there_stays(

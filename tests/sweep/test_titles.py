@@ -9,7 +9,7 @@ import pytest
 
 from app.scenario.data import shipped, to_plain
 from app.scenario.units import CARTESIAN, JOINT
-from app.sweep.titles import named, said, title_of
+from app.sweep.titles import named, title_of, value_in_words
 
 
 @pytest.mark.parametrize(
@@ -45,9 +45,9 @@ def test_where_r_is_the_joints_a_field_has_another_unit(path: str, title: str) -
 
 
 def test_a_value_is_in_words_too() -> None:
-    assert said("controller.law", "vsmrc") == "robust (25)"
-    assert said("controller.law", "of-my-own") == "of-my-own"
-    assert said("contact.K_e", 12345.678) == "12300"
+    assert value_in_words("controller.law", "vsmrc") == "robust (25)"
+    assert value_in_words("controller.law", "of-my-own") == "of-my-own"
+    assert value_in_words("contact.K_e", 12345.678) == "12300"
 
 
 def paths_of(table: dict[str, Any], before: str = "") -> Iterator[str]:

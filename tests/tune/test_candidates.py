@@ -66,21 +66,21 @@ def test_a_front_has_what_nothing_dominates_and_no_badge() -> None:
 
 
 def test_own_gains_are_beaten_where_the_worst_arm_and_most_arms_are_better() -> None:
-    def said(*errors: float) -> str:
+    def last_sentence(*errors: float) -> str:
         tuning = msgspec.structs.replace(TUNING, unseen=3)
         runs = {0: [SOUND, SOUND, SOUND | {"force_error": 4.0}], 1: [SOUND | {"force_error": each} for each in errors]}
         tried = {number: judged(tuning, number, {}, each) for number, each in runs.items()}
         return verdict(tuning, Found([tried[0], candidate(1, 0.5)], tried, runs))[-1]
 
-    assert "best.toml better than the own gains" in said(0.5, 0.5, 3.0)
-    assert "the own gains are NOT beaten" in said(1.0, 1.0, 3.0)  # one arm is no more than chance
-    assert "the own gains are NOT beaten" in said(0.5, 0.5, 5.0)
+    assert "best.toml better than the own gains" in last_sentence(0.5, 0.5, 3.0)
+    assert "the own gains are NOT beaten" in last_sentence(1.0, 1.0, 3.0)  # one arm is no more than chance
+    assert "the own gains are NOT beaten" in last_sentence(0.5, 0.5, 5.0)
 
 
 def test_runs_that_are_too_short_for_metrics_of_their_end_are_said() -> None:
     """The transient is judged then: what is best there may be worse in the long run."""
 
-    def said(aims: tuple[str, ...], *times: float | None) -> list[str]:
+    def sentences(aims: tuple[str, ...], *times: float | None) -> list[str]:
         tuning = msgspec.structs.replace(TUNING, aims=aims)
         length = tuning.scenario.simulation.duration
         own = [SOUND | {"settling_time": None if each is None else each * length} for each in times]
@@ -88,12 +88,12 @@ def test_runs_that_are_too_short_for_metrics_of_their_end_are_said() -> None:
         tried = {number: judged(tuning, number, {}, each) for number, each in runs.items()}
         return [each for each in verdict(tuning, Found([tried[0], tried[1]], tried, runs)) if "last fifth" in each]
 
-    assert said(("force_error",), 0.1, 0.3) == []
-    (slow,) = said(("force_error", "torque_variation"), 0.1, 0.6)
+    assert sentences(("force_error",), 0.1, 0.3) == []
+    (slow,) = sentences(("force_error", "torque_variation"), 0.1, 0.6)
     assert "needs up to" in slow
     assert "judged is its last fifth (force error)" in slow
-    assert "does not settle" in said(("force_error",), 0.1, None)[0]
-    assert said(("torque_variation",), 0.6, 0.9) == []
+    assert "does not settle" in sentences(("force_error",), 0.1, None)[0]
+    assert sentences(("torque_variation",), 0.6, 0.9) == []
 
 
 def test_own_gains_that_never_come_to_a_metric_are_beaten_by_gains_that_do() -> None:

@@ -23,7 +23,7 @@ from app.scenario.errors import ScenarioError
 from app.sweep.run_store import JOURNAL, RunStore
 from app.tune import background, outcome, running
 from app.tune.candidates import Candidate
-from app.tune.question import Tuning, moved, program
+from app.tune.plan import Tuning, moved, program
 from app.tune.running import Found
 
 DETUNED = with_values(
@@ -189,5 +189,5 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
         (("--until", "0", "--dry-run"), "--until 0; allowed: more than 0 s, at most the duration of the runs"),
     ):
         assert execute([*asked, *more]) == 2
-        assert sentence in (said := capsys.readouterr().err)
-        assert said.count("\n") == 1
+        assert sentence in (output := capsys.readouterr().err)
+        assert output.count("\n") == 1

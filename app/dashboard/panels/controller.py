@@ -122,15 +122,15 @@ def _feedback_html(snapshot: Snapshot) -> str:
     """Note on the gain by (17), which depends on itself: its feedback with the present bounds, as HTML; "" for a
     constant gain."""
     by_names = {finding.premise: finding for finding in snapshot.standing.findings}
-    said = []
+    parts = []
     for premise, way in ((Premise.GAIN_BY_CHATTER, "the chattering"), (Premise.GAIN_BY_FORCE, "the contact force")):
         found = by_names.get(premise.name.lower())
         if found is not None and found.value is not None:
             part = f"{found.value:.2g} of each increase through {way}"
-            said.append(f'<span title="{escape(STATEMENTS[premise].why)}">{part}</span>')
-    if not said:
+            parts.append(f'<span title="{escape(STATEMENTS[premise].why)}">{part}</span>')
+    if not parts:
         return ""
     return (
-        f'<div class="vs-note">A larger d raises the gain that (17) requires: by {" and ".join(said)}. Below 1 this '
+        f'<div class="vs-note">A larger d raises the gain that (17) requires: by {" and ".join(parts)}. Below 1 this '
         "converges; from 1 on (17) may have no solution d.</div>"
     )

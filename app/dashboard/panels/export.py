@@ -32,14 +32,14 @@ from app.scenario.data import from_file, to_toml
 from app.scenario.errors import ScenarioError
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
-from app.storage.recording_files import Tell, table
+from app.storage.recording_files import ProgressCallback, table
 
 MEGABYTE = 1e6
 DATA_LIMIT = 256 * MEGABYTE  # a browser receives this through a web socket without trouble
 RENDERING = 60.0  # s in which a page must render a picture, since a hidden page never answers
 
 OnClick = Callable[[viser.GuiEvent[viser.GuiButtonGroupHandle]], None]
-Make = Callable[[Snapshot, Tell], bytes]
+Make = Callable[[Snapshot, ProgressCallback], bytes]
 
 
 WIDTHS = {"as the plots need": None, "one column, 85 mm": SINGLE, "two columns, 180 mm": DOUBLE}
@@ -122,33 +122,33 @@ class ExportPanel:
             self._desk.complain(f"The figure was not made: {error}")
             return
 
-        def make(snapshot: Snapshot, tell: Tell) -> bytes:
+        def make(snapshot: Snapshot, on_progress: ProgressCallback) -> bytes:
             setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
             pinned = tuple(map(PinnedChart.of, snapshot.pinned))
             figure = figure_of(plots, snapshot, setup, snapshot.t - viewing.window, snapshot.t, pinned)
-            return self._desk.export_jobs.made(FigureJob(with_series(figure, lines), form, options), tell)
+            return self._desk.export_jobs.made(FigureJob(with_series(figure, lines), form, options), on_progress)
 
         self._give(event, "Figure", form, make)
 
     def _on_data(self, event: viser.GuiEvent) -> None:
         form: DataFormat = event.target.value.lower()
 
-        def make(snapshot: Snapshot, tell: Tell) -> bytes:
+        def make(snapshot: Snapshot, on_progress: ProgressCallback) -> bytes:
             last, begin, end = self._stretch(snapshot)
             rows = table(last.scenario, last.recording, begin, end)
-            return self._desk.export_jobs.made(DataJob(rows, form, DATA_LIMIT), tell)
+            return self._desk.export_jobs.made(DataJob(rows, form, DATA_LIMIT), on_progress)
 
         self._give(event, "Data", form, make)
 
     def _on_playback(self, event: viser.GuiEvent) -> None:
         viewing = self._desk.viewing
 
-        def make(snapshot: Snapshot, tell: Tell) -> bytes:
+        def make(snapshot: Snapshot, on_progress: ProgressCallback) -> bytes:
             last, begin, end = self._stretch(snapshot)
             frames = playback_frames(last.scenario, last.recording, begin, end)
             setup = Setup.of(last, viewing.coordinate, viewing.joint)
             figure = figure_of(plots_of(BESIDE_PLAYBACK), last, setup, begin, end)
-            return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT, figure), tell)
+            return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT, figure), on_progress)
 
         self._give(event, "3-D playback", "html", make)
 
@@ -157,8 +157,8 @@ class ExportPanel:
         if client is None:
             return
 
-        def make(_: Snapshot, tell: Tell) -> bytes:
-            tell(0.0)
+        def make(_: Snapshot, on_progress: ProgressCallback) -> bytes:
+            on_progress(0.0)
             # the camera's size is that of the pixels that viser draws, fewer on a slow machine
             width, height = self._desk.scene_of(client.client_id) or (
                 client.camera.image_width,
@@ -177,7 +177,7 @@ class ExportPanel:
     def _give(self, event: viser.GuiEvent, what: str, extension: str, make: Make) -> None:
         snapshot = self._desk.snapshot()
         name = file_name(snapshot.scenario.name, snapshot.t, extension)
-        self._delivery.give(event, what, name, lambda tell: make(snapshot, tell))
+        self._delivery.give(event, what, name, lambda on_progress: make(snapshot, on_progress))
 
     async def _on_upload(self, event: viser.GuiEvent) -> None:
         if event.client is None:

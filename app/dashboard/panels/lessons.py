@@ -134,7 +134,7 @@ class LessonsPanel:
         figure = figure_of_run(course.lesson, run, outcome, course.traces(run), course.predictions(run))
         job = FigureJob(figure, form)
         name = name_of_figure(course.lesson, run, form)
-        self._delivery.give(event, "Figure", name, lambda tell: self._desk.export_jobs.made(job, tell))
+        self._delivery.give(event, "Figure", name, lambda on_progress: self._desk.export_jobs.made(job, on_progress))
 
     def _go(self, course: LessonCourse, by: int) -> None:
         before = course.step.number

@@ -142,10 +142,10 @@ def matrix_note(snapshot: Snapshot, name: str, meaning: str) -> str:
     """Note on a matrix as HTML: meaning, unit, and the values of angles per radian, since r holds angles times a
     length."""
     unit, angular = snapshot.system.units.of_model[name], JOINT.of_model[name]
-    told = [f"{meaning}, {unit}" if unit else meaning]
+    lines = [f"{meaning}, {unit}" if unit else meaning]
     matrix = snapshot.matrices[name]
     if np.count_nonzero(matrix - np.diag(np.diag(matrix))):
-        told.append("not diagonal: its diagonal is shown, the coupling is kept")
+        lines.append("not diagonal: its diagonal is shown, the coupling is kept")
     turning: dict[str, list[str]] = {}
     for coordinate, value in zip(snapshot.coordinates, np.diag(matrix), strict=True):
         if coordinate.metres_per_radian is not None and angular:
@@ -153,23 +153,23 @@ def matrix_note(snapshot: Snapshot, name: str, meaning: str) -> str:
             turning.setdefault(turned, []).append(symbol(coordinate.name).removeprefix("ℓ·"))
     if turning:
         values = "; ".join(f"{', '.join(names)}: {value}" for value, names in turning.items())
-        told.append(f"times ℓ², {values} {angular}")
-    return "<br>".join(told)
+        lines.append(f"times ℓ², {values} {angular}")
+    return "<br>".join(lines)
 
 
 def oscillator_note(snapshot: Snapshot, unit: str) -> str:
     """Note on omega and zeta as HTML: how they are set, and for which coordinates they are special."""
-    told = [f"{unit}, each axis alone. M_m is kept: K_m = M_m ω², B_m = 2ζω M_m."]
+    lines = [f"{unit}, each axis alone. M_m is kept: K_m = M_m ω², B_m = 2ζω M_m."]
     for coordinate, K_e in zip(snapshot.coordinates, pressed_on(snapshot), strict=True):
         name = symbol(coordinate.name)
         if np.isinf(K_e):
-            told.append(f"{name} is held by the rigid surface (42) and does not swing: no ω, no ζ.")
+            lines.append(f"{name} is held by the rigid surface (42) and does not swing: no ω, no ζ.")
         elif K_e > 0.0:
-            told.append(
+            lines.append(
                 f"{name} presses on K̂_e = {written(K_e)} N/m: ω² = (K_m + K_f K̂_e) / M_m is set by K_f. "
                 "K_m is kept: with K_m = 0 the force error vanishes (37)."
             )
-    return "<br>".join(told)
+    return "<br>".join(lines)
 
 
 def _diagonal(name: str, meaning: str, scale: SliderScale) -> _Quantity:

@@ -161,8 +161,8 @@ def table_html(snapshot: Snapshot, window: float, over: Over = "own") -> str:
     heads = "".join(f'<th><i class="vs-dot" style="background: {css(RUNS[p.place])}"></i> {escape(p.title)}</th>'
                     for p in snapshot.pinned)  # fmt: skip
     rows = "".join(_row(metric, metric.units(systems), accounts) for metric in ACCOUNT_METRICS)
-    told = "".join(_told(pinned, snapshot) for pinned in snapshot.pinned)
-    return f'<table class="vs-facts vs-runs"><tr><th></th><th>now</th>{heads}</tr>{rows}</table>{told}'
+    notes = "".join(_pinned_note(pinned, snapshot) for pinned in snapshot.pinned)
+    return f'<table class="vs-facts vs-runs"><tr><th></th><th>now</th>{heads}</tr>{rows}</table>{notes}'
 
 
 def _row(metric: ShownMetric, unit: str, accounts: tuple[Account | None, ...]) -> str:
@@ -184,11 +184,11 @@ def _against(value: float | None, now: float | None) -> str:
     if value is None or now is None or abs(now) < 1e-12:
         return ""
     per_cent = 100.0 * (value - now) / abs(now)
-    told = f"{per_cent:+z.0f} %".replace("-", "−") if abs(per_cent) < 1000 else f"{value / now:.0f} ×"
-    return f' <span class="vs-dim vs-against">({told})</span>'
+    text = f"{per_cent:+z.0f} %".replace("-", "−") if abs(per_cent) < 1000 else f"{value / now:.0f} ×"
+    return f' <span class="vs-dim vs-against">({text})</span>'
 
 
-def _told(pinned: Pinned, snapshot: Snapshot) -> str:
+def _pinned_note(pinned: Pinned, snapshot: Snapshot) -> str:
     """Differences of the pinned run's scenario from the running one, as HTML."""
     different = differences_in_words(snapshot.scenario, pinned.scenario, pinned.system.units)
     what = different or "as now"

@@ -7,7 +7,7 @@ from typing import Any
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Control, Desk, Dropdown, NumberField
-from app.dashboard.widgets.equation import told_of_mode
+from app.dashboard.widgets.equation import mode_summary
 from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, log_scale
 from app.dashboard.widgets.matrix_text import written
 from app.dashboard.widgets.section_controls import field_controls, kind_choice
@@ -138,7 +138,7 @@ class TaskPanel:
             self._force.visible = mode.on_surface
         if self._rotation.visible == snapshot.system.layout.joint:
             self._rotation.visible = not snapshot.system.layout.joint
-        told = escape(told_of_mode(snapshot))
-        self._note.content = f'<div class="vs-note">{mode.title}, {mode.equation}. {told}</div>'
+        summary = escape(mode_summary(snapshot))
+        self._note.content = f'<div class="vs-note">{mode.title}, {mode.equation}. {summary}</div>'
         for control in self._controls:
             control.show(snapshot)

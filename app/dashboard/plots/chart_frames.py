@@ -163,10 +163,10 @@ def _bridged(columns: np.ndarray) -> np.ndarray:
 
 def _absent(column: np.ndarray) -> np.ndarray:
     """Mask (N,) of the points that do not exist, which are infinite, and of unknown points beside these."""
-    points, told = np.arange(len(column)), ~np.isnan(column)
-    before = np.maximum.accumulate(np.where(told, points, 0))
-    after = np.minimum.accumulate(np.where(told, points, len(column) - 1)[::-1])[::-1]
-    return np.isinf(column) | (~told & (np.isinf(column[before]) | np.isinf(column[after])))
+    points, known = np.arange(len(column)), ~np.isnan(column)
+    before = np.maximum.accumulate(np.where(known, points, 0))
+    after = np.minimum.accumulate(np.where(known, points, len(column) - 1)[::-1])[::-1]
+    return np.isinf(column) | (~known & (np.isinf(column[before]) | np.isinf(column[after])))
 
 
 def quantiles(values: np.ndarray, shares: Sequence[float]) -> np.ndarray:

@@ -215,10 +215,10 @@ def reaching_note(snapshot: Snapshot) -> str:
     if snapshot.scenario.controller.switching != "discontinuous":
         stages.append(("layer", epoch.layer_reached, epoch.layer_reached_by))
 
-    def told(name: str, measured: float | None, promised: float | None) -> str:
+    def stage_in_words(name: str, measured: float | None, promised: float | None) -> str:
         after = "not yet" if measured is None else f"<b>{measured - epoch.t:.3g} s</b>"
         by = "not promised" if promised is None else f"promised ≤ <b>{promised - epoch.t:.3g} s</b>"
         return f"{name} reached after {after} ({by})"
 
-    stated = "; ".join(told(*stage) for stage in stages)
+    stated = "; ".join(stage_in_words(*stage) for stage in stages)
     return f"{stated}; s = 0 within {epoch.certificate.t_r:.3g} s by (18); counted from t = {epoch.t:.2f} s"

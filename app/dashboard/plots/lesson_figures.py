@@ -38,8 +38,8 @@ def figure_of_run(
     charts = tuple(
         _chart(block, line, [each for each in traces if each.line.shows(line)], answers, colors) for line in block.show
     )
-    told = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in outcome.told.items())
-    caption = f"{lesson.head.title}: {block.title}." + (f" Measured: {told}." if told else "")
+    text = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in outcome.measurements.items())
+    caption = f"{lesson.head.title}: {block.title}." + (f" Measured: {text}." if text else "")
     return Figure(charts, caption)
 
 

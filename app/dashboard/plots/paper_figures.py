@@ -25,7 +25,7 @@ from app.simulation.recording import Epoch
 from parameters import allowed
 
 EXAMINED = 300  # instants at which the true arm is analysed
-TOLD = 6  # changes of a run, by their instants, in a caption
+MOST_INSTANTS = 6  # changes of a run, by their instants, in a caption
 BESIDE_PLAYBACK = ("Overview",)  # plots beside a 3-D playback
 WIDTH = 0.6  # points of a line on paper for each of its pixels on the page
 
@@ -95,14 +95,14 @@ def figure_of(
     charts = tuple(chart for _, chart in _charts(plots, snapshot, setup, rows, [(r.look, s) for r, s in there]))
     angles = [i for i, each in enumerate(snapshot.coordinates) if each.metres_per_radian is not None]
     system, span = snapshot.system, (float(t[0]), float(t[-1]))
-    told = caption(snapshot.scenario, system.controller, snapshot.matrices, system.units, *span, angles)
+    text = caption(snapshot.scenario, system.controller, snapshot.matrices, system.units, *span, angles)
     changed = _changes(snapshot.recording.epochs, float(t[0]), float(t[-1]))
     drawn = {curve.name for chart in charts for curve in chart.curves if curve.dashes and curve.listed}
-    behind = "".join(_told(run, snapshot) for run, _ in there if run.look.name in drawn)
-    return Figure(charts, f"{told} {changed}{behind}{promised(rows)}")
+    behind = "".join(_pinned_sentence(run, snapshot) for run, _ in there if run.look.name in drawn)
+    return Figure(charts, f"{text} {changed}{behind}{promised(rows)}")
 
 
-def _told(run: PinnedChart, snapshot: Snapshot) -> str:
+def _pinned_sentence(run: PinnedChart, snapshot: Snapshot) -> str:
     """Sentence, with a space behind it, on what is different in a pinned run."""
     return (
         f"{run.look.name}: {differences_in_words(snapshot.scenario, run.scenario, run.units) or 'the same scenario'}. "
@@ -115,7 +115,11 @@ def _changes(epochs: Iterable[Epoch], t_from: float, t_to: float) -> str:
     instants = list(dict.fromkeys(f"{epoch.t:.4g}" for epoch in tuple(epochs) if t_from < epoch.t <= t_to))
     if not instants:
         return ""
-    at = ", ".join(instants) if len(instants) <= TOLD else f"{instants[0]}, … ({len(instants)} times) … {instants[-1]}"
+    at = (
+        ", ".join(instants)
+        if len(instants) <= MOST_INSTANTS
+        else f"{instants[0]}, … ({len(instants)} times) … {instants[-1]}"
+    )
     return f"Changed at t = {at} s: these numbers are those at the end; each line had those of its time. "
 
 
@@ -194,9 +198,9 @@ def _course(values: np.ndarray, t: np.ndarray, *, spectral: bool) -> tuple[np.nd
     if spectral:
         spectrum = amplitude_spectrum(t, values[:, None])
         return spectrum.frequency, spectrum.amplitude[:, 0]
-    told = ~np.isnan(values)
-    absent = np.isinf(values[told])
-    return t[told], np.where(absent, np.nan, values[told])
+    known = ~np.isnan(values)
+    absent = np.isinf(values[known])
+    return t[known], np.where(absent, np.nan, values[known])
 
 
 def title_and_unit(text: str) -> tuple[str, str]:

@@ -28,12 +28,14 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
 from app.storage.link_meshes import link_meshes
-from app.storage.recording_files import Tell, TooLarge
+from app.storage.recording_files import ProgressCallback, TooLarge
 
 PATHS_EVERY = 3  # frames, as on the page
 
 
-def standalone_html(frames: PlaybackFrames, limit: float, tell: Tell, figure: Figure | None = None) -> str:
+def standalone_html(
+    frames: PlaybackFrames, limit: float, on_progress: ProgressCallback, figure: Figure | None = None
+) -> str:
     """HTML page that plays the frames, with a figure beside the scene. limit: its largest size, bytes. Raises
     ValueError where there is no frame, and TooLarge.
 
@@ -41,7 +43,7 @@ def standalone_html(frames: PlaybackFrames, limit: float, tell: Tell, figure: Fi
     """
     if not len(frames):
         raise ValueError("playback: nothing recorded there")
-    html = _html(frames, len(frames), tell)
+    html = _html(frames, len(frames), on_progress)
     if figure is not None:
         html = html.replace("</body>", f"{plots_html(figure, float(frames.signals['t'][0]))}</body>", 1)
     if (size := len(html)) > limit:
@@ -52,13 +54,13 @@ def standalone_html(frames: PlaybackFrames, limit: float, tell: Tell, figure: Fi
 def _too_large(frames: PlaybackFrames, size: float, limit: float) -> str:
     seconds = len(frames) / FRAMES_PER_SECOND
     still = len(_html(frames, 1, lambda _: None))
-    said = f"{seconds:.3g} s of playback make {size / 1e6:.3g} MB; allowed: {limit / 1e6:.3g} MB"
+    sizes = f"{seconds:.3g} s of playback make {size / 1e6:.3g} MB; allowed: {limit / 1e6:.3g} MB"
     if still > limit:
-        return f"{said}, and the scene alone takes {still / 1e6:.3g} MB"
-    return f"{said}, which is about {seconds * (limit - still) / (size - still):.3g} s"
+        return f"{sizes}, and the scene alone takes {still / 1e6:.3g} MB"
+    return f"{sizes}, which is about {seconds * (limit - still) / (size - still):.3g} s"
 
 
-def _html(frames: PlaybackFrames, count: int, tell: Tell) -> str:
+def _html(frames: PlaybackFrames, count: int, on_progress: ProgressCallback) -> str:
     """HTML page with the first `count` frames."""
     times = frames.signals["t"][:count]
     pauses = [*np.diff(times), 1.0 / FRAMES_PER_SECOND]
@@ -74,7 +76,7 @@ def _html(frames: PlaybackFrames, count: int, tell: Tell) -> str:
             if recorder is None:  # only now, so that the recording starts with the scene of the first frame
                 recorder = server.get_scene_serializer()
             recorder.insert_sleep(float(pause))
-            tell(0.9 * (number + 1) / count)
+            on_progress(0.9 * (number + 1) / count)
         assert recorder is not None
         title = escape(frames.scenario.title or frames.scenario.name)
         return recorder.as_html(dark_mode=True).replace("<title>Viser</title>", f"<title>{title}</title>")

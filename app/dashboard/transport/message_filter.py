@@ -1,7 +1,7 @@
 """Filter that every message of every page passes before viser decodes it.
 
 A refused message is dropped, and a page that sends too much waits. Neither ends a connection, since a page that
-reconnects costs more than a message. The log gets one line per page every `TELLING` s, never a traceback.
+reconnects costs more than a message. The log gets one line per page every `LOG_INTERVAL` s, never a traceback.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ BURST = 2000.0
 WEIGHT = 20_000  # bytes that count as one more message
 STEERING = 4.0  # messages as which the setting of a widget counts, which costs the loop; a page sends 20 a second
 WAITING = 2  # frames of a web socket that may wait to be read, of up to 50 MB each
-TELLING = 30.0  # s between two log lines about one page
+LOG_INTERVAL = 30.0  # s between two log lines about one page
 
 
 @dataclass
@@ -110,19 +110,19 @@ class MessageFilter:
 
 
 class _Tally:
-    """Counter of the refused messages of one page, which logs their number every `TELLING` s."""
+    """Counter of the refused messages of one page, which logs their number every `LOG_INTERVAL` s."""
 
     def __init__(self, number: int) -> None:
         self._number = number
-        self._untold = 0
+        self._unlogged = 0
         self._due = 0.0
 
     def note(self, refusal: RefusedMessage) -> None:
-        self._untold += 1
+        self._unlogged += 1
         now = time.monotonic()
         if now >= self._due:
-            log.warning("messages refused", page=self._number, count=self._untold, last=str(refusal))
-            self._untold, self._due = 0, now + TELLING
+            log.warning("messages refused", page=self._number, count=self._unlogged, last=str(refusal))
+            self._unlogged, self._due = 0, now + LOG_INTERVAL
 
 
 def _in_a_line(record: logging.LogRecord) -> bool:

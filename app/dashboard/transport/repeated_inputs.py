@@ -29,10 +29,10 @@ class RepeatedInputs:
             value = message.updates.get("value")
             if isinstance(value, str) and value.endswith(MARKS):
                 text = value.rstrip("".join(MARKS))
-                told = client, text + value[-1], (len(value) - len(text)) % 2 == 0
-                if self._last.get(message.uuid) == told:
+                entry = client, text + value[-1], (len(value) - len(text)) % 2 == 0
+                if self._last.get(message.uuid) == entry:
                     return
-                self._last[message.uuid] = told
+                self._last[message.uuid] = entry
             outcome = handler(client, message)
             if isawaitable(outcome):
                 await outcome

@@ -26,8 +26,8 @@ def connections(server: viser.ViserServer) -> dict[int, ServerConnection]:
     return dict(server._websock_server._live_connections)
 
 
-def on_connection(server: viser.ViserServer, heed: Callable[[ServerConnection, int], None]) -> None:
-    """Call `heed` with the web socket of every page, also of those that are open already, and its client's number.
+def on_connection(server: viser.ViserServer, callback: Callable[[ServerConnection, int], None]) -> None:
+    """Call `callback` with the web socket of every page, also of those that are open already, and its client's number.
 
     Missing: `ViserServer.on_client_connect` is called only after messages of the page have been read.
     """
@@ -36,11 +36,11 @@ def on_connection(server: viser.ViserServer, heed: Callable[[ServerConnection, i
     async def on_connect(client: WebsockClientConnection) -> None:
         connection = websock._live_connections.get(client.client_id)
         if connection is not None:
-            heed(connection, client.client_id)
+            callback(connection, client.client_id)
 
     websock.on_client_connect(on_connect)
     for number, connection in list(websock._live_connections.items()):
-        heed(connection, number)
+        callback(connection, number)
 
 
 class _SetInLoop(asyncio.Event):

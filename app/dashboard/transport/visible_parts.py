@@ -25,10 +25,10 @@ def takes_part(width: int, height: int) -> bool:
 
 class VisibleParts:
     """Visible tabs and scene of every page: the page's script writes them into one of several hidden text fields, since
-    a collapsed panel removes the field in it. heard: called after every report."""
+    a collapsed panel removes the field in it. on_report: called after every report."""
 
-    def __init__(self, heard: Callable[[], None] = lambda: None) -> None:
-        self._heard = heard
+    def __init__(self, on_report: Callable[[], None] = lambda: None) -> None:
+        self._on_report = on_report
         self._marked = {AWAY}  # a page may report any other name, and would fill the memory with them
         self._tabs: dict[int, frozenset[str]] = {}
         self._scenes: dict[int, tuple[int, int]] = {}
@@ -61,7 +61,7 @@ class VisibleParts:
             if found := _SIZE.fullmatch(size):
                 self._scenes[event.client.client_id] = int(found[1]), int(found[2])
             self._reports.update(tabs)
-            self._heard()
+            self._on_report()
 
         field.on_update(from_pages(on_report))
 

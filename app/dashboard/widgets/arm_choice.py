@@ -144,9 +144,9 @@ class ArmVerdict:
     def show(self, snapshot: Snapshot) -> None:
         violated = snapshot.standing.outsiders
         word, look = ("outside", "vs-bad") if violated else ("within", "vs-good")
-        told = chip(f"truth {word} the declared bounds", look)
+        badge = chip(f"truth {word} the declared bounds", look)
         lines = "".join(f'<div class="vs-message vs-bad">{escape(violation)}</div>' for violation in violated)
-        self._html.content = f'<div class="vs-verdict">{told} {_drives(snapshot)}{lines}</div>'
+        self._html.content = f'<div class="vs-verdict">{badge} {_drives(snapshot)}{lines}</div>'
 
 
 def _drives(snapshot: Snapshot) -> str:
@@ -154,6 +154,6 @@ def _drives(snapshot: Snapshot) -> str:
     limits = np.broadcast_to(snapshot.system.plant.truth.torque_limit, snapshot.robot.n)
     if not np.isfinite(limits).any():
         return '<div class="vs-note">torque limit × 0: drives without a limit</div>'
-    told = listed([f"{limit:.3g}" for limit in limits], "N·m", snapshot.robot.slides)
-    note = f'<div class="vs-note">at most {told}, whatever the law asks for</div>'
+    text = listed([f"{limit:.3g}" for limit in limits], "N·m", snapshot.robot.slides)
+    note = f'<div class="vs-note">at most {text}, whatever the law asks for</div>'
     return f"{chip('drives limited', 'vs-warn')}{note}"

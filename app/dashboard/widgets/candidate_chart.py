@@ -9,13 +9,13 @@ from html import escape
 
 import numpy as np
 
-from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, plain, said_html
+from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, caption_html, plain
 from app.storage.joint_kinds import units_of
 from app.sweep.run_metrics import COLUMNS
 from app.sweep.titles import unit_of
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate, front
-from app.tune.question import in_words
+from app.tune.plan import in_words
 
 HEIGHT, FIELD = 224, "vs-candidate-field"
 EDGE = 8  # px, between the axes and the candidates
@@ -26,10 +26,10 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
     """Picture of the candidates so far.
     names: of the gains, by path.
     chosen: number of the previewed candidate, None for none."""
-    told, candidates = _told(tuning), tuning.candidates
+    progress, candidates = _progress_html(tuning), tuning.candidates
     shown = [each for each in candidates if all(map(math.isfinite, each.aims))]
     if not shown:
-        return f'<div class="vs-checks"><div class="vs-note">{told}</div></div>'
+        return f'<div class="vs-checks"><div class="vs-note">{progress}</div></div>'
     aims, best = tuning.tuning.aims, front(candidates[1:])
     at = {each.number: _place(each) for each in shown}
     # what is over a limit, and never offered, lies at the picture's edge where it is beyond the others
@@ -39,7 +39,7 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
     x = {number: LEFT + EDGE + across.share(place[0]) * (RIGHT - LEFT - 2 * EDGE) for number, place in at.items()}
     y = {number: BOTTOM - EDGE - up.share(place[1]) * (BOTTOM - TOP - 2 * EDGE) for number, place in at.items()}
     marks = [
-        _mark(each, x[each.number], y[each.number], _said(tuning, each, names), chosen, in_front=each in best)
+        _mark(each, x[each.number], y[each.number], _label(tuning, each, names), chosen, in_front=each in best)
         for each in sorted(shown, key=lambda each: (each in best, each.number == 0, not each.badge))
     ]
     first, *others = (in_words(aim, units_of(tuning.tuning.scenario)) for aim in aims)
@@ -51,8 +51,8 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
     state = (' data-previewed=""' if chosen is not None else "") + (' data-going=""' if tuning.going else "")
     steps = _front([(x[each.number], y[each.number]) for each in best]) if len(aims) > 1 else ""
     return (
-        f'<div class="vs-checks"><div class="vs-note">{told}. Red: the front; star: the present gains at the start; '
-        f"cross: over a limit, never offered</div>{said_html(FIELD)}"
+        f'<div class="vs-checks"><div class="vs-note">{progress}. Red: the front; star: the present gains at the start'
+        f"; cross: over a limit, never offered</div>{caption_html(FIELD)}"
         f'<svg class="vs-poles vs-tiles" data-field="{FIELD}"{state} viewBox="0 0 {WIDTH} {HEIGHT}" role="group" '
         f'aria-label="candidates: one shows what it would do, chosen again it is applied">'
         f'<path class="axis" fill="none" d="M {LEFT} {TOP} V {BOTTOM} H {RIGHT}"/>{steps}{"".join(marks)}'
@@ -60,7 +60,7 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
     )
 
 
-def _told(tuning: BackgroundTuning) -> str:
+def _progress_html(tuning: BackgroundTuning) -> str:
     """Progress of the search, as HTML."""
     if tuning.problem:
         return escape(tuning.problem)
@@ -69,11 +69,11 @@ def _told(tuning: BackgroundTuning) -> str:
     judged, points = max(len(tuning.candidates) - 1, 0), tuning.tuning.points - 1
     if tuning.complete:
         return f"{judged} candidates in {tuning.runs} runs"
-    told = f"{judged} of {points} candidates, {tuning.runs} of at most {tuning.most} runs"
-    return told if tuning.going else f"{told}, cancelled"
+    progress = f"{judged} of {points} candidates, {tuning.runs} of at most {tuning.most} runs"
+    return progress if tuning.going else f"{progress}, cancelled"
 
 
-def said_of(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
+def description(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
     """Description of a candidate: its gains and aims, in words."""
     units = units_of(tuning.tuning.scenario)
     gains = ", ".join(
@@ -87,10 +87,10 @@ def said_of(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, 
     return f"{gains or 'own gains'}: {metrics}"
 
 
-def _said(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
+def _label(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
     arms = f", worst of {tuning.tuning.seen} arms" if tuning.tuning.draw else ""
     badge = f". Not offered: {candidate.badge}" if candidate.badge else ""
-    return f"{said_of(tuning, candidate, names)}{arms}{badge}"
+    return f"{description(tuning, candidate, names)}{arms}{badge}"
 
 
 def _place(candidate: Candidate) -> tuple[float, float]:
@@ -105,7 +105,7 @@ def _scale(values: np.ndarray, *, of_aim: bool) -> ColorScale:
     return ColorScale(low, high, of_aim and 0.0 < DECADE * low < high)
 
 
-def _mark(candidate: Candidate, x: float, y: float, said: str, chosen: int | None, *, in_front: bool) -> str:
+def _mark(candidate: Candidate, x: float, y: float, label: str, chosen: int | None, *, in_front: bool) -> str:
     if candidate.number == 0:
         shape = f'<path class="vs-own" d="{_star(x, y)}"/>'
     elif candidate.badge:
@@ -116,7 +116,7 @@ def _mark(candidate: Candidate, x: float, y: float, said: str, chosen: int | Non
     ring = f'<circle class="vs-chosen-ring" cx="{x:.1f}" cy="{y:.1f}" r="8"/>' if candidate.number == chosen else ""
     return (
         f'<g data-point="{candidate.number}" data-at="{x:.1f},{HEIGHT - y:.1f}" role="button" '
-        f'tabindex="{0 if candidate.number == 0 else -1}" aria-label="{escape(said)}">'
+        f'tabindex="{0 if candidate.number == 0 else -1}" aria-label="{escape(label)}">'
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="7" fill="transparent"/>{shape}{ring}</g>'
     )
 

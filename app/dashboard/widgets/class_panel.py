@@ -11,7 +11,7 @@ from app.access.classroom import ClassQuestion, Given
 from app.dashboard.theme.colors import ACCENT, css
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.outcome_chart import courses_html
-from app.lessons.class_desk import Asked
+from app.lessons.class_desk import AskedQuestion
 from app.lessons.course import LessonCourse
 from app.lessons.markup import inline_html
 
@@ -67,11 +67,11 @@ class ClassPanel:
                 self._html.content = content
 
 
-def _html(asked: Asked) -> str:
+def _html(asked: AskedQuestion) -> str:
     count = len(asked.answers)
-    told = f"{count} {'answer' if count == 1 else 'answers'}"
+    total = f"{count} {'answer' if count == 1 else 'answers'}"
     shown = "" if asked.question.open else answers_html(asked.question, asked.answers)
-    return f'<div class="vs-lesson vs-class" data-asked="{asked.question.number}"><b>{told}</b>{shown}</div>'
+    return f'<div class="vs-lesson vs-class" data-asked="{asked.question.number}"><b>{total}</b>{shown}</div>'
 
 
 def answers_html(question: ClassQuestion, answers: Sequence[Given]) -> str:

@@ -129,9 +129,9 @@ class NumberField:
             self._let_go(apply=self._text.value.endswith(RELEASED))
             return
         if self._text.value.endswith((SWEPT, MOVED)):
-            told = self._desk.sweep if self._text.value.endswith(SWEPT) else self._desk.let_move
+            action = self._desk.sweep if self._text.value.endswith(SWEPT) else self._desk.let_move
             self._text.value = self._text.value.rstrip("".join(MARKS))
-            told(self.row)
+            action(self.row)
             return
         if not self._text.value.endswith(COMMIT):
             self._answer.expect(self._desk.snapshot(), seconds=60.0)
@@ -165,8 +165,8 @@ class NumberField:
         self._desk.choose(self.row)
         edit = self._place.edit(snapshot, value)
         if self._desk.whatif.on:
-            told, client = f"{written(value)} {self._unit_beside(snapshot)}".rstrip(), event.client.client_id
-            held = HeldControl(edit, self._label, told, self, client, moved=self._moved(snapshot, value))
+            value_text, client = f"{written(value)} {self._unit_beside(snapshot)}".rstrip(), event.client.client_id
+            held = HeldControl(edit, self._label, value_text, self, client, moved=self._moved(snapshot, value))
             self._desk.whatif.hold(held)
         else:
             self._ask(snapshot, edit, seconds=0.5)

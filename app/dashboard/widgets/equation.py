@@ -67,7 +67,7 @@ def _same(line: EquationLine, part: tuple[int, ...], snapshot: Snapshot) -> bool
 def equation_html(snapshot: Snapshot) -> str:
     """Description of the mode, (8) in symbols, and its lines with numbers; the entries that the mode fixes are grey."""
     mode = snapshot.system.mode
-    about = f"{mode.title} {mode.equation}: {told_of_mode(snapshot)} Grey numbers are fixed by the mode."
+    about = f"{mode.title} {mode.equation}: {mode_summary(snapshot)} Grey numbers are fixed by the mode."
     rows = [_general(), *(_row(line, snapshot) for line in lines(snapshot))]
     return (
         '<div class="vs-equation"><div class="vs-row vs-about" tabindex="0">'
@@ -78,7 +78,7 @@ def equation_html(snapshot: Snapshot) -> str:
     )
 
 
-def told_of_mode(snapshot: Snapshot) -> str:
+def mode_summary(snapshot: Snapshot) -> str:
     """Summary of the mode, and under a law other than the robust one, that nothing promises it."""
     summary, law = snapshot.system.mode.summary, snapshot.system.controller.law
     return summary if law.robust else f"{summary} The present law, {law.title}, does not guarantee this."
@@ -168,7 +168,7 @@ def _names(line: EquationLine, snapshot: Snapshot) -> str:
 
 
 def _number(matrix: np.ndarray, indices: tuple[int, ...], _: np.ndarray) -> str:
-    return f"<mn>{_told(matrix[indices[0], indices[0]])}</mn>"
+    return f"<mn>{_formatted(matrix[indices[0], indices[0]])}</mn>"
 
 
 def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> str:
@@ -186,10 +186,10 @@ def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> s
 
 def _entry(value: float, grey: bool) -> str:
     look = ' class="fixed"' if grey else ""
-    return f"<mtd{look}><mn>{_told(value) if value else '·'}</mn></mtd>"
+    return f"<mtd{look}><mn>{_formatted(value) if value else '·'}</mn></mtd>"
 
 
-def _told(value: float) -> str:
+def _formatted(value: float) -> str:
     return short(value).replace("-", "−")
 
 

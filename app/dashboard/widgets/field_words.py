@@ -8,7 +8,7 @@ from app.dashboard.widgets.matrix_text import written
 from app.scenario.data import differences
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
-from app.sweep.titles import said, title_of, unit_of
+from app.sweep.titles import title_of, unit_of, value_in_words
 
 LONGEST = 40  # letters of a value
 TOLD = 4  # differences of two scenarios
@@ -37,7 +37,7 @@ def _value(path: str, value: object, units: Units) -> str:
     if value is None:
         return "the mode's own" if path.startswith("target_model.") else "not given"
     if isinstance(value, bool | str):
-        return said(path, value)
+        return value_in_words(path, value)
     unit = unit_of(path, units)
     if isinstance(value, list | tuple) and value:
         if isinstance(value[0], list | tuple):

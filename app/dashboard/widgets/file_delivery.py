@@ -9,7 +9,7 @@ import structlog
 import viser
 
 from app.export.export_jobs import ExportError
-from app.storage.recording_files import Tell
+from app.storage.recording_files import ProgressCallback
 
 log = structlog.get_logger()
 
@@ -20,7 +20,7 @@ class FileDelivery:
     def __init__(self) -> None:
         self._busy = threading.Lock()
 
-    def give(self, event: viser.GuiEvent, what: str, name: str, make: Callable[[Tell], bytes]) -> None:
+    def give(self, event: viser.GuiEvent, what: str, name: str, make: Callable[[ProgressCallback], bytes]) -> None:
         """Make a file and send it to the page that asked. To be called in a thread that may wait.
         what: name of the file in sentences.
         name: file name.
@@ -39,15 +39,15 @@ class FileDelivery:
             client.send_file_download(name, content, save_immediately=True)
 
 
-def _made(client: viser.ClientHandle, what: str, name: str, make: Callable[[Tell], bytes]) -> bytes | None:
+def _made(client: viser.ClientHandle, what: str, name: str, make: Callable[[ProgressCallback], bytes]) -> bytes | None:
     """Content of the file; None where it could not be made, after a note to the page."""
     note = client.add_notification(what, f"{name} is being made …", loading=True, with_close_button=False)
 
-    def tell(share: float) -> None:
+    def on_progress(share: float) -> None:
         note.body = f"{name} is being made … {share:.0%}"
 
     try:
-        content = make(tell)
+        content = make(on_progress)
     except Exception as error:
         expected = isinstance(error, ExportError | OSError | RuntimeError | ValueError)
         reason = str(error) or type(error).__name__

@@ -10,7 +10,7 @@ import viser
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.transport.page_values import from_pages
 from app.dashboard.widgets.beside_loop import BesideLoop, lasting, typed
-from app.dashboard.widgets.candidate_chart import FIELD, candidates_html, said_of
+from app.dashboard.widgets.candidate_chart import FIELD, candidates_html, description
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import NumberRow
 from app.dashboard.widgets.robustness_map import ARMS
@@ -30,10 +30,10 @@ from app.scenario.data import differences, field_of, with_values
 from app.scenario.errors import ScenarioError
 from app.session.commands import EditAll
 from app.session.snapshot import Snapshot
-from app.storage.recording_files import Tell
+from app.storage.recording_files import ProgressCallback
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate
-from app.tune.question import Tuning, require_sound
+from app.tune.plan import Tuning, require_sound
 from app.tune.running import most_runs
 
 MOST = 4  # gains that a search may vary
@@ -81,7 +81,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._add_length()
         self._seed = gui.add_text("Seed", "0", hint="The same seed has the same answer.")
         self._add_button()
-        self._told = gui.add_html("")
+        self._verdict = gui.add_html("")
         self._file = gui.add_button("This search as a folder", color="gray", visible=False, hint="As `vsmrc tune` has.")
         self._add_mark(FIELD)
         for text in (self._unseen, self._seed):
@@ -152,9 +152,9 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             return
         self._chosen, self._due = candidate.number, 0.0
         name = "own gains" if candidate.number == 0 else f"candidate {candidate.number}"
-        told = said_of(work, candidate, self._names).partition(": ")[0]
+        gains = description(work, candidate, self._names).partition(": ")[0]
         then = LEAVE if candidate.badge and candidate.number else AGAIN
-        self._desk.whatif.hold(HeldControl(edit, name, told, self, client, then))
+        self._desk.whatif.hold(HeldControl(edit, name, gains, self, client, then))
 
     def _edit(self, snapshot: Snapshot, candidate: Candidate) -> EditAll:
         """Command that gives the running scenario the gains of a candidate. Raises ScenarioError."""
@@ -184,8 +184,8 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         job = MadeJob(outcome.zipped, (tuning.tuning, tuning.rows, tuning.found))
         name = file_name(f"{tuning.tuning.scenario.name}-search", self._desk.snapshot().t, "zip")
 
-        def make(tell: Tell) -> bytes:
-            return jobs.made(job, tell)
+        def make(on_progress: ProgressCallback) -> bytes:
+            return jobs.made(job, on_progress)
 
         self._delivery.give(event, "Search", name, make)
 
@@ -201,15 +201,15 @@ class GainSearch(BesideLoop[BackgroundTuning]):
 
     def _drawn(self, work: BackgroundTuning, snapshot: Snapshot) -> str:
         del snapshot
-        told = ""
+        verdict_html = ""
         if work.found is not None:
             from app.tune import outcome  # see `_on_file`
 
             verdict = outcome.verdict(work.tuning, work.found)
             sentences = "".join(f"<div>{escape(sentence)}.</div>" for sentence in verdict)
-            told = f'<div class="vs-note">{sentences}</div>'
-        if self._told.content != told:
-            self._told.content = told
+            verdict_html = f'<div class="vs-note">{sentences}</div>'
+        if self._verdict.content != verdict_html:
+            self._verdict.content = verdict_html
         if self._file.visible != (work.found is not None):
             self._file.visible = work.found is not None
         return candidates_html(work, self._names, self._chosen)

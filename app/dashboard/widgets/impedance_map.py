@@ -11,7 +11,7 @@ import numpy as np
 
 from app.dashboard.theme.colors import SERIES, css
 from app.dashboard.widgets.equation import symbol
-from app.export.response_files import told
+from app.export.response_files import summary
 from app.session.push_measurement import Measured
 from app.simulation.push_response import PushKind, PushResponse, along_axes, passive
 from app.simulation.sampled_frequencies import LOWEST
@@ -48,12 +48,12 @@ def impedance_html(response: PushResponse, points: Sequence[Measured] = (), meas
     sampled, target = response.admittance(frequency), response.target(frequency)
     drawn = _Drawn(response, frequency, along_axes(sampled), along_axes(target), passive(sampled), points)
     maps = "".join(_map(drawn, push, axes) for push, axes in response.kinds.items())
-    said = "<br>".join(escape(line) for line in (*told(response), *([measured] if measured else [])))
+    lines = "<br>".join(escape(line) for line in (*summary(response), *([measured] if measured else [])))
     if not maps:
-        return f'<div class="vs-checks"><div class="vs-note">A push on the tool:<br>{said}</div></div>'
+        return f'<div class="vs-checks"><div class="vs-note">A push on the tool:<br>{lines}</div></div>'
     return (
         f'<div class="vs-checks">{maps}<div class="vs-note">Dashed: the target model (8), solid: the sampled loop; '
-        f"hatched: there the loop gives energy to a sine.<br>{said}</div></div>"
+        f"hatched: there the loop gives energy to a sine.<br>{lines}</div></div>"
     )
 
 

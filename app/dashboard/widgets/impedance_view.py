@@ -24,7 +24,7 @@ from app.session.push_measurement import Measured, chirp_for, decoded, encoded, 
 from app.session.snapshot import Snapshot
 from app.simulation.push_response import PushResponse
 from app.simulation.sampled_stability import RespondingLoop
-from app.storage.recording_files import Tell
+from app.storage.recording_files import ProgressCallback
 
 FIGURES: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
 _SIZES = f"{push_measurement.NEWTONS:g} N, or {push_measurement.NEWTON_METRES:g} N·m,"
@@ -46,10 +46,10 @@ class _Measurement:
     points: Sequence[Measured]
     beside: tuple[str, ...]
 
-    def told(self, response: PushResponse) -> str:
+    def description(self, response: PushResponse) -> str:
         """Words on the measured points, for the text below the map. response: predicted."""
-        told = push_measurement.told(self.points, response, self.beside)
-        return f"dots: a chirp of {_SIZES} from t = {self.t:.2f} s on; {told}"
+        sentence = push_measurement.deviation_sentence(self.points, response, self.beside)
+        return f"dots: a chirp of {_SIZES} from t = {self.t:.2f} s on; {sentence}"
 
 
 class ImpedanceView:
@@ -105,9 +105,9 @@ class ImpedanceView:
             what, table = "force-loop", force_table_of(loop.force_loop)
         name = file_name(f"{snapshot.scenario.name}-{what}", t, FIGURES.get(chosen, "csv"))
 
-        def make(tell: Tell) -> bytes:
+        def make(on_progress: ProgressCallback) -> bytes:
             if chosen in FIGURES:
-                return self._desk.export_jobs.made(FigureJob(figure, FIGURES[chosen]), tell)
+                return self._desk.export_jobs.made(FigureJob(figure, FIGURES[chosen]), on_progress)
             return table.encode()
 
         self._delivery.give(event, "Response", name, make)
@@ -134,4 +134,4 @@ class ImpedanceView:
         elif measurement is None:
             self._html.content = impedance_html(response)
         else:
-            self._html.content = impedance_html(response, measurement.points, measurement.told(response))
+            self._html.content = impedance_html(response, measurement.points, measurement.description(response))

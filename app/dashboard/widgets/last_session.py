@@ -55,7 +55,7 @@ def add_last_session(gui: viser.GuiApi, session: LastSession, order: float, lock
     """Add the offer to the current container, until it is answered. order: place among the other widgets."""
     folder = gui.add_folder("Last session", order=order)
     with folder:
-        text = gui.add_html(_note(session.problem if session.offer is None else _told(session.offer)))
+        text = gui.add_html(_note(session.problem if session.offer is None else _offer_text(session.offer)))
         buttons = [gui.add_button(_GO_ON)] if session.offer is not None else []
         buttons.append(gui.add_button(_NOT, color="gray"))
 
@@ -73,7 +73,7 @@ def add_last_session(gui: viser.GuiApi, session: LastSession, order: float, lock
         text.content = _note("reading …")
 
         def offer_again() -> None:
-            text.content = _note(_told(offer))
+            text.content = _note(_offer_text(offer))
             for button in buttons:
                 button.visible = True
             answering.release()
@@ -103,7 +103,7 @@ def add_last_session(gui: viser.GuiApi, session: LastSession, order: float, lock
     buttons[-1].on_click(guarded(on_dismiss, complain))
 
 
-def _told(offer: Offer) -> str:
+def _offer_text(offer: Offer) -> str:
     when = datetime.fromtimestamp(offer.saved).strftime("%d %b %Y, %H:%M")
     runs = {0: "", 1: " with a pinned run"}.get(len(offer.runs), f" with {len(offer.runs)} pinned runs")
     return f"{offer.scenario.title or offer.scenario.name}{runs}, saved {when}"

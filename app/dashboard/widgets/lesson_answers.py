@@ -51,8 +51,8 @@ class OptionAnswer:
             button.visible = number <= len(options)
             if number <= len(options):
                 text = options[number - 1]
-                for name, told in course.measured.items():
-                    text = text.replace(f"{{{{{name}}}}}", told)
+                for name, measured in course.measured.items():
+                    text = text.replace(f"{{{{{name}}}}}", measured)
                 chosen = answer is not None and answer.given == number
                 button.label = f"{'ABCDE'[number - 1]}  {text}"
                 button.color = None if chosen or answer is None else "gray"

@@ -65,8 +65,8 @@ class LessonList:
         state, label = "", "Begin"
         if done is not None:
             scores = [answer.score for answer in done.answers.values() if answer.score is not None]
-            told = f" {sum(scores):g} of {len(scores)} answers right" if scores else ""
-            state = f"<p>{_state(lesson, done)}{told}</p>"
+            result = f" {sum(scores):g} of {len(scores)} answers right" if scores else ""
+            state = f"<p>{_state(lesson, done)}{result}</p>"
             label = "Take it again" if done.finished else f"Continue at step {done.step}"
         content = (
             f'<div class="vs-lesson vs-prose"><p class="vs-dim">{lesson.head.minutes:g} minutes. '

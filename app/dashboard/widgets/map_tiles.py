@@ -13,8 +13,8 @@ from app.export.ticks import plain_number
 from app.sweep.axes import Axis
 from app.sweep.background import BackgroundSweep
 from app.sweep.charts import wide
+from app.sweep.plan import SweepPlan
 from app.sweep.points import Points, interval
-from app.sweep.question import SweepQuestion
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
 
@@ -82,34 +82,34 @@ class ColorScale(NamedTuple):
 def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, present: Present) -> str:
     """Map as HTML: tiles with their numbers, lines where the declared set and (17) end, a ring at the present values.
     present: values of the axes by path, None for unknown ones."""
-    question, told = sweep.question, _told(sweep)
+    plan, progress = sweep.plan, _progress_html(sweep)
     if points is None:
-        return f'<div class="vs-checks"><div class="vs-note">{told}</div></div>'
+        return f'<div class="vs-checks"><div class="vs-note">{progress}</div></div>'
     numbers = points.number if naming.share else naming.factor * points.number
-    over = ", worst arm" if question.sweep.draw else ""
+    over = ", worst arm" if plan.sweep.draw else ""
     if naming.share:
         over = f", share of the arms that keep the limit of {escape(naming.limit)}"
-    if len(question.sweep.vary) == 1:
-        picture, ends, height = _course(question, points, numbers, naming, present), "", COURSE_HEIGHT
+    if len(plan.sweep.vary) == 1:
+        picture, ends, height = _course(plan, points, numbers, naming, present), "", COURSE_HEIGHT
     else:
-        picture, ends, height = (*_tiles(question, points, numbers, naming, present), HEIGHT)
+        picture, ends, height = (*_tiles(plan, points, numbers, naming, present), HEIGHT)
     going = ' data-going=""' if sweep.going else ""
     return (
-        f'<div class="vs-checks"><div class="vs-note">{escape(naming.title)}{over}: {told}{ends}; '
-        f"{'ring' if len(question.sweep.vary) > 1 else 'blue line'}: the present setting</div>{said_html(FIELD)}"
+        f'<div class="vs-checks"><div class="vs-note">{escape(naming.title)}{over}: {progress}{ends}; '
+        f"{'ring' if len(plan.sweep.vary) > 1 else 'blue line'}: the present setting</div>{caption_html(FIELD)}"
         f'<svg class="vs-poles vs-tiles" data-field="{FIELD}"{going} viewBox="0 0 {WIDTH} {height}" role="group" '
         f'aria-label="{escape(naming.title)}: a tile opens its run">{picture}</svg></div>'
     )
 
 
-def said_html(field: str) -> str:
+def caption_html(field: str) -> str:
     """Line in which the page's script shows the text of the tile under the pointer or with the focus, as HTML."""
     return f'<div class="vs-said" data-of="{field}" aria-hidden="true"></div>'
 
 
-def _told(sweep: BackgroundSweep) -> str:
+def _progress_html(sweep: BackgroundSweep) -> str:
     """Progress of the map, as HTML."""
-    done, count = len(sweep.rows), sweep.question.count
+    done, count = len(sweep.rows), sweep.plan.count
     if sweep.problem:
         return escape(sweep.problem)
     if sweep.waiting:
@@ -117,11 +117,9 @@ def _told(sweep: BackgroundSweep) -> str:
     return f"{done} of {count} runs" + ("" if sweep.going or done == count else ", cancelled")
 
 
-def _tiles(
-    question: SweepQuestion, points: Points, numbers: np.ndarray, naming: Naming, present: Present
-) -> tuple[str, str]:
+def _tiles(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> tuple[str, str]:
     """Picture over two fields, as SVG, and words on its lines."""
-    x, y = question.sweep.vary
+    x, y = plan.sweep.vary
     scale = ColorScale(0.0, 1.0, False) if naming.share else ColorScale.of(numbers)
     frame = _Frame((RIGHT - LEFT) / len(x.values), (BOTTOM - TOP) / len(y.values))
     tiles, declared, theorem = [], {}, {}
@@ -133,10 +131,10 @@ def _tiles(
         color = NOTHING if math.isnan(number) else _color(scale.share(number))
         x_at, y_at = LEFT + i * frame.wide, BOTTOM - (j + 1) * frame.tall
         cross = f'<path d="{_cross(i, j, frame)}" stroke="currentColor"/>' if points.stopped[k] else ""
-        said = escape(_said(question, points, k, number, naming))
+        label = escape(_label(plan, points, k, number, naming))
         tiles.append(
             f'<g data-point="{i * len(y.values) + j}" data-at="{i},{j}" tabindex="{-1 if tiles else 0}" role="button" '
-            f'aria-label="{said}">'
+            f'aria-label="{label}">'
             f'<rect x="{x_at + GAP:.1f}" y="{y_at + GAP:.1f}" '
             f'width="{frame.wide - 2 * GAP:.1f}" height="{frame.tall - 2 * GAP:.1f}" fill="{color}"/>{cross}'
             f'<rect x="{x_at:.2f}" y="{y_at:.2f}" width="{frame.wide:.2f}" height="{frame.tall:.2f}" '
@@ -149,19 +147,19 @@ def _tiles(
     words = ("; red: the edge of the declared set, between two tiles" if red else "") + (
         "; dashed: the edge of where d covers (17)" if dashed else ""
     )
-    drawn = f"{''.join(tiles)}{red}{dashed}{_ring(question, present)}{_ticks(x, y, frame, naming)}{_bar(scale, naming)}"
+    drawn = f"{''.join(tiles)}{red}{dashed}{_ring(plan, present)}{_ticks(x, y, frame, naming)}{_bar(scale, naming)}"
     return drawn, words
 
 
-def _course(question: SweepQuestion, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
+def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
     """Picture over one field, as SVG: a dot for each value, with Wilson's interval where the map shows a share."""
-    (x,) = question.sweep.vary
+    (x,) = plan.sweep.vary
     scale = ColorScale(0.0, 1.0, False) if naming.share else ColorScale.of(numbers)
     wide = (RIGHT - LEFT) / len(x.values)
     dots, line = [], []
     for k in np.argsort(np.asarray(points.values[x.path], dtype=float)):
         number, i = float(numbers[k]), x.values.index(float(points.values[x.path][k]))
-        across, said = LEFT + (i + 0.5) * wide, escape(_said(question, points, int(k), number, naming))
+        across, label = LEFT + (i + 0.5) * wide, escape(_label(plan, points, int(k), number, naming))
         up = BOTTOM if math.isnan(number) else _up(scale.share(number))
         shape = f'<circle cx="{across:.1f}" cy="{up:.1f}" r="3.5" class="vs-dot-of"/>'
         if points.stopped[k] or math.isnan(number):
@@ -172,7 +170,7 @@ def _course(question: SweepQuestion, points: Points, numbers: np.ndarray, naming
             low, high = (_up(end) for end in interval(int(points.good[k]), int(points.arms[k])))
             shape += f'<path d="M {across:.1f} {low:.1f} V {high:.1f}" class="vs-interval"/>'
         dots.append(
-            f'<g data-point="{i}" data-at="{i},0" tabindex="{-1 if dots else 0}" role="button" aria-label="{said}">'
+            f'<g data-point="{i}" data-at="{i},0" tabindex="{-1 if dots else 0}" role="button" aria-label="{label}">'
             f'<rect x="{LEFT + i * wide:.1f}" y="{TOP}" width="{wide:.1f}" height="{BOTTOM - TOP}" fill="transparent"/>'
             f"{shape}</g>"
         )
@@ -198,10 +196,10 @@ def _up(share: float) -> float:
     return BOTTOM - 8 - share * (BOTTOM - TOP - 16)
 
 
-def _said(question: SweepQuestion, points: Points, k: int, number: float, naming: Naming) -> str:
+def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Naming) -> str:
     where = ", ".join(
         f"{naming.axes[axis.path][0]} {plain(float(points.values[axis.path][k]))} {naming.axes[axis.path][1]}".rstrip()
-        for axis in question.sweep.vary
+        for axis in plan.sweep.vary
     )
     arms = int(points.arms[k])
     if points.stopped[k] and not naming.share:
@@ -225,11 +223,13 @@ def _unpromised(points: Points, k: int) -> str:
     if holding == arms:
         return ""
     if arms == 1:
-        told = "; the promise is broken" if broken else "; nothing is promised"
+        sentence = "; the promise is broken" if broken else "; nothing is promised"
     else:
-        told = f"; the promise holds for {holding} of {arms} arms" + (f", and is broken for {broken}" if broken else "")
+        sentence = f"; the promise holds for {holding} of {arms} arms" + (
+            f", and is broken for {broken}" if broken else ""
+        )
     failed = ", ".join(STATEMENTS[Premise[name.upper()]].title for name in points.failed[k])
-    return f"{told}; not met: {failed}" if failed else told
+    return f"{sentence}; not met: {failed}" if failed else sentence
 
 
 def _color(share: float) -> str:
@@ -265,9 +265,9 @@ def _place(axis: Axis, value: float | None) -> float | None:
     return float(np.interp(value, values, np.arange(len(values)))) + 0.5
 
 
-def _ring(question: SweepQuestion, present: Present) -> str:
+def _ring(plan: SweepPlan, present: Present) -> str:
     """Ring at the present values, as SVG; "" where they are not on the map."""
-    x, y = question.sweep.vary
+    x, y = plan.sweep.vary
     i, j = (_place(axis, present.get(axis.path)) for axis in (x, y))
     if i is None or j is None:
         return ""

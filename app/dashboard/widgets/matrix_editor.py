@@ -95,7 +95,7 @@ class MatrixEditor:
         self._over.precision = 3
         self._over.on_update(from_pages(self._on_over))
         self._seconds = 0.0
-        self._told: tuple[object, str] | None = None
+        self._blend_note: tuple[object, str] | None = None
         self._buttons = gui.add_button_group("", ("apply all", "discard"))
         self._buttons.on_click(self._on_button)
         self._note = gui.add_html("")
@@ -161,21 +161,21 @@ class MatrixEditor:
         if not self._draft.texts:
             return ""
         try:
-            told = f"{', '.join(self._draft.matrices())}: not applied yet."
+            sentence = f"{', '.join(self._draft.matrices())}: not applied yet."
         except ValueError as error:
-            told = str(error)
-        return f'<div class="vs-checks"><div class="vs-message vs-warn">{escape(told)}</div></div>'
+            sentence = str(error)
+        return f'<div class="vs-checks"><div class="vs-message vs-warn">{escape(sentence)}</div></div>'
 
     def _blend(self, snapshot: Snapshot) -> str:
         """Note on the blend to the draft, as HTML. Kept until the draft changes, since eigenvalues take long."""
         key = (snapshot.scenario, snapshot.blending, self._draft, self._seconds)
-        if self._told is None or self._told[0] != key:
+        if self._blend_note is None or self._blend_note[0] != key:
             try:
                 edit = self.edit(snapshot) if self._seconds else None
             except ValueError:  # `_pending` shows it
                 edit = None
-            self._told = (key, blend_html(snapshot, edit))
-        return self._told[1]
+            self._blend_note = (key, blend_html(snapshot, edit))
+        return self._blend_note[1]
 
     def _accepted(self, snapshot: Snapshot) -> bool:
         """Whether the draft has been sent and accepted; a refused draft stays, to be corrected."""

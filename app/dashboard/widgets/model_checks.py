@@ -96,12 +96,12 @@ def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
     try:
         certificate = None if edit is None else judge_blend(snapshot, edit)
     except InvalidGain as error:
-        look, told = "vs-bad", f"refused: {error}"
+        look, sentence = "vs-bad", f"refused: {error}"
     else:
         if certificate is None:
             return ""
-        look, told = "vs-good" if certificate.stable else "vs-bad", certificate.sentence
-    return f'<div class="vs-checks"><div class="vs-message {look}">blend: {escape(told)}</div></div>'
+        look, sentence = "vs-good" if certificate.stable else "vs-bad", certificate.sentence
+    return f'<div class="vs-checks"><div class="vs-message {look}">blend: {escape(sentence)}</div></div>'
 
 
 def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:

@@ -161,18 +161,20 @@ def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
     places = ((event, (event.t - snapshot.first) / known) for event in events if known > 0.0)
     ticks = "".join(
         f'<i class="vs-tick vs-{event.kind}" data-seek="{event.t:.4f}" style="left:{share:.1%}" '
-        f'title="{escape(told)}"></i>'
-        for event, share, told in apart([place for place in places if 0.0 <= place[1] <= 1.0], snapshot.latest.units)
+        f'title="{escape(description)}"></i>'
+        for event, share, description in apart(
+            [place for place in places if 0.0 <= place[1] <= 1.0], snapshot.latest.units
+        )
     )
     return f'<div class="vs-ticks" data-live>{ticks}</div>'
 
 
 class Tick(NamedTuple):
-    """Tick of an event. share: its position on the timeline. told: what happened, also just before, in words."""
+    """Tick of an event. share: its position on the timeline. description: what happened, also just before, in words."""
 
     event: Event
     share: float
-    told: str
+    description: str
 
 
 def apart(places: list[tuple[Event, float]], units: Units) -> list[Tick]:
@@ -186,13 +188,15 @@ def apart(places: list[tuple[Event, float]], units: Units) -> list[Tick]:
         number = following.get(event.kind)
         if number is None or ticks[number].share - share >= APART:
             following[event.kind] = len(ticks)
-            ticks.append(Tick(event, share, _told(event, units)))
-        elif len(ticks[number].told) < ROOM:
-            ticks[number] = ticks[number]._replace(told=f"{_told(event, units)}\n{ticks[number].told}")
+            ticks.append(Tick(event, share, _event_text(event, units)))
+        elif len(ticks[number].description) < ROOM:
+            ticks[number] = ticks[number]._replace(
+                description=f"{_event_text(event, units)}\n{ticks[number].description}"
+            )
     return ticks[::-1]
 
 
-def _told(event: Event, units: Units) -> str:
+def _event_text(event: Event, units: Units) -> str:
     words = [field_in_words(path, value, units) for path, value in event.changed[:NAMED]]
     more = ["…"] if len(event.changed) > NAMED else []
     return f"{event.t:.2f} s: {'; '.join(words + more) or event.what}"

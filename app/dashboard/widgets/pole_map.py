@@ -118,7 +118,7 @@ def _ray(zeta: float) -> str:
 def _mark(pole: Pole, low: int, high: int, look: str, number_of: int | None = None) -> str:
     x, y = _place(pole, low, high)
     imaginary = f" ± {pole.value.imag:.4g} j" if pole.value.imag > _SAME * pole.omega else ""
-    told = f"{pole.value.real:.4g}{imaginary} 1/s, ω = {pole.omega:.4g} rad/s, ζ = {pole.zeta:.3g}, {pole.count} poles"
+    tip = f"{pole.value.real:.4g}{imaginary} 1/s, ω = {pole.omega:.4g} rad/s, ζ = {pole.zeta:.3g}, {pole.count} poles"
     shape = (
         f'<path d="M {x - 4.5:.1f} {y - 4.5:.1f} l 9 9 m 0 -9 l -9 9"/>'
         if look == "now"
@@ -130,6 +130,6 @@ def _mark(pole: Pole, low: int, high: int, look: str, number_of: int | None = No
         else ""
     )
     if number_of is None:
-        return f'<g class="{look}"><title>{escape(told)}</title>{shape}{number}</g>'
+        return f'<g class="{look}"><title>{escape(tip)}</title>{shape}{number}</g>'
     grip = f'<circle class="grip" cx="{x:.1f}" cy="{y:.1f}" r="11"/>'
-    return f'<g class="{look}" data-pole="{number_of}"><title>{escape(told)}; drag it</title>{grip}{shape}{number}</g>'
+    return f'<g class="{look}" data-pole="{number_of}"><title>{escape(tip)}; drag it</title>{grip}{shape}{number}</g>'

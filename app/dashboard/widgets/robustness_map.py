@@ -30,11 +30,11 @@ from app.scenario.units import Units
 from app.session.commands import Perform, Pin
 from app.session.snapshot import Snapshot
 from app.storage.joint_kinds import units_of
-from app.storage.recording_files import Tell
+from app.storage.recording_files import ProgressCallback
 from app.sweep import charts
 from app.sweep.background import BackgroundSweep
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import Points, SweepView, points_of
-from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.run_metrics import COLUMNS, RunMetrics, columns_of
 from app.sweep.titles import unit_of
 
@@ -97,7 +97,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
     def _begin(self, snapshot: Snapshot) -> BackgroundSweep:
         asked = self._asked(snapshot)
         return self._desk.share.begin(
-            lambda allowance: BackgroundSweep(asked, allowance.workers, allowance.at_once), SweepQuestion(asked).count
+            lambda allowance: BackgroundSweep(asked, allowance.workers, allowance.at_once), SweepPlan(asked).count
         )
 
     def _on_file(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
@@ -105,7 +105,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         sweep, chosen = self._work, event.target.value
         if sweep is None or not sweep.rows:
             return
-        asked, rows, view, jobs = sweep.question.sweep, list(sweep.rows), self._view, self._desk.export_jobs
+        asked, rows, view, jobs = sweep.plan.sweep, list(sweep.rows), self._view, self._desk.export_jobs
         if chosen == FOLDER:
             from app.sweep import folder  # here: pyarrow is large, and few sessions need it
 
@@ -115,8 +115,8 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
             job, extension = MadeJob(charts.chart, (asked, columns_of(rows), view, form)), form
         name = file_name(f"{asked.scenario.name}-map", self._desk.snapshot().t, extension)
 
-        def make(tell: Tell) -> bytes:
-            return jobs.made(job, tell)
+        def make(on_progress: ProgressCallback) -> bytes:
+            return jobs.made(job, on_progress)
 
         self._delivery.give(event, "Map", name, make)
 
@@ -145,15 +145,15 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
             return
         if self._desk.lock.refuses("the run of a tile"):
             return
-        metric, question = self._view.metric, work.question
+        metric, plan = self._view.metric, work.plan
         worst = max(rows, key=lambda row: badness(row, metric))
         try:
-            scenario = question.scenario(question.row(worst["row"]))
+            scenario = plan.scenario(plan.row(worst["row"]))
         except ScenarioError as error:
             self._desk.complain(str(error))
             return
-        named = msgspec.structs.replace(scenario, name=question.sweep.scenario.name)
-        snapshot, end = self._desk.snapshot(), question.sweep.length
+        named = msgspec.structs.replace(scenario, name=plan.sweep.scenario.name)
+        snapshot, end = self._desk.snapshot(), plan.sweep.length
         if snapshot.scenario != self._opened and len(snapshot.recording):
             self._desk.post(Pin(may_be_pinned=True))
         self._opened = named
@@ -185,7 +185,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
 
     def _points(self, sweep: BackgroundSweep) -> Points | None:
         rows = sweep.rows
-        return points_of(sweep.question.sweep, columns_of(rows), self._view) if rows else None
+        return points_of(sweep.plan.sweep, columns_of(rows), self._view) if rows else None
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the map so far, and the units of the ranges and the limit."""
@@ -198,8 +198,8 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
     def _drawn(self, work: BackgroundSweep, snapshot: Snapshot) -> str:
         if self._files.visible != bool(work.rows):
             self._files.visible = bool(work.rows)
-        present = {axis.path: self._fields[axis.path].value(snapshot) for axis in work.question.sweep.vary}
-        return map_html(work, self._points(work), self._naming(units_of(work.question.sweep.scenario)), present)
+        present = {axis.path: self._fields[axis.path].value(snapshot) for axis in work.plan.sweep.vary}
+        return map_html(work, self._points(work), self._naming(units_of(work.plan.sweep.scenario)), present)
 
 
 def badness(row: RunMetrics, metric: str) -> tuple[bool, float]:

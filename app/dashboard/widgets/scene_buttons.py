@@ -101,8 +101,8 @@ def push_title(snapshot: Snapshot) -> str:
     """Title of the button that pushes, with the push that it would begin."""
     truth = pushed(snapshot.scenario, snapshot.system.robot, snapshot.t).truth
     sizes = [(math.hypot(*truth.push), "N"), (math.hypot(*truth.push_moment), "N·m")]
-    told = " and ".join(f"{size:.3g} {unit}" for size, unit in sizes if size)
-    return f"{'Push' if sizes[0][0] else 'Turn'} with {told}"
+    sizes_text = " and ".join(f"{size:.3g} {unit}" for size, unit in sizes if size)
+    return f"{'Push' if sizes[0][0] else 'Turn'} with {sizes_text}"
 
 
 def reaching(snapshot: Snapshot) -> ShowAgain | None:

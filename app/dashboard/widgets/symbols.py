@@ -52,9 +52,9 @@ def values_html(snapshot: Snapshot) -> str:
     """Present values of the symbols, as invisible HTML."""
     recording, t = snapshot.recording, snapshot.t
     row = recording.at(t) if len(recording) and t >= recording.first else {}
-    told = {
+    values = {
         symbol.written: value
         for symbol in GLOSSARY
         if (row or not symbol.signal) and (value := symbol.value(row, snapshot.system, snapshot.matrices))
     }
-    return f'<data data-live id="vs-values" value="{escape(msgspec.json.encode(told).decode())}"></data>'
+    return f'<data data-live id="vs-values" value="{escape(msgspec.json.encode(values).decode())}"></data>'

@@ -44,11 +44,11 @@ def changed(scenario: Scenario, edit: Edit | EditAll) -> Scenario:
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """Subject of the newest question.
+class _RequestKey:
+    """Subject of the newest request.
     base: running scenario.
     horizon: s, length of the preview.
-    push, arms: see `Question`.
+    push, arms: see `PreviewRequest`.
     t: instant at which the preview begins, s."""
 
     edit: Edit | EditAll
@@ -80,7 +80,7 @@ class WhatIf:
     """Previews of one slider at a time, from all pages. Widgets call `hold` and `let_go`, the drawing loop `look`.
 
     wake: called where the drawing loop should not wait for its next frame: a slider has moved, or an answer has come.
-    push, arms: see `Question`.
+    push, arms: see `PreviewRequest`.
     outlook: preview to draw, None for none.
     refusal: reason why there is no preview, in a sentence.
     """
@@ -93,7 +93,7 @@ class WhatIf:
         self.held: HeldControl | None = None
         self.outlook: Outlook | None = None
         self.refusal = ""
-        self._asked: _Asked | None = None
+        self._asked: _RequestKey | None = None
         self._applied: _Applied | None = None
         self._run = -1
 
@@ -140,7 +140,7 @@ class WhatIf:
         return EditAll({path: old for path, (old, _) in differences(applied.before, applied.after).items()})
 
     def look(self, snapshot: Snapshot, clients: Collection[int]) -> bool:
-        """Ask the question of the held slider, and take answers. Returns whether the preview to draw has changed."""
+        """Request the preview of the held slider, and take answers. Returns whether the preview to draw has changed."""
         held = self.held
         if held is not None and (held.client not in clients or snapshot.run != self._run):
             self.held = held = None  # the page was closed with the slider held, or another run has begun
@@ -169,7 +169,8 @@ class WhatIf:
         return False
 
     def _ask(self, held: HeldControl, snapshot: Snapshot) -> None:
-        asked, now = self._asked, _Asked(held.edit, snapshot.scenario, self.horizon, self.push, self.arms, snapshot.t)
+        now = _RequestKey(held.edit, snapshot.scenario, self.horizon, self.push, self.arms, snapshot.t)
+        asked = self._asked
         moved = asked is None or replace(asked, base=now.base, t=now.t) != now
         if not moved and (now == asked or not self._previewer.idle):
             return
@@ -180,7 +181,7 @@ class WhatIf:
             self._previewer.drop()
             self.outlook, self.refusal = None, str(error)
         else:
-            # the same question from a later state replaces a complete drawing, which must not grow from nothing again
+            # the same request from a later state replaces a complete drawing, which must not grow from nothing again
             self._previewer.ask(
                 snapshot.state, scenario, self.horizon, partial=moved, push=self.push, compared=True, arms=self.arms
             )

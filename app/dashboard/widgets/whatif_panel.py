@@ -49,7 +49,7 @@ class WhatIfPanel:
             self._revert = gui.add_button("Revert", hint="Esc while the slider is held.")
         self._revert.on_click(self._on_revert)
         self._window.float(x=-12, y=12, width=330)
-        self._told, self._until = "", -math.inf
+        self._head, self._until = "", -math.inf
 
     async def _on_switch(self, _: PageEvent) -> None:
         self._desk.whatif.on = self._horizon.visible = self._push.visible = self._on.value
@@ -77,12 +77,12 @@ class WhatIfPanel:
         held = whatif.held
         if held is not None:
             self._until = now + _SHOWN
-            self._told = f"<span>{escape(held.label)} = <b>{escape(held.value)}</b></span>"
-            self._html.content = _html(self._told, held.then, self._body(snapshot.system.units))
+            self._head = f"<span>{escape(held.label)} = <b>{escape(held.value)}</b></span>"
+            self._html.content = _html(self._head, held.then, self._body(snapshot.system.units))
         elif whatif.undo(snapshot) is None:
             self._until = -math.inf
         else:
-            self._html.content = _html(self._told, "applied", "")
+            self._html.content = _html(self._head, "applied", "")
         visible = now < self._until
         if self._window.visible != visible:
             self._window.visible = visible
@@ -115,21 +115,21 @@ def _of_band(outlook: Outlook) -> str:
         return ""
     so_far = "" if band.reach >= outlook.metrics.span else f", the next {band.reach:.1f} s"
     arms = f"{band.arms} true arms of the declared set{so_far}"
-    told = f'<div class="vs-dim">shaded: {arms}; darker: 5 % to 95 % of them</div>'
+    html = f'<div class="vs-dim">shaded: {arms}; darker: 5 % to 95 % of them</div>'
     if band.stopped:
-        told += f'<div class="vs-message vs-warn">{band.stopped} of them stop: {escape(band.because)}</div>'
-    return told
+        html += f'<div class="vs-message vs-warn">{band.stopped} of them stop: {escape(band.because)}</div>'
+    return html
 
 
 @dataclass(frozen=True)
 class _Row:
     """Row of the table of final values.
     value: returns the row's value as text, None where it has no meaning.
-    told: returns a text beside the title, such as a predicted value, None for none."""
+    note: returns a text beside the title, such as a predicted value, None for none."""
 
     title: str
     value: Callable[[PreviewMetrics], str | None]
-    told: Callable[[PreviewMetrics], str | None] = lambda _: None
+    note: Callable[[PreviewMetrics], str | None] = lambda _: None
 
 
 def _rows(units: Units) -> tuple[_Row, ...]:
@@ -181,9 +181,9 @@ def _table(metrics: PreviewMetrics, today: PreviewMetrics | None, units: Units) 
     for row in _rows(units):
         if (value := row.value(metrics)) is None:
             continue
-        told = f'<br><span class="vs-dim">{text}</span>' if (text := row.told(metrics)) else ""
+        beside = f'<br><span class="vs-dim">{text}</span>' if (text := row.note(metrics)) else ""
         before = "…" if today is None else row.value(today) or "—"
-        lines.append(f"<tr><td>{row.title}{told}</td><td><b>{value}</b></td><td>{before}</td></tr>")
+        lines.append(f"<tr><td>{row.title}{beside}</td><td><b>{value}</b></td><td>{before}</td></tr>")
     return f'<table class="vs-facts vs-foreseen">{"".join(lines)}</table>'
 
 

@@ -1,4 +1,4 @@
-"""Question of a sweep: a scenario, what is varied, the true arms that are drawn, and so each of its runs."""
+"""Plan of a sweep: a scenario, what is varied, the true arms that are drawn, and so each of its runs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from parameters import allowed
 MOST_ROWS = 10_000_000
 UNREAD = ("name", "title")  # fields on which no run depends
 LARGEST_FILE = 4_000_000  # bytes of sweep.toml
-LONGEST_VALUE, MOST_TOLD = 80, 4  # letters of a value, and differences, in the refusal of another folder
+LONGEST_VALUE, MOST_NAMED = 80, 4  # letters of a value, and differences, in the refusal of another folder
 LONGEST_NAME = 150  # letters of the scenario's name in that of a run's or a candidate's
 FILE = "sweep.toml"
 DURATION = "simulation.duration"
@@ -85,7 +85,7 @@ class Sweep(Struct, frozen=True, forbid_unknown_fields=True):
         return 0 if self.draw else 1
 
 
-Asked = TypeVar("Asked", bound=Sweep)
+SweepT = TypeVar("SweepT", bound=Sweep)
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class SweepRow:
     values: dict[str, Value]
 
 
-class SweepQuestion:
+class SweepPlan:
     """A sweep with its runs. Raises ScenarioError where it makes no sense."""
 
     def __init__(self, sweep: Sweep) -> None:
@@ -150,7 +150,7 @@ class SweepQuestion:
             return {axis.path: axis.values[int(k)] for axis, k in zip(axes, places, strict=True)}
         return {axis.path: axis.at(float(u)) for axis, u in zip(axes, self._shares[point], strict=True)}
 
-    def told(self, row: SweepRow) -> dict[str, Any]:
+    def key_columns(self, row: SweepRow) -> dict[str, Any]:
         """Columns of the table that identify a run."""
         varied = {
             axis.path: row.values[axis.path] if axis.numeric else str(row.values[axis.path])
@@ -216,8 +216,8 @@ def _require_sound(sweep: Sweep) -> None:
             _require_known(sweep.scenario, axis.path, value)
     points = math.prod(len(axis.values) for axis in sweep.vary) if sweep.design == "grid" else sweep.points
     if (runs := points * sweep.arms) > MOST_ROWS:
-        told = f"{min(runs, 10**300):.3g}"  # of a number of any length
-        raise ScenarioError(f"{sweep.noun}: {told} runs; allowed: at most {MOST_ROWS:.0e}")
+        number = f"{min(runs, 10**300):.3g}"  # of a number of any length
+        raise ScenarioError(f"{sweep.noun}: {number} runs; allowed: at most {MOST_ROWS:.0e}")
     if sweep.arms > sweep.own_arms and (stated := _stated_bound(sweep)):
         asked = "draw" if sweep.draw else sweep.noun
         own = ", or the scenario's own arm, without --draw" if sweep.arms == sweep.draw else ""
@@ -302,7 +302,7 @@ def to_toml(sweep: Sweep) -> str:
     return text
 
 
-def read(path: Path, kind: type[Asked] = Sweep) -> Asked:
+def read(path: Path, kind: type[SweepT] = Sweep) -> SweepT:
     """Sweep, or another question of this kind, of a file. Raises ScenarioError."""
     try:
         with path.open("rb") as file:
@@ -318,8 +318,8 @@ def read(path: Path, kind: type[Asked] = Sweep) -> Asked:
     try:
         return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
-        told = struct_refusal(error, data, kind)
-        raise ScenarioError(f"{path}: {told} (`vsmrc {Path(kind.file).stem}` writes this file)") from error
+        reason = struct_refusal(error, data, kind)
+        raise ScenarioError(f"{path}: {reason} (`vsmrc {Path(kind.file).stem}` writes this file)") from error
     except RecursionError as error:
         raise ScenarioError(f"{path}: nested without end; allowed: a {kind.file} as it was written") from error
 
@@ -335,11 +335,11 @@ def differences(kept: Sweep, asked: Sweep) -> dict[str, tuple[object, object]]:
     return {path: (one, other) for path, (one, other) in pairs.items() if one != other}
 
 
-def difference_told(found: Mapping[str, tuple[object, object]]) -> str:
+def differences_in_words(found: Mapping[str, tuple[object, object]]) -> str:
     """Differences of two sweeps in words, the first few of them; "" where only the program is another one."""
-    told = [f"{path} {_short(a)} there, {_short(b)} here" for path, (a, b) in found.items() if path != "program"]
-    more = f"; and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
-    return "; ".join(told[:MOST_TOLD]) + more
+    texts = [f"{path} {_short(a)} there, {_short(b)} here" for path, (a, b) in found.items() if path != "program"]
+    more = f"; and {len(texts) - MOST_NAMED} more" if len(texts) > MOST_NAMED else ""
+    return "; ".join(texts[:MOST_NAMED]) + more
 
 
 def _short(value: object) -> str:

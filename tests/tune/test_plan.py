@@ -8,8 +8,8 @@ import pytest
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.sweep.axes import Axis
-from app.sweep.question import SweepQuestion, SweepRow
-from app.tune.question import Tuning, moved, require_sound
+from app.sweep.plan import SweepPlan, SweepRow
+from app.tune.plan import Tuning, moved, require_sound
 from app.tune.search import Search
 
 TUNING = Tuning(
@@ -99,12 +99,12 @@ def test_a_tuning_that_makes_no_sense_is_refused(changes: dict[str, object], sen
 @pytest.mark.parametrize("draw", [0, 2])
 def test_the_arms_that_the_search_does_not_see_are_others_inside_the_declared_set(draw: int) -> None:
     tuning = msgspec.structs.replace(TUNING, draw=draw, unseen=3)
-    question = SweepQuestion(tuning)
-    truths = [question.scenario(SweepRow(arm, 0, arm, {})).truth for arm in range(tuning.arms)]
+    plan = SweepPlan(tuning)
+    truths = [plan.scenario(SweepRow(arm, 0, arm, {})).truth for arm in range(tuning.arms)]
     assert len(set(truths)) == tuning.arms == max(draw, 1) + 3
     assert (truths[0] == tuning.scenario.truth) == (draw == 0)
     other = SweepRow(tuning.arms, 1, 1, {"controller.layer": 0.02})
-    assert question.scenario(other).truth == truths[1]  # the same for every candidate
+    assert plan.scenario(other).truth == truths[1]  # the same for every candidate
 
 
 def test_a_rounded_candidate_stays_within_its_range() -> None:

@@ -1,4 +1,4 @@
-"""Question of a tuning: the gains that may move, the metrics that count, the arms, and how many candidates."""
+"""Plan of a tuning: the gains that may move, the metrics that count, the arms, and how many candidates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from app.simulation.controller_builder import mode_of
 from app.simulation.environment_builder import positions_of, robot_of
 from app.sweep.axes import Axis
 from app.sweep.fingerprint import fingerprint
-from app.sweep.question import Design, Sweep, SweepQuestion, arms_differ
+from app.sweep.plan import Design, Sweep, SweepPlan, arms_differ
 from app.sweep.run_metrics import COLUMNS
 from parameters import allowed
 
@@ -79,7 +79,7 @@ def require_sound(tuning: Tuning) -> None:
             f"--unseen {tuning.unseen}: true arms that are all alike, since no quantity that is drawn is declared; "
             "allowed: a bound above 0, such as declared.link_scaling, or --unseen 1 without --draw"
         )
-    SweepQuestion(tuning)
+    SweepPlan(tuning)
 
 
 def _known(scenario: Scenario) -> list[str]:

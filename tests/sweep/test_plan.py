@@ -13,12 +13,12 @@ from app.scenario.declared_bounds import outside
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Declared
 from app.scenario.units import CARTESIAN
-from app.sweep import question
+from app.sweep import plan
 from app.sweep.axes import Axis, axis_of, fitted
 from app.sweep.fingerprint import fingerprint
-from app.sweep.question import Sweep, SweepQuestion
+from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_store import RunStore
-from app.tune.question import Tuning
+from app.tune.plan import Tuning
 
 BASE = shipped()["planar3r-hybrid"]
 BARE = msgspec.structs.replace(BASE, declared=Declared(payload_offset=0.1))  # without a payload, no arm differs
@@ -30,7 +30,7 @@ def sweep_of(*vary: str, **fields: object) -> Sweep:
 
 
 def test_a_grid_has_every_value_with_every_other_one_and_every_arm() -> None:
-    asked = SweepQuestion(sweep_of("contact.K_e=1e3:1e5:3:log", "controller.law=vsmrc,computed-torque", draw=2))
+    asked = SweepPlan(sweep_of("contact.K_e=1e3:1e5:3:log", "controller.law=vsmrc,computed-torque", draw=2))
     rows = [asked.row(number) for number in range(asked.count)]
     assert asked.count == 12
     assert [(row.point, row.arm) for row in rows] == [(k // 2, k % 2) for k in range(12)]
@@ -42,14 +42,13 @@ def test_a_grid_has_every_value_with_every_other_one_and_every_arm() -> None:
 
 
 def test_the_same_arms_at_every_point_within_what_is_declared_and_at_its_corners_on_demand() -> None:
-    inside = SweepQuestion(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=7))
-    corners = SweepQuestion(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=7, corners=True))
+    inside = SweepPlan(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=7))
+    corners = SweepPlan(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=7, corners=True))
     first = [inside.scenario(inside.row(arm)).truth for arm in range(40)]
     assert [inside.scenario(inside.row(80 + arm)).truth for arm in range(40)] == first
     assert len(set(first)) == 40
     assert (
-        SweepQuestion(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=8)).scenario(inside.row(0)).truth
-        not in first
+        SweepPlan(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=8)).scenario(inside.row(0)).truth not in first
     )
     for asked in (inside, corners):
         assert all(outside(asked.scenario(asked.row(number)), CARTESIAN) == () for number in range(asked.count))
@@ -64,13 +63,13 @@ def test_the_same_arms_at_every_point_within_what_is_declared_and_at_its_corners
 
 def test_what_is_not_drawn_of_the_truth_stays() -> None:
     pushed = msgspec.structs.replace(BASE, truth=msgspec.structs.replace(BASE.truth, push=(3.0, 0.0, 0.0)))
-    asked = SweepQuestion(msgspec.structs.replace(sweep_of("controller.K_s=20:80:2", draw=1), scenario=pushed))
+    asked = SweepPlan(msgspec.structs.replace(sweep_of("controller.K_s=20:80:2", draw=1), scenario=pushed))
     assert asked.scenario(asked.row(0)).truth.push == (3.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("design", ["latin", "sobol"])
 def test_a_design_fills_its_ranges_evenly(design: str) -> None:
-    asked = SweepQuestion(
+    asked = SweepPlan(
         sweep_of("contact.K_e=1e3:1e5:log", "controller.K_s=20:80", "controller.law=vsmrc,pd-gravity",
                  design=design, points=64, seed=3)
     )  # fmt: skip
@@ -81,12 +80,12 @@ def test_a_design_fills_its_ranges_evenly(design: str) -> None:
         assert (shares <= 1.0).all()
         assert np.histogram(shares, 8, (0.0, 1.0))[0].tolist() == [8] * 8
     assert [each["controller.law"] for each in values].count("vsmrc") == 32
-    assert asked.values_at(5) == SweepQuestion(asked.sweep).values_at(5)
+    assert asked.values_at(5) == SweepPlan(asked.sweep).values_at(5)
 
 
 def test_entries_of_a_list_are_varied(tmp_path: Path) -> None:
     impedance = shipped()["ur5-impedance"]
-    asked = SweepQuestion(
+    asked = SweepPlan(
         msgspec.structs.replace(sweep_of(), scenario=impedance, vary=(axis_of("target_model.K_m.2=1:3:3"),))
     )
     before, after = impedance.target_model.K_m, asked.scenario(asked.row(1)).target_model.K_m
@@ -94,22 +93,22 @@ def test_entries_of_a_list_are_varied(tmp_path: Path) -> None:
     assert after == (before[0], 2.0, *before[2:])
     matrix = edited(impedance, "target_model.K_m", (100.0 * np.eye(6)).tolist())
     assert np.array(with_value(matrix, "target_model.K_m.2.3", 7.0).target_model.K_m)[1, 2] == 7.0
-    (tmp_path / question.FILE).write_text(question.to_toml(asked.sweep))
-    assert question.read(tmp_path / question.FILE) == asked.sweep
+    (tmp_path / plan.FILE).write_text(plan.to_toml(asked.sweep))
+    assert plan.read(tmp_path / plan.FILE) == asked.sweep
 
 
 def test_a_stated_bound_is_as_good_as_another_one_for_the_scenario_s_own_arm() -> None:
     stated = edited(BASE, "declared.delta_C", "speed")
-    asked = SweepQuestion(msgspec.structs.replace(sweep_of("contact.K_e=1e3:2e3:3"), scenario=stated))
+    asked = SweepPlan(msgspec.structs.replace(sweep_of("contact.K_e=1e3:2e3:3"), scenario=stated))
     assert asked.scenario(asked.row(0)).declared == stated.declared
     with pytest.raises(ScenarioError) as refused:  # which are drawn always: those that its search does not see
-        SweepQuestion(Tuning(stated, (Axis("controller.layer", (), 0.002, 0.05),), points=4, aims=("force_error",)))
+        SweepPlan(Tuning(stated, (Axis("controller.layer", (), 0.002, 0.05),), points=4, aims=("force_error",)))
     assert str(refused.value).startswith("tuning: declared.delta_C is stated, and only its run shows")
     assert str(refused.value).endswith("such as declared.link_scaling")
 
 
 def test_a_number_of_a_row_that_there_is_not_is_refused() -> None:
-    asked = SweepQuestion(sweep_of("contact.K_e=1e3:1e5:3:log"))
+    asked = SweepPlan(sweep_of("contact.K_e=1e3:1e5:3:log"))
     with pytest.raises(ScenarioError, match="row 3; allowed: 0 to 2"):
         asked.row(3)
 
@@ -208,7 +207,7 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
 )
 def test_a_sweep_that_makes_no_sense_is_refused(sweep: Sweep, sentence: str) -> None:
     with pytest.raises(ScenarioError) as refused:
-        SweepQuestion(sweep)
+        SweepPlan(sweep)
     assert sentence in str(refused.value)
 
 
@@ -227,7 +226,7 @@ def test_a_sweep_that_makes_no_sense_is_refused(sweep: Sweep, sentence: str) -> 
 def test_a_file_that_is_no_sweep_is_refused(content: bytes, sentence: str, tmp_path: Path) -> None:
     (tmp_path / "sweep.toml").write_bytes(content)
     with pytest.raises(ScenarioError) as refused:
-        question.read(tmp_path / "sweep.toml")
+        plan.read(tmp_path / "sweep.toml")
     assert sentence in str(refused.value)
 
 
@@ -238,7 +237,7 @@ def test_a_field_of_whole_numbers_takes_whole_steps_and_ranges_and_no_others() -
     with pytest.raises(ScenarioError, match=r"simulation\.substeps: 1\.5; allowed: whole numbers"):
         fitted(axis_of("simulation.substeps=1:4:7"), BASE)
     within = fitted(axis_of("simulation.substeps=1:4"), BASE)
-    asked = SweepQuestion(Sweep(BASE, (within,), "sobol", points=16))
+    asked = SweepPlan(Sweep(BASE, (within,), "sobol", points=16))
     found = [asked.scenario(asked.row(number)).simulation.substeps for number in range(16)]
     assert [found.count(each) for each in (1, 2, 3, 4)] == [4, 4, 4, 4]  # the ends as often as what is between
     assert fitted(axis_of("simulation.substeps=1,2.0,3"), BASE).values == (1, 2, 3)
@@ -252,7 +251,7 @@ def test_an_entry_of_a_matrix_that_is_drawn_is_not_varied() -> None:
     centres = with_value(BASE, "truth.link_centre", [[0.0] * 3] * 3)
     varied = Sweep(centres, (axis_of("truth.link_centre.1.1=0.0,0.1"),), draw=2)
     with pytest.raises(ScenarioError, match="is drawn for each true arm"):
-        SweepQuestion(varied)
+        SweepPlan(varied)
 
 
 @pytest.mark.parametrize("path", ["truth.payload_mass", "truth.link_scaling.2", "truth"])
@@ -261,22 +260,22 @@ def test_a_field_that_is_drawn_is_not_set(path: str) -> None:
     with pytest.raises(
         ScenarioError, match=r"^--set truth\.\S+: it is drawn for each true arm; allowed: without --draw$"
     ):
-        question.require_not_drawn(sweep_of("controller.K_s=20:80:2", draw=2), given)
-    question.require_not_drawn(sweep_of("controller.K_s=20:80:2"), given)
-    question.require_not_drawn(sweep_of(draw=2), {"truth.push": [1.0, 0.0, 0.0], "truth": {"push_start": 1.0}})
+        plan.require_not_drawn(sweep_of("controller.K_s=20:80:2", draw=2), given)
+    plan.require_not_drawn(sweep_of("controller.K_s=20:80:2"), given)
+    plan.require_not_drawn(sweep_of(draw=2), {"truth.push": [1.0, 0.0, 0.0], "truth": {"push_start": 1.0}})
 
 
 def whole_time(sweep: Sweep) -> float:
     """Simulated time of all runs of a sweep, s."""
-    question = SweepQuestion(sweep)
-    return question.seconds_of(np.arange(question.count))
+    plan = SweepPlan(sweep)
+    return plan.seconds_of(np.arange(plan.count))
 
 
 def test_the_simulated_time_is_that_of_the_durations_that_are_varied() -> None:
     steps = sweep_of("controller.K_s=20:80:5", "simulation.duration=1,2,6", draw=2)
     assert whole_time(steps) == pytest.approx(5 * 2 * (1.0 + 2.0 + 6.0))
     assert whole_time(msgspec.structs.replace(steps, until=0.5)) == pytest.approx(30 * 0.5)
-    asked = SweepQuestion(sweep_of("simulation.duration=1:9:log", design="sobol", points=16))
+    asked = SweepPlan(sweep_of("simulation.duration=1:9:log", design="sobol", points=16))
     lengths = [asked.scenario(asked.row(number)).simulation.duration for number in range(16)]
     assert asked.seconds_of(np.arange(16)) == pytest.approx(sum(lengths))
     assert whole_time(sweep_of("controller.K_s=20:80:2")) == pytest.approx(2 * BASE.simulation.duration)
@@ -284,7 +283,7 @@ def test_the_simulated_time_is_that_of_the_durations_that_are_varied() -> None:
 
 def test_the_names_of_runs_can_be_read_again() -> None:
     named = msgspec.structs.replace(BASE, name="n" * 199)
-    asked = SweepQuestion(msgspec.structs.replace(sweep_of("controller.K_s=20:80:2"), scenario=named))
+    asked = SweepPlan(msgspec.structs.replace(sweep_of("controller.K_s=20:80:2"), scenario=named))
     assert len(asked.scenario(asked.row(1)).name) <= 200
 
 
@@ -292,12 +291,12 @@ def test_a_question_too_long_to_be_read_again_is_not_written() -> None:
     long = Axis("contact.K_e", tuple(1e3 + k / 7 for k in range(100_000)))
     several = Sweep(BASE, (long, msgspec.structs.replace(long, path="controller.K_s")), "sobol", points=4)
     with pytest.raises(ScenarioError, match="MB of values; allowed: 4 MB"):
-        question.to_toml(several)
+        plan.to_toml(several)
 
 
 def test_arms_may_be_drawn_within_a_bound_that_is_varied_and_one_arm_without_any() -> None:
     for sweep in (sweep_of("declared.link_scaling=0.0,0.1", draw=2), sweep_of("controller.K_s=20:80:2", draw=1)):
-        assert SweepQuestion(msgspec.structs.replace(sweep, scenario=BARE)).count in (4, 2)
+        assert SweepPlan(msgspec.structs.replace(sweep, scenario=BARE)).count in (4, 2)
 
 
 def test_another_file_of_the_arm_is_another_program(tmp_path: Path) -> None:
