@@ -1,0 +1,55 @@
+"""Complaint: the sentence in the strip over the scene that says what was refused, or what has failed."""
+
+from __future__ import annotations
+
+import time
+
+import structlog
+
+from app.dashboard.widgets.field_words import refusal_in_words
+from app.session.commands import DropWayOut
+from app.session.runner import Runner
+from app.session.snapshot import Snapshot
+
+log = structlog.get_logger()
+SHOWN = 12.0  # s
+
+
+class Complaint:
+    """The last refusal, or failure of this program. It is shown until another edit is accepted, another run begins, or
+    SHOWN is over."""
+
+    def __init__(self, runner: Runner) -> None:
+        self._runner = runner
+        self._text, self._until = "", 0.0
+        self._posted = 0  # number of commands that had been posted before
+        # revision and run after these commands, None until the runner has executed them: later ones end the complaint
+        self._of: tuple[int, int] | None = None
+        self._refusals = runner.snapshot.refusal_number
+
+    def refuse(self, sentence: str) -> None:
+        """Show a refusal by the page."""
+        log.info("refused", sentence=sentence)
+        self._runner.post(DropWayOut())
+        self._show(f"Refused: {refusal_in_words(sentence)}")
+
+    def fail(self, sentence: str) -> None:
+        """Show a failure of this program; not again while the same one is shown."""
+        if self._text != (text := f"Failed: {sentence}"):
+            self._show(text)
+
+    def text(self, snapshot: Snapshot, now: float) -> str:
+        """What is shown at this instant (s, monotonic), with a new refusal by the runner; "" for nothing."""
+        if snapshot.refusal_number != self._refusals:
+            self._refusals = snapshot.refusal_number
+            self._show(f"Refused: {refusal_in_words(snapshot.refusal or '')}")
+        of = snapshot.revision, snapshot.run
+        if self._of is None and snapshot.executed >= self._posted:
+            self._of = of
+        if now > self._until or self._of not in (None, of):
+            self._text = ""
+        return self._text
+
+    def _show(self, text: str) -> None:
+        self._text, self._until = text, time.monotonic() + SHOWN
+        self._posted, self._of = self._runner.posted, None
