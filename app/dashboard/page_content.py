@@ -43,7 +43,7 @@ from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from app.simulation.system import System
 from app.storage.uploaded_urdfs import UploadedUrdfs
-from app.sweep.share import Share
+from app.sweep.background_jobs import BackgroundJobs
 
 log = structlog.get_logger()
 
@@ -74,7 +74,7 @@ class PageContent:
         previewer: Previewer,
         notebook: Notebook,
         classroom: ClassDesk,
-        share: Share,
+        background_jobs: BackgroundJobs,
         wake: Callable[[], None],
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
@@ -105,10 +105,10 @@ class PageContent:
             lock=lock,
             notebook=notebook,
             classroom=classroom,
-            share=share,
+            background_jobs=background_jobs,
             scene_of=self._visible_parts.scene_of,
         )
-        self._share = share
+        self._background_jobs = background_jobs
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
@@ -179,7 +179,7 @@ class PageContent:
         """End all that was started for the page. The caller ends the runner."""
         self._previewer.close()
         self._export_jobs.close()
-        self._share.close()
+        self._background_jobs.close()
 
     def draw(self, now: float) -> None:
         """Draw one frame: the scene always, everything else less often."""
