@@ -39,12 +39,12 @@ def _held(dashboard: Served, seconds: float) -> tuple[str, ...]:
     if after.reason:
         raise RuntimeError(after.reason)
     p50, p99, p999 = np.percentile(late, (50, 99, 99.9)) * 1e3
-    share = (after.processor - before.processor) / (ended - began)
+    fraction = (after.processor - before.processor) / (ended - began)
     return (
         f"{len(late) / (ended - began):.0f}",
         f"{p50:.2f}",
         f"{p99:.2f}",
         f"{p999:.2f}",
         f"{late.max() * 1e3:.2f}",
-        f"{share * 100:.0f}",
+        f"{fraction * 100:.0f}",
     )

@@ -122,19 +122,19 @@ def _fared(number: int, count: int, seconds: float) -> Fared:
         time.sleep(5.0)
         everyone = [server.process.pid, *descendants(server.process.pid)]
         since = [page.t for page in pages]
-        shares, passed = _shares(everyone, seconds)
+        core_fractions, passed = _core_fractions(everyone, seconds)
         realtime = [(page.t - t) / passed for page, t in zip(pages, since, strict=True)]
         lateness, taken = max(map(late, pages)), sum(map(memory, everyone[1:]))
         unseen = None
         if count == 1:
             looking.close()
             time.sleep(5.0)
-            unseen = sum(_shares(everyone[1:], seconds)[0])
+            unseen = sum(_core_fractions(everyone[1:], seconds)[0])
         return Fared(
             realtime=min(realtime),
             late=lateness,
-            session=sum(shares[1:]) / count,
-            gateway=shares[0],
+            session=sum(core_fractions[1:]) / count,
+            gateway=core_fractions[0],
             unseen=unseen,
             memory=taken / count / 1e6,
             spared=waits[0],
@@ -142,7 +142,7 @@ def _fared(number: int, count: int, seconds: float) -> Fared:
         )
 
 
-def _shares(processes: list[int], seconds: float) -> tuple[list[float], float]:
+def _core_fractions(processes: list[int], seconds: float) -> tuple[list[float], float]:
     """Shares of a core that the processes take over `seconds`, and the time that has passed, s."""
     before, began = [_used(pid) for pid in processes], time.perf_counter()
     time.sleep(seconds)

@@ -174,9 +174,9 @@ class _Search:
         """Sample points (SAMPLES, p + 5), always the same; in half of them each property of the surface is 0 or the
         largest."""
         random, p = np.random.default_rng(0), self.surfaces.directions
-        shares = random.random((SAMPLES, 4)) ** 3
-        shares[::2] = random.integers(0, 2, (len(shares[::2]), 4))
-        return np.hstack([random.standard_normal((SAMPLES, p)), shares, random.choice(alphas, (SAMPLES, 1))])
+        fractions = random.random((SAMPLES, 4)) ** 3
+        fractions[::2] = random.integers(0, 2, (len(fractions[::2]), 4))
+        return np.hstack([random.standard_normal((SAMPLES, p)), fractions, random.choice(alphas, (SAMPLES, 1))])
 
     def static(self) -> list[np.ndarray]:
         """Points at both ends of the way where K_e comes nearest to a pole at 0."""

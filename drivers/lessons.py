@@ -183,8 +183,8 @@ def _course(question: CurveQuestion, t: object, values: object) -> list[tuple[fl
 
     times = np.linspace(question.start, question.end, POINTS)
     course = np.interp(times, np.asarray(t), np.asarray(values))
-    shares = np.clip((course - question.low) / (question.high - question.low), 0.0, 1.0)
-    return [(float(x), float(y)) for x, y in zip(np.linspace(0.0, 1.0, POINTS), shares, strict=True)]
+    fractions = np.clip((course - question.low) / (question.high - question.low), 0.0, 1.0)
+    return [(float(x), float(y)) for x, y in zip(np.linspace(0.0, 1.0, POINTS), fractions, strict=True)]
 
 
 def main(

@@ -260,8 +260,8 @@ class PageSession:
         else:
             raise AssertionError(f"the slider of {label} cannot be held")
 
-        def move(share: float) -> None:
-            self.page.mouse.move(x + share * width, y, steps=10)
+        def move(fraction: float) -> None:
+            self.page.mouse.move(x + fraction * width, y, steps=10)
 
         return move, self.number(label)
 

@@ -35,7 +35,7 @@ ENGINE = Default("compiled")
 
 
 class _SweepOptions(NamedTuple):
-    """Options that make the question of a sweep, as they were typed, see `sweep`."""
+    """Options that define a sweep, as they were typed, see `sweep`."""
 
     vary: tuple[str, ...]
     design: str | None
@@ -98,14 +98,14 @@ def sweep(
     require_workers(workers)
     if scheduler is not None and workers is not None:
         raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
-    count = plan.SweepPlan(asked).count  # before a folder is made: a question may make no sense
+    count = plan.SweepPlan(asked).count  # before a folder is made: a sweep may make no sense
     folder = None if dry_run and out is None else folder_of("sweep", out)
     with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
         return _estimate(asked, count, on) if dry_run or folder is None else _sweep_into(folder, asked, on)
 
 
 def _read(path: Path, options: _SweepOptions) -> Sweep:
-    """Question of a sweep.toml. Raises ScenarioError, also where another option makes a question."""
+    """Sweep of a sweep.toml. Raises ScenarioError, also where another option defines a sweep."""
     from app.sweep import plan
     from app.sweep.fingerprint import another_program, fingerprint
 
@@ -118,7 +118,7 @@ def _read(path: Path, options: _SweepOptions) -> Sweep:
 
 
 def _asked(scenario: str, options: _SweepOptions) -> Sweep:
-    """Question about a scenario. Raises ScenarioError."""
+    """Sweep of a scenario. Raises ScenarioError."""
     from app.sweep import plan
     from app.sweep.axes import axis_of, fitted
     from app.sweep.fingerprint import fingerprint

@@ -88,8 +88,8 @@ def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Pat
     scenario, recording = stretch.scenario, stretch.recording
     with tqdm(total=1.0, bar_format="{desc} {percentage:3.0f} %", desc=path.name, leave=False, disable=None) as bar:
 
-        def on_progress(share: float) -> None:
-            bar.update(share - bar.n)
+        def on_progress(fraction: float) -> None:
+            bar.update(fraction - bar.n)
 
         match kind:
             case "svg" | "pdf" | "png":

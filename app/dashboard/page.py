@@ -31,7 +31,7 @@ from app.lessons.class_desk import ClassDesk
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.storage.uploaded_urdfs import UploadedUrdfs
-from app.sweep.share import Allowance, Share, allowance_of
+from app.sweep.background_jobs import Allowance, BackgroundJobs, allowance_of
 
 log = structlog.get_logger()
 SLOW = 2.0  # s, from which on the drawing of a frame is logged
@@ -144,7 +144,7 @@ class Dashboard:
             previewer=self._previewer,
             notebook=self.notebook,
             classroom=self.classroom,
-            share=Share(self._allowance),
+            background_jobs=BackgroundJobs(self._allowance),
             wake=self._awake.set,
         )
 

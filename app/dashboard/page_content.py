@@ -40,7 +40,7 @@ from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from app.simulation.system import System
 from app.storage.uploaded_urdfs import UploadedUrdfs
-from app.sweep.share import Share
+from app.sweep.background_jobs import BackgroundJobs
 
 REFRESH = 1 / 10  # s, plots and numbers
 PLOTTING = 0.1  # fraction of the time for drawing plots: long windows are drawn less often
@@ -60,7 +60,7 @@ class PageContent:
         previewer: Previewer,
         notebook: Notebook,
         classroom: ClassDesk,
-        share: Share,
+        background_jobs: BackgroundJobs,
         wake: Callable[[], None],
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
@@ -87,10 +87,10 @@ class PageContent:
             lock=lock,
             notebook=notebook,
             classroom=classroom,
-            share=share,
+            background_jobs=background_jobs,
             scene_of=self._visible_parts.scene_of,
         )
-        self._share = share
+        self._background_jobs = background_jobs
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
@@ -143,7 +143,7 @@ class PageContent:
         """End all that was started for the page. The caller ends the runner."""
         self._previewer.close()
         self._export_jobs.close()
-        self._share.close()
+        self._background_jobs.close()
 
     def draw(self, now: float) -> None:
         """Draw one frame: the scene always, everything else less often."""

@@ -66,7 +66,7 @@ class HuntingGround:
         shifts, moments = np.split(_edged(x[3 * n + SHARED :]).reshape(2 * n, 3), 2)
         centres = shifts / np.maximum(np.linalg.norm(shifts, axis=1, keepdims=True), 1.0)
         shapes = np.hstack([moments, np.zeros((n, 3))])
-        payload, offset, coulomb, viscous, disturbance = _share(_edged(shared[:5])).tolist()
+        payload, offset, coulomb, viscous, disturbance = _fraction(_edged(shared[:5])).tolist()
         frequency, towards = _between(shared[5], 0.2, 20.0), shared[6:9] / max(float(np.linalg.norm(shared[6:9])), 1e-9)
         K_s, epsilon, F_1, layer, kind, bounds, K_e, force, friction = shared[9:]
         departure = Departure(
@@ -78,7 +78,7 @@ class HuntingGround:
             epsilon=10 ** _between(epsilon, 0.0, 1.3),
             F_1=_between(F_1, 8.0, 20.0),
             layer=float(np.exp(_between(layer, *np.log(LAYERS)))),
-            switching=KINDS[min(int(_share(kind) * len(KINDS)), len(KINDS) - 1)],
+            switching=KINDS[min(int(_fraction(kind) * len(KINDS)), len(KINDS) - 1)],
             bounds=BOUNDS[int(bounds > PAPER_FROM)],
         )
         contact = msgspec.structs.replace(here.contact, K_e=10 ** _between(K_e, 3.0, 4.0))
@@ -155,10 +155,10 @@ def _edged(x: np.ndarray) -> np.ndarray:
     return np.clip(2.0 * x, -1.0, 1.0)
 
 
-def _share(x: Any) -> Any:
+def _fraction(x: Any) -> Any:
     """Position of x in [-1, 1] as a share, 0 to 1."""
     return 0.5 * (x + 1.0)
 
 
 def _between(x: float, low: float, high: float) -> float:
-    return float(low + _share(x) * (high - low))
+    return float(low + _fraction(x) * (high - low))

@@ -64,7 +64,7 @@ class Reaching(DrawnPlant):
     """Reaching of one run; all metrics count only periods with a promise, and are nan where there are none.
 
     s_0: ||s|| at the start, m/s.
-    share: of the run's periods that have a promise.
+    promised_fraction: of the run's periods that have a promise.
     excess: largest excess of ||s|| over (20) with the band, m/s.
     early_excess: largest excess of ||s|| over (20) alone until the band is reached, m/s, nan where s began in the band.
     tightness: largest ||s|| over (20) with the band.
@@ -74,12 +74,12 @@ class Reaching(DrawnPlant):
     in place of epsilon.
     margin: least d - perturbation, N.
     used: largest perturbation over d - epsilon.
-    shares: (6,), mean share of each cause in (17).
+    cause_fractions: (6,), mean fraction of each cause in (17).
     used_parts: (4,), largest part of the perturbation over its bound.
     """
 
     s_0: float = np.nan
-    share: float = 0.0
+    promised_fraction: float = 0.0
     excess: float = np.nan
     early_excess: float = np.nan
     tightness: float = np.nan
@@ -89,7 +89,7 @@ class Reaching(DrawnPlant):
     known: float = np.nan
     margin: float = np.nan
     used: float = np.nan
-    shares: np.ndarray = field(default_factory=lambda: np.full(len(CAUSES), np.nan))
+    cause_fractions: np.ndarray = field(default_factory=lambda: np.full(len(CAUSES), np.nan))
     used_parts: np.ndarray = field(default_factory=lambda: np.full(len(PARTS), np.nan))
 
     @property
@@ -164,7 +164,7 @@ def _reaching(loop: ClosedLoop, about: DrawnPlant) -> Reaching:
     judged = replace(
         about, verdict=standing.run.verdict, failed=first.title if first else "", stopped=loop.stopped or ""
     )
-    found = Reaching(**vars(judged), s_0=float(s[0]), share=float(promised.mean()))
+    found = Reaching(**vars(judged), s_0=float(s[0]), promised_fraction=float(promised.mean()))
     if not promised.any():
         return found
     early = _before_band(record, promised)
@@ -224,7 +224,7 @@ def _with_true_perturbation(
         known=time,
         margin=float((d - real).min()),
         used=float((real / (d - epsilon)).max()),
-        shares=(needed / needed.sum(axis=1, keepdims=True)).mean(axis=0),
+        cause_fractions=(needed / needed.sum(axis=1, keepdims=True)).mean(axis=0),
         used_parts=np.divide(parts, bounds, out=np.zeros_like(parts), where=bounds > 0.0).max(axis=1),
     )
 

@@ -87,12 +87,12 @@ def uncertain(scenario: Scenario, seed: int) -> Scenario:
     random, n = np.random.default_rng(seed), 6
     offset = random.standard_normal(3)
     offset *= DECLARED["payload_offset"] * random.uniform() / np.linalg.norm(offset)
-    share = {name: random.uniform() for name in ("payload_mass", "coulomb", "viscous", "disturbance")}
+    fractions = {name: random.uniform() for name in ("payload_mass", "coulomb", "viscous", "disturbance")}
     data = to_plain(scenario)
     data["truth"] = {
         "link_scaling": (1.0 + DECLARED["link_scaling"] * np.clip(random.uniform(-1.5, 1.5, n), -1, 1)).tolist(),
         "payload_offset": offset.tolist(),
-        **{name: DECLARED[name] * part for name, part in share.items()},
+        **{name: DECLARED[name] * part for name, part in fractions.items()},
     }
     changed = from_plain(data)
     assert not outside(changed, CARTESIAN), "the plants are those that the controller was told of"

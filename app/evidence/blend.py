@@ -23,7 +23,7 @@ from controllers.dominance import hurwitz_on_hull, schur_on_hull
 from controllers.target_model import TargetModel
 
 NOTE = (np.array([[0.4, 0.4], [1.0, 0.2]]), np.array([[0.4, 0.4], [0.1, 0.9]]))
-SHARES = np.linspace(0.0, 1.0, 401)
+ALPHAS = np.linspace(0.0, 1.0, 401)
 BLUE, ORANGE, GREEN, GREY = (66, 135, 245), (230, 159, 0), (60, 170, 110), (140, 140, 140)
 BEGIN, OVER, END, AT_ONCE = 2.0, 2.0, 6.0, 0.001  # s: begin and length of the blend, end of the run, a control period
 SOFT = {"M_m": [10.0] * 6, "B_m": [100.0] * 6, "K_m": [500.0] * 6}
@@ -60,7 +60,7 @@ def metzler(seed: int, n: int, count: int) -> Counter[str]:
         if np.linalg.eigvals(pair).real.max() >= 0.0:
             continue
         certified = any(hurwitz_on_hull(A, by) for A in (list(pair), list(pair[::-1])) for by in ("rows", "columns"))
-        worst = float(np.linalg.eigvals(pair[0] + SHARES[:, None, None] * (pair[1] - pair[0])).real.max())
+        worst = float(np.linalg.eigvals(pair[0] + ALPHAS[:, None, None] * (pair[1] - pair[0])).real.max())
         found[_verdict(certified, worst)] += 1
     return found
 
@@ -114,7 +114,7 @@ def _abscissas(start: TargetModel, end: TargetModel, K_e: np.ndarray) -> np.ndar
         M_inv = np.linalg.inv(model.M_m)
         low = np.hstack([-M_inv @ (model.K_m + model.K_f @ np.diag(K_e)), -M_inv @ model.B_m])
         sides.append(np.vstack([np.eye(n, 2 * n, n), low]))
-    return np.linalg.eigvals(sides[0] + SHARES[:, None, None] * (sides[1] - sides[0])).real.max(axis=1)
+    return np.linalg.eigvals(sides[0] + ALPHAS[:, None, None] * (sides[1] - sides[0])).real.max(axis=1)
 
 
 def _verdict(certified: bool, worst: float) -> str:
@@ -213,7 +213,7 @@ def conclude(results: Sequence[object]) -> Findings:
     certificate = certify(start, end, np.zeros((2, 2)))
     (low_0, high_0), (low_1, high_1) = (diagonal_lyapunov(A) for A in NOTE)
     radii = [float(np.abs(np.linalg.eigvals(A)).max()) for A in NOTE]
-    between = np.linalg.eigvals(NOTE[1] + SHARES[:, None, None] * (NOTE[0] - NOTE[1]))
+    between = np.linalg.eigvals(NOTE[1] + ALPHAS[:, None, None] * (NOTE[0] - NOTE[1]))
     numbers = {
         "radius_0": f"{radii[0]:.4f}",
         "radius_1": f"{radii[1]:.4f}",
@@ -306,8 +306,8 @@ def _box(x: float, y: float) -> np.ndarray:
 def _refused_figure() -> bytes:
     start, end = disturbing()
     curves = (
-        Curve("rightmost pole of the blend", BLUE, SHARES, _abscissas(start, end, np.zeros(2))),
-        Curve("0", GREY, SHARES, 0.0 * SHARES, dashed=True, listed=False),
+        Curve("rightmost pole of the blend", BLUE, ALPHAS, _abscissas(start, end, np.zeros(2))),
+        Curve("0", GREY, ALPHAS, 0.0 * ALPHAS, dashed=True, listed=False),
     )
     chart = FigureChart("Two stable models, not so between them", "1/s", curves, x_label="α")
     return charts_in_columns((chart,), "The real part of the rightmost pole of (8) on the way between the two.")

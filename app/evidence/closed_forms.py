@@ -36,7 +36,7 @@ DEPTH = 0.004  # m, of the tool in the surface at the start
 INERTIA = 10.0  # kg, M_m
 FREE = tuple(product((5.0, 10.0, 20.0), (0.1, 0.3, 0.7)))  # omega rad/s, zeta
 PRESSING = tuple(product((1000.0, 4000.0, 10_000.0), (0.1, 0.3, 0.7)))  # K_e N/m, zeta
-SHARES = (1.0, 0.125)  # of the usual control period and boundary layer
+SCALES = (1.0, 0.125)  # of the usual control period and boundary layer
 FACTORS = (0.9, 0.5, -0.5, -0.9)  # of the sampled loop through the multiplier
 
 Reading = Literal["solved", "one period late"]  # of the multiplier
@@ -117,11 +117,11 @@ class MeasuredStart:
 @dataclass(frozen=True)
 class MeasuredOscillation:
     """Oscillation with prescribed omega (rad/s) and zeta.
-    share: of the usual control period and boundary layer.
+    scale: of the usual control period and boundary layer.
     error: (N,) m over t (N,) s, in which the oscillation is seen."""
 
     kind: str
-    share: float
+    scale: float
     omega: float
     zeta: float
     t: np.ndarray
@@ -224,22 +224,22 @@ def start(name: str, choice: str) -> MeasuredStart:
     return MeasuredStart(name, choice, float(record["s_norm"][0]), largest, reached)
 
 
-def free(omega: float, zeta: float, share: float) -> MeasuredOscillation:
+def free(omega: float, zeta: float, scale: float) -> MeasuredOscillation:
     """Free oscillation of (26): the error of a UR5 with links 15 % heavier than believed, whose reference starts at
     full speed."""
     scenario = changed(
         shipped()["ur5-motion"],
         target_model=_oscillator(omega, zeta),
-        controller=_fine(share),
+        controller=_fine(scale),
         motion={"kind": "circle", "radius": 0.05, "period": 4.0, "ramp": 0.0, "axes": [0, 1]},
         simulation={"duration": _span(omega, zeta)},
     )
     record = simulate(scenario)[0].recording.signals(("t", "e_r", "e_r_dot"))
     along = int(np.argmax(np.abs(record["e_r_dot"][0])))
-    return MeasuredOscillation("free, (26)", share, omega, zeta, record["t"], record["e_r"][:, along])
+    return MeasuredOscillation("free, (26)", scale, omega, zeta, record["t"], record["e_r"][:, along])
 
 
-def pressing(K_e: float, zeta: float, share: float) -> MeasuredOscillation:
+def pressing(K_e: float, zeta: float, scale: float) -> MeasuredOscillation:
     """Oscillation of (35) with K_m1 = 0 and K_e known: a tool that starts too deep in an elastic surface, on the arm of
     `free`."""
     base = shipped()["ur5-hybrid"]
@@ -251,16 +251,16 @@ def pressing(K_e: float, zeta: float, share: float) -> MeasuredOscillation:
         target_model={"M_m": model["M_m"], "B_m": [model["B_m"][0]] + [400.0] * 5, "K_m": [0.0] + [4000.0] * 5},
         surface={"kind": "plane", "origin": [0.0, 0.0, height]},
         contact={"K_e": K_e, "unilateral": False},
-        controller=_fine(share) | {"K_e_hat": K_e},
+        controller=_fine(scale) | {"K_e_hat": K_e},
         motion={"kind": "hold"},
         simulation={"duration": _span(omega, zeta)},
     )
     record = simulate(scenario)[0].recording.signals(("t", "e_r"))
-    return MeasuredOscillation("pressing, (35)", share, omega, zeta, record["t"], record["e_r"][:, 0])
+    return MeasuredOscillation("pressing, (35)", scale, omega, zeta, record["t"], record["e_r"][:, 0])
 
 
-def _fine(share: float) -> dict[str, float]:
-    return {"period": share * ControllerSection().period, "layer": share * ControllerSection().layer}
+def _fine(scale: float) -> dict[str, float]:
+    return {"period": scale * ControllerSection().period, "layer": scale * ControllerSection().layer}
 
 
 def _oscillator(omega: float, zeta: float) -> dict[str, list[float]]:
@@ -340,8 +340,8 @@ def jobs(thin: int) -> list[Job]:
         *(Job(steady, (robot, K_m1, presses)) for robot in STEADY_ROBOTS for K_m1 in STIFFNESSES),
         *(Job(pressed, arguments) for arguments in product(MASSES, PERIODS)),
         *(Job(start, arguments) for arguments in product(shown[::thin], CHOICES)),
-        *(Job(free, (*case, share)) for case in FREE[::thin] for share in SHARES),
-        *(Job(pressing, (*case, share)) for case in PRESSING[::thin] for share in SHARES),
+        *(Job(free, (*case, scale)) for case in FREE[::thin] for scale in SCALES),
+        *(Job(pressing, (*case, scale)) for case in PRESSING[::thin] for scale in SCALES),
         *(Job(force_loop, (factor,)) for factor in FACTORS),
         *(Job(multiplier, arguments) for arguments in product(PERIODS, READINGS)),
     ]
@@ -362,8 +362,8 @@ def conclude(results: Sequence[Any]) -> Findings:
         "never_reaching": f"{max(one.largest for one in starts if one.choice == 'remove'):.2f}",
         "factor_error": f"{max(abs(one.found - one.factor) for one in loops):.1g}",
     }
-    for share, name in zip(SHARES, ("usual", "fine"), strict=True):
-        found = [(one, *one.found) for one in oscillations if one.share == share]
+    for scale, name in zip(SCALES, ("usual", "fine"), strict=True):
+        found = [(one, *one.found) for one in oscillations if one.scale == scale]
         numbers[f"omega_{name}"] = f"{100 * max(abs(omega / one.omega - 1.0) for one, omega, _ in found):.2g}"
         numbers[f"zeta_{name}"] = f"{max(abs(zeta - one.zeta) for one, _, zeta in found):.1g}"
     return Findings(
@@ -414,9 +414,9 @@ def _starts(found: Sequence[MeasuredStart]) -> Table:
 
 def _oscillations(found: Sequence[MeasuredOscillation]) -> Table:
     rows = []
-    for one in (one for one in found if one.share == SHARES[0]):
+    for one in (one for one in found if one.scale == SCALES[0]):
         fine = next(
-            o for o in found if (o.kind, o.omega, o.zeta, o.share) == (one.kind, one.omega, one.zeta, SHARES[1])
+            o for o in found if (o.kind, o.omega, o.zeta, o.scale) == (one.kind, one.omega, one.zeta, SCALES[1])
         )
         pairs = (f"{number:.3f}" for way in (one, fine) for number in way.found)
         rows.append((one.kind, f"{one.omega:.2f}", f"{one.zeta:g}", *pairs))
@@ -450,7 +450,7 @@ def _response_chart(found: Sequence[Response]) -> FigureChart:
 def _oscillation_chart(found: Sequence[MeasuredOscillation]) -> FigureChart:
     curves = []
     of = [
-        one for one in found if one.kind.startswith("free") and one.share == SHARES[0] and one.omega == found[0].omega
+        one for one in found if one.kind.startswith("free") and one.scale == SCALES[0] and one.omega == found[0].omega
     ]
     for one, color in zip(of, (BLUE, ORANGE, GREEN), strict=False):
         sigma, omega_d = one.zeta * one.omega, one.omega * np.sqrt(1.0 - one.zeta**2)

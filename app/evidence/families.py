@@ -27,7 +27,7 @@ LAWS = ("vsmrc", "computed-torque")
 MAP_DURATION, MAP_AXES = 3.0, ("contact.K_e=1e3:1e5:13:log", "truth.link_scaling=0.7:1.4:15")
 ARMS, BAND_DURATION, INSTANTS = 1000, 1.0, 200
 CHUNK = 25  # runs in a job
-SHARES = (0.0, 0.05, 0.5, 0.95, 1.0)
+QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
 BLUE, RED = (86, 180, 233), (235, 80, 80)
 MM = 1e3
 
@@ -156,7 +156,7 @@ def _band(bands: dict[str, list[Arms]]) -> bytes:
 
 
 def _quantiles(values: np.ndarray) -> np.ndarray:
-    return np.maximum(np.quantile(values, SHARES, axis=0), 1e-9)
+    return np.maximum(np.quantile(values, QUANTILES, axis=0), 1e-9)
 
 
 def _chart(title: str, unit: str, t: np.ndarray, values: np.ndarray, more: tuple[Curve, ...]) -> FigureChart:

@@ -183,7 +183,7 @@ def conclude(results: Sequence[list[Cell]]) -> Findings:
         grids[name] = MapCells(sweep, [next(found) for _ in sweep.ys[::thin]])
     delay, noise, period, drives = (grids[name] for name in SWEEPS)
     needed = np.broadcast_to(np.nanmax(drives["load"][-1:], axis=0), drives["load"].shape)
-    shares = np.array([limit or np.inf for limit in drives.ys])[:, None]
+    limits = np.array([limit or np.inf for limit in drives.ys])[:, None]
     growth = (delay["growth"], 1.0)
     figures = {
         "delay": heat_maps(
@@ -219,18 +219,18 @@ def conclude(results: Sequence[list[Cell]]) -> Findings:
             (
                 drives.map(
                     "path error, RMS", "mm", 1e3 * drives["path"], (0.01, 10.0), 1e3 * PATH_GOOD,
-                    (needed / shares, 1.0),
+                    (needed / limits, 1.0),
                 ),
                 drives.map(
                     "time at the limit", "%", np.maximum(100 * drives["saturated"], 1e-9), (0.1, 100.0), 0.1,
-                    (needed / shares, 1.0),
+                    (needed / limits, 1.0),
                 ),
             ),
             "Dotted: beyond it the torque that the same run takes without limits is more than there is. "
             f"White: {1e3 * PATH_GOOD:g} mm, 0.1 %. ×: the run stopped.",
         ),
     }  # fmt: skip
-    return Findings(_numbers(delay, noise, period, drives, needed / shares), _tables(grids), figures)
+    return Findings(_numbers(delay, noise, period, drives, needed / limits), _tables(grids), figures)
 
 
 def _numbers(delay: MapCells, noise: MapCells, period: MapCells, drives: MapCells, load: np.ndarray) -> dict[str, str]:

@@ -71,7 +71,7 @@ def conclude(results: Sequence[Any]) -> Findings:
     numbers = _of_plants(plants) | _of_hunts(hunts) | _of_outside(away)
     numbers |= {
         "lag_plants": f"{len(late)}",
-        "lag_promised": f"{sum(one.share > 0.0 for one in late)}",
+        "lag_promised": f"{sum(one.promised_fraction > 0.0 for one in late)}",
         "lag_over": f"{sum(one.excess > 0.0 for one in late)}",
         "lag_used": _largest(one.used for one in late),
     }
@@ -90,7 +90,7 @@ def conclude(results: Sequence[Any]) -> Findings:
         "cells": _cells(plants),
         "failures": _failures(plants),
         "hunts_table": _hunted(hunts),
-        "shares": _shares(of_kind(Reaching, plants)),
+        "shares": _fractions(of_kind(Reaching, plants)),
     }
     return Findings(numbers=numbers, tables=tables, figures=figures)
 
@@ -104,8 +104,8 @@ def _of_plants(plants: Sequence[DrawnPlant]) -> dict[str, str]:
         "broken": f"{_count(plants, 'broken')}",
         "nothing": f"{_count(plants, 'nothing promised')}",
         "refused": f"{len(of_kind(RefusedPlant, plants))}",
-        "promised_share": f"{100.0 * np.mean([one.share for one in runs]):.0f} %",
-        "promised_runs": f"{sum(one.share > 0.0 for one in runs)}",
+        "promised_share": f"{100.0 * np.mean([one.promised_fraction for one in runs]):.0f} %",
+        "promised_runs": f"{sum(one.promised_fraction > 0.0 for one in runs)}",
         "over": f"{sum(one.excess > 0.0 for one in runs)}",
         "early": f"{sum(np.isfinite(one.early_excess) for one in runs)}",
         "over_alone": f"{sum(one.early_excess > 0.0 for one in runs)}",
@@ -169,9 +169,9 @@ def _largest(values: Iterable[float]) -> str:
     return f"{known.max():.2f}" if len(known) else "–"
 
 
-def _quantile(values: Iterable[float], share: float) -> str:
+def _quantile(values: Iterable[float], level: float) -> str:
     known = _known_of(values)
-    return f"{np.quantile(known, share):.2g}" if len(known) else "–"
+    return f"{np.quantile(known, level):.2g}" if len(known) else "–"
 
 
 def _first(scales: Iterable[float]) -> str:
@@ -201,7 +201,7 @@ def _row(of: Sequence[DrawnPlant]) -> tuple[str, ...]:
         *(f"{_count(of, verdict)}" for verdict in VERDICTS),
         f"{len(of_kind(RefusedPlant, of))}",
         f"{sum(one.early_excess > 0.0 for one in runs)} of {early}",
-        f"{sum(one.excess > 0.0 for one in runs)} of {sum(one.share > 0.0 for one in runs)}",
+        f"{sum(one.excess > 0.0 for one in runs)} of {sum(one.promised_fraction > 0.0 for one in runs)}",
         f"{sum(one.measured > one.promised for one in bands)} of {len(bands)}",
         f"{sum(one.measured > one.promised for one in layers)} of {len(layers)}",
         _quantile((one.ratio for one in bands), 0.5),
@@ -244,15 +244,17 @@ def _hunted(hunts: Sequence[Hunt]) -> Table:
     return Table(header, rows)
 
 
-def _shares(plants: Sequence[Reaching]) -> Table:
+def _fractions(plants: Sequence[Reaching]) -> Table:
     """Table of the terms of (17), and the largest share of each that an arm needed."""
     rows = []
     used = {cause: number for number, cause in enumerate(PARTS.values())}
-    robots = [robot for robot in ROBOTS if any(one.robot == robot and one.share > 0.0 for one in plants)]
+    robots = [robot for robot in ROBOTS if any(one.robot == robot and one.promised_fraction > 0.0 for one in plants)]
     for cause, name in enumerate(CAUSES):
-        share = (np.nanmean([one.shares[cause] for one in plants if one.robot == robot]) for robot in robots)
+        fractions = (
+            np.nanmean([one.cause_fractions[cause] for one in plants if one.robot == robot]) for robot in robots
+        )
         most = _largest(one.used_parts[used[cause]] for one in plants) if cause in used else ""
-        rows.append((name, *(f"{100 * part:.0f} %" for part in share), most))
+        rows.append((name, *(f"{100 * part:.0f} %" for part in fractions), most))
     return Table(("term of (17)", *robots, "real / bound, largest"), rows)
 
 
@@ -282,8 +284,8 @@ def _spread_charts(plants: Sequence[Reaching]) -> Iterable[FigureChart]:
         for robot in ROBOTS:
             values = np.sort(_known_of(quantity(one) for one in plants if one.robot == robot))
             if len(values):
-                share = 100.0 * np.arange(1, len(values) + 1) / len(values)
-                curves.append(Curve(robot, COLORS[robot], values, share))
+                fraction = 100.0 * np.arange(1, len(values) + 1) / len(values)
+                curves.append(Curve(robot, COLORS[robot], values, fraction))
         one = Curve("", GREY, np.ones(2), np.array([0.0, 100.0]), dashed=True, listed=False)
         yield FigureChart(title, "% of plants", (*curves, one), x_label=x_label, logarithmic_x=logarithmic)
 
@@ -293,7 +295,7 @@ def _outside_charts(away: Sequence[Outside]) -> Iterable[FigureChart]:
     known = [one for one in away if np.isfinite(one.over_band)]
     at = [[one for one in known if one.scale == scale] for scale in SCALES]
 
-    def share(holds: Callable[[Outside], bool]) -> np.ndarray:
+    def part(holds: Callable[[Outside], bool]) -> np.ndarray:
         return np.array([100.0 * np.mean([holds(one) for one in of] or [np.nan]) for of in at])
 
     def quantile(q: float) -> np.ndarray:
@@ -304,8 +306,8 @@ def _outside_charts(away: Sequence[Outside]) -> Iterable[FigureChart]:
     yield FigureChart(
         "runs where something fails", "%",
         (
-            Curve("d < perturbation at some instant", orange, scales, share(lambda one: one.margin < 0), dotted=True),
-            Curve("‖s‖ leaves its band", blue, scales, share(lambda one: one.over_band > 1), dotted=True),
+            Curve("d < perturbation at some instant", orange, scales, part(lambda one: one.margin < 0), dotted=True),
+            Curve("‖s‖ leaves its band", blue, scales, part(lambda one: one.over_band > 1), dotted=True),
         ),
         x_label=x_label, at_least=(0.0, 100.0),
     )  # fmt: skip

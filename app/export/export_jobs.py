@@ -76,9 +76,9 @@ Job = FigureJob | DataJob | PlaybackJob | MadeJob
 
 @dataclass(frozen=True)
 class ExportProgress:
-    """Message with the share that is done, 0 to 1."""
+    """Message with the fraction that is done, 0 to 1."""
 
-    share: float
+    fraction: float
 
 
 @dataclass(frozen=True)
@@ -187,8 +187,8 @@ def _converse(worker: Connection, job: Job, on_progress: ProgressCallback) -> No
 
 def _going_on(message: ExportProgress | ExportDone | Failure, on_progress: ProgressCallback) -> bool:
     match message:
-        case ExportProgress(share):
-            on_progress(share)
+        case ExportProgress(fraction):
+            on_progress(fraction)
             return True
         case Failure(reason):
             raise ExportError(reason)

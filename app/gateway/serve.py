@@ -19,7 +19,7 @@ from app.gateway.server import Gateway, serving
 from app.gateway.server_settings import PageStyle, ServerSettings
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import SessionStore
-from app.gateway.visitors import Shares
+from app.gateway.visitors import VisitorLimits
 from app.gateway.worker import Worker, started
 from app.process import open_files, precompile
 from app.process.cores import usable_cores
@@ -67,7 +67,7 @@ def places() -> int:
 
 def _files(sessions: int) -> int:
     """Number of files that may be open at once: each page has two connections, its own and the one to its session."""
-    return 64 + 2 * Shares().pages.total + ARRIVING + 4 * (sessions + 1)
+    return 64 + 2 * VisitorLimits().pages.total + ARRIVING + 4 * (sessions + 1)
 
 
 def _names(server_settings: ServerSettings) -> Names:

@@ -86,7 +86,7 @@ class Gateway:
     @property
     def most_pages(self) -> int:
         """Largest number of pages that are open at once."""
-        return self._pool.shares.pages.total
+        return self._pool.limits.pages.total
 
     async def _living(self, _: web.Application) -> AsyncIterator[None]:
         async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as self._client:

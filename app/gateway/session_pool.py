@@ -14,7 +14,7 @@ from app.access.session_messages import Answers, Asks, Begin
 from app.gateway.known_sessions import KnownSessions
 from app.gateway.session import Process, Session
 from app.gateway.session_store import MOST, SessionStore
-from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, places_share
+from app.gateway.visitors import NOBODY, Viewer, Visitor, VisitorLimits, places_limit
 from app.gateway.worker import WorkerError
 
 log = structlog.get_logger()
@@ -41,7 +41,7 @@ class SessionPool:
     store: where sessions are kept beyond the life of the pool, None for nowhere.
     spare: have a process ready in advance.
     classes: whether lessons may ask a class.
-    shares: limits of one visitor.
+    limits: limits of one visitor.
     of_one_address: places that one address may have, see `places_share`.
     """
 
@@ -54,7 +54,7 @@ class SessionPool:
         *,
         store: SessionStore | None = None,
         spare: bool = True,
-        shares: Shares | None = None,
+        limits: VisitorLimits | None = None,
         of_one_address: int | None = None,
         classes: bool = False,
         clock: Callable[[], float] = time.monotonic,
@@ -62,7 +62,7 @@ class SessionPool:
         self._scenario, self._launch, self.places, self._idle = scenario, launch, places, idle
         self._wants_spare, self._clock = spare, clock
         self.classes = classes
-        self.shares, self._place_share = shares or Shares(), places_share(places, of_one_address)
+        self.limits, self._place_limit = limits or VisitorLimits(), places_limit(places, of_one_address)
         self._queue: list[Session] = []
         self._spare: asyncio.Task[Process] | None = None
         self._doing: set[asyncio.Task[object]] = set()
@@ -83,14 +83,14 @@ class SessionPool:
 
     def crowded(self, session: Session, viewer: Viewer) -> str:
         """Reason why this page cannot be opened as well; "" where it can."""
-        shares, everywhere = self.shares, self._known
-        share = shares.steering if viewer.kind == "steer" else shares.watching
-        refusal = share.refusal(viewer.visitor, session.visitors(viewer.kind))
+        limits, everywhere = self.limits, self._known
+        limit = limits.steering if viewer.kind == "steer" else limits.watching
+        refusal = limit.refusal(viewer.visitor, session.visitors(viewer.kind))
         if not refusal and viewer.kind == "watch":
             watching = [visitor for each in everywhere for visitor in each.visitors("watch")]
-            refusal = shares.all_watching.refusal(viewer.visitor, watching)
+            refusal = limits.all_watching.refusal(viewer.visitor, watching)
         every = [visitor for each in everywhere for visitor in each.visitors("steer", "watch")]
-        return refusal or shares.pages.refusal(viewer.visitor, every)
+        return refusal or limits.pages.refusal(viewer.visitor, every)
 
     def named(self, name: str) -> Session | None:
         return self._known.named(name)
@@ -107,8 +107,8 @@ class SessionPool:
         now, every = self._clock(), self._known
         copies = [s for s in every if s.original is not None and (s.phase in _ASKING or now - s.seen < FORGOTTEN)]
         of_it = [copy.owner for copy in copies if copy.original is original]
-        refusal = self.shares.link_copies.refusal(owner, of_it)
-        if refusal := refusal or self.shares.copies.refusal(owner, [copy.owner for copy in copies]):
+        refusal = self.limits.link_copies.refusal(owner, of_it)
+        if refusal := refusal or self.limits.copies.refusal(owner, [copy.owner for copy in copies]):
             raise Excess(refusal)
         return self._entered(Session(original.scenario, owner=owner, original=original))
 
@@ -128,9 +128,9 @@ class SessionPool:
         """Reason why this session can neither run nor wait, or goes on waiting although there are places; "" where it
         may run."""
         if session.phase == "resting" and self.taken >= self.places:
-            return self.shares.waiting.refusal(session.owner, [waiting.owner for waiting in self._queue])
+            return self.limits.waiting.refusal(session.owner, [waiting.owner for waiting in self._queue])
         if session.phase in ("resting", "waiting") and self.taken < self.places:
-            return self._place_share.refusal(session.owner, self._holders)
+            return self._place_limit.refusal(session.owner, self._holders)
         return ""
 
     @property
@@ -143,7 +143,7 @@ class SessionPool:
         others."""
         session.asked = session.seen = self._clock()
         waiting = [each.owner for each in self._queue]
-        if session.phase == "resting" and not self.shares.waiting.refusal(session.owner, waiting):
+        if session.phase == "resting" and not self.limits.waiting.refusal(session.owner, waiting):
             session.phase = "waiting"
             self._queue.append(session)
             self._advance()
@@ -256,7 +256,7 @@ class SessionPool:
         # a session that is being closed may begin again once it is closed
         asks = session.life is None and now - session.asked <= SILENT
         free = not self._closed and self.taken < self.places
-        return asks and free and not self._place_share.refusal(session.owner, self._holders)
+        return asks and free and not self._place_limit.refusal(session.owner, self._holders)
 
     async def _live(self, session: Session) -> None:
         """Life of a session, from its place in the pool to its end, over as many processes as it takes."""

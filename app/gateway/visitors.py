@@ -36,7 +36,7 @@ class Viewer(NamedTuple):
     kind: Pass
 
 
-class VisitorShare(NamedTuple):
+class VisitorLimit(NamedTuple):
     """Limits of the number of `what`: of one browser, of one address, and in all."""
 
     what: str
@@ -56,22 +56,22 @@ class VisitorShare(NamedTuple):
         return f"{len(every)} {self.what}; allowed: no more" if len(every) >= self.total else ""
 
 
-class Shares(NamedTuple):
+class VisitorLimits(NamedTuple):
     """Limits of a gateway. Pages that steer have a budget of their own, which those that watch cannot use up: of each
     session, and of the server.
     link_copies: copies of one session. Copies and sessions that wait count as long as somebody asks for them."""
 
-    steering: VisitorShare = VisitorShare("pages that steer this session", 8, 12, 16)
-    watching: VisitorShare = VisitorShare("pages that watch this session", 6, 32, 48)
-    all_watching: VisitorShare = VisitorShare("pages that watch sessions of this server", 24, 96, 192)
-    pages: VisitorShare = VisitorShare("pages of this server", 32, 192, 256)
-    copies: VisitorShare = VisitorShare("private copies", 4, 32, 256)
-    link_copies: VisitorShare = VisitorShare("private copies of this session", 64, 64, 64)
-    waiting: VisitorShare = VisitorShare("sessions that wait for a place", 3, 64, 500)
+    steering: VisitorLimit = VisitorLimit("pages that steer this session", 8, 12, 16)
+    watching: VisitorLimit = VisitorLimit("pages that watch this session", 6, 32, 48)
+    all_watching: VisitorLimit = VisitorLimit("pages that watch sessions of this server", 24, 96, 192)
+    pages: VisitorLimit = VisitorLimit("pages of this server", 32, 192, 256)
+    copies: VisitorLimit = VisitorLimit("private copies", 4, 32, 256)
+    link_copies: VisitorLimit = VisitorLimit("private copies of this session", 64, 64, 64)
+    waiting: VisitorLimit = VisitorLimit("sessions that wait for a place", 3, 64, 500)
 
 
-def places_share(places: int, of_one_address: int | None) -> VisitorShare:
+def places_limit(places: int, of_one_address: int | None) -> VisitorLimit:
     """Shares of the places for running sessions: a browser may have half of them, but always two; an address may have
     three quarters, or `of_one_address` where this is given."""
     address = of_one_address or max(1, places - max(1, places // 4))
-    return VisitorShare("sessions that run", max(2, places // 2), address, places)
+    return VisitorLimit("sessions that run", max(2, places // 2), address, places)

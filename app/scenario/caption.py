@@ -86,8 +86,8 @@ def promised(signals: Mapping[str, np.ndarray]) -> str:
         return "Theorem 1 promises nothing here."
     if over[standing].max() > 0.0:
         return "The promise of Theorem 1 is broken here."
-    share = "throughout" if standing.all() else f"in {100 * standing.mean():.4g} % of the time, and nothing otherwise"
-    return f"Theorem 1's promise for the sampled loop holds {share}."
+    span = "throughout" if standing.all() else f"in {100 * standing.mean():.4g} % of the time, and nothing otherwise"
+    return f"Theorem 1's promise for the sampled loop holds {span}."
 
 
 def _model(scenario: Scenario, model: Mapping[str, np.ndarray], units: Units, angles: Sequence[int]) -> str:

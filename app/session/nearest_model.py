@@ -35,9 +35,9 @@ def way_to_model(running: System, asked: Scenario) -> WayOut | None:
     end = {name: 0.5 * (matrix + matrix.T) for name, matrix in given.items()}
     surfaces = surfaces_met(scenario, mode, layout)
 
-    def allowed(share: float) -> bool:
+    def allowed(fraction: float) -> bool:
         try:
-            require_admitted(TargetModel(**_between(start, end, share)), scenario, mode, surfaces)
+            require_admitted(TargetModel(**_between(start, end, fraction)), scenario, mode, surfaces)
         except InvalidGain:
             return False
         return True
@@ -48,14 +48,14 @@ def way_to_model(running: System, asked: Scenario) -> WayOut | None:
     for _ in range(_HALVINGS):
         middle = 0.5 * (good + bad)
         good, bad = (middle, bad) if allowed(middle) else (good, middle)
-    share = round(_KEPT * good, 2)
-    if share < _LEAST or not allowed(share):
+    fraction = round(_KEPT * good, 2)
+    if fraction < _LEAST or not allowed(fraction):
         return None
-    return WayOut(f"Go {100 * share:.0f} % of the way to it", _with(asked, start, _between(start, end, share)))
+    return WayOut(f"Go {100 * fraction:.0f} % of the way to it", _with(asked, start, _between(start, end, fraction)))
 
 
-def _between(start: dict[str, np.ndarray], end: dict[str, np.ndarray], share: float) -> dict[str, np.ndarray]:
-    return {name: (1.0 - share) * start[name] + share * end[name] for name in start}
+def _between(start: dict[str, np.ndarray], end: dict[str, np.ndarray], fraction: float) -> dict[str, np.ndarray]:
+    return {name: (1.0 - fraction) * start[name] + fraction * end[name] for name in start}
 
 
 def _with(scenario: Scenario, start: dict[str, np.ndarray], model: dict[str, np.ndarray]) -> Scenario:

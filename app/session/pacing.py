@@ -76,9 +76,9 @@ class PaceMeter:
         batches = self._since(since)
         counts = batches[:, 2].astype(int)
         at = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        share = at / np.repeat(np.maximum(counts - 1, 1), counts)
+        fraction = at / np.repeat(np.maximum(counts - 1, 1), counts)
         first, last = (np.repeat(batches[:, column], counts) for column in (3, 4))
-        return first + share * (last - first)
+        return first + fraction * (last - first)
 
     def pace(self, since: float, now: float, asked: float) -> Pace:
         """Pace since that wall time. asked: steps per second."""

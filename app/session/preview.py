@@ -196,7 +196,7 @@ class Foresight:
         return replace(self.request, scenario=self.request.state.scenario, push=self._push)
 
     @property
-    def share(self) -> float:
+    def progress(self) -> float:
         """Share of the horizon that is computed, 0 to 1; 1 for a run that has stopped."""
         return 1.0 if self._loop.stopped else len(self._loop.recording) / self._rows
 
@@ -246,7 +246,7 @@ class Foresight:
             signals,
             tuple(recording.epochs),
             self._metrics(recording.stretch(), signals),
-            whole=self.share >= 1.0,
+            whole=self.progress >= 1.0,
             restarts=self._start != self.request.state.t,
             today=today,
             bandless=self.bandless if self.request.arms else "",

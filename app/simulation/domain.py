@@ -88,10 +88,10 @@ def centres(
     """
     found = [q_0]
     q = q_0
-    for share in np.linspace(0.0, 1.0, CENTRES):
-        t = share * duration
+    for fraction in np.linspace(0.0, 1.0, CENTRES):
+        t = fraction * duration
         reference = unshifted.at(t)
-        reference.r_d[:] += 0.5 * (1.0 - np.cos(2 * np.pi * SWEEPS * share)) * shift
+        reference.r_d[:] += 0.5 * (1.0 - np.cos(2 * np.pi * SWEEPS * fraction)) * shift
         try:
             q = posture_at(observe, q, reference, t).q
         except ValueError:  # J_q exactly singular

@@ -171,8 +171,8 @@ class _Climb:
             options={"maxiter": ITERATIONS, "ftol": ENOUGH / steep},
         ).x
         # it may end a little outside: only places within Omega count, the farthest one on the way there
-        for share in 1.0 - np.append(0.0, 0.5 ** np.arange(HALVINGS, 0, -1)):
-            value, room = self._objective(self._omega.nearest(self._place(x_0 + share * (end - x_0))))
+        for fraction in 1.0 - np.append(0.0, 0.5 ** np.arange(HALVINGS, 0, -1)):
+            value, room = self._objective(self._omega.nearest(self._place(x_0 + fraction * (end - x_0))))
             if room >= 0.0:
                 self.best = max(self.best, value)
                 break

@@ -139,9 +139,9 @@ class Standing:
         return sentence(premise, self.table.value[premise], self.table.limit[premise], self.units)
 
     def _promise(self, verdict: Outcome, because: str) -> PromiseVerdict:
-        share = 1.0 - self.promise_record.lost / max(self.promise_record.periods, 1)
+        fraction = 1.0 - self.promise_record.lost / max(self.promise_record.periods, 1)
         return PromiseVerdict(
-            verdict, because, share, self.promise_record.since if self.promise_record.promised else None
+            verdict, because, fraction, self.promise_record.since if self.promise_record.promised else None
         )
 
 

@@ -43,7 +43,7 @@ _UNREADABLE = (
     *(tokenize.TokenError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
 )
 
-ProgressCallback = Callable[[float], object]  # called with the share that is done, 0 to 1
+ProgressCallback = Callable[[float], object]  # called with the fraction that is done, 0 to 1
 
 
 class TooLarge(ValueError):
@@ -104,8 +104,8 @@ def _epochs_of(recording: Recording, first: float, last: float) -> tuple[Epoch, 
     return tuple(epoch.until(last) for epoch in epochs if in_force <= epoch.t <= last)
 
 
-def _silent(share: float) -> None:
-    del share
+def _silent(fraction: float) -> None:
+    del fraction
 
 
 def write_csv(

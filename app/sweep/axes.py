@@ -35,15 +35,15 @@ class Axis(Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
     logarithmic: bool = False
     whole: bool = False
 
-    def at(self, share: float) -> Value:
+    def at(self, fraction: float) -> Value:
         """Value at a share, 0 to 1, of the axis."""
         if self.values:
-            return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+            return self.values[min(int(fraction * len(self.values)), len(self.values) - 1)]
         low, high = (self.low - 0.5, self.high + 0.5) if self.whole else (self.low, self.high)
         if self.logarithmic:
-            value = math.exp(math.log(low) + share * (math.log(high) - math.log(low)))
+            value = math.exp(math.log(low) + fraction * (math.log(high) - math.log(low)))
         else:
-            value = low + share * (high - low)
+            value = low + fraction * (high - low)
         return min(max(round(value), round(self.low)), round(self.high)) if self.whole else float(value)
 
     def __str__(self) -> str:

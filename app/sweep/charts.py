@@ -186,7 +186,7 @@ def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -
         raise ScenarioError(f"--as parallel over {axes[0].path} alone; allowed: two or more fields, or --as slices")
     canvas, plot = sheet(DOUBLE, _caption(sweep, points, view, missing="Grey", stopped="Grey"))
     norm, map_ = _norm(points, view), colormaps[COLORS]
-    columns = [_shares(axis, points.values[axis.path]) for axis in axes]
+    columns = [_fractions(axis, points.values[axis.path]) for axis in axes]
     worst_last = np.argsort(np.nan_to_num(points.number, nan=np.inf))
     for k in worst_last:
         value = points.number[k]
@@ -354,7 +354,7 @@ def _ends(axis: Axis) -> tuple[float, float]:
     return min(values), max(values)
 
 
-def _shares(axis: Axis, values: np.ndarray) -> np.ndarray:
+def _fractions(axis: Axis, values: np.ndarray) -> np.ndarray:
     """Places (N,) of values along an axis, 0 to 1."""
     if not axis.numeric:
         names = [str(value) for value in axis.values]

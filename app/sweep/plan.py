@@ -42,7 +42,7 @@ Design = Literal["grid", "latin", "sobol"]
 
 
 class Sweep(Struct, frozen=True, forbid_unknown_fields=True):
-    """Sweep: the whole question, as it stands in sweep.toml.
+    """Sweep: its whole definition, as it stands in sweep.toml.
 
     scenario: gives all fields that are not varied.
     vary: axes.
@@ -132,7 +132,7 @@ class SweepPlan:
         if sweep.design == "grid":
             values, places = axis.values, np.unravel_index(points, [len(axis.values) for axis in sweep.vary])[at]
         else:
-            values, places = [axis.at(float(share)) for share in self._shares[:, at]], points
+            values, places = [axis.at(float(position)) for position in self._unit_points[:, at]], points
         return float(np.array([max(float(value), 0.0) for value in values])[places].sum())
 
     def row(self, number: int) -> SweepRow:
@@ -148,7 +148,7 @@ class SweepPlan:
         if self.sweep.design == "grid":
             places = np.unravel_index(point, [len(axis.values) for axis in axes]) if axes else ()
             return {axis.path: axis.values[int(k)] for axis, k in zip(axes, places, strict=True)}
-        return {axis.path: axis.at(float(u)) for axis, u in zip(axes, self._shares[point], strict=True)}
+        return {axis.path: axis.at(float(u)) for axis, u in zip(axes, self._unit_points[point], strict=True)}
 
     def key_columns(self, row: SweepRow) -> dict[str, Any]:
         """Columns of the table that identify a run."""
@@ -168,7 +168,7 @@ class SweepPlan:
         return msgspec.structs.replace(scenario, name=f"{self.sweep.scenario.name[:LONGEST_NAME]}-{row.number}")
 
     @cached_property
-    def _shares(self) -> np.ndarray:
+    def _unit_points(self) -> np.ndarray:
         """Points (N, k) of a design in the unit cube."""
         from scipy.stats import qmc  # a page without a map need not load it
 
@@ -291,7 +291,7 @@ def _require_known(scenario: Scenario, path: str, value: Value) -> None:
 
 
 def to_toml(sweep: Sweep) -> str:
-    """TOML of the whole question. Raises ScenarioError where it would be larger than what is read."""
+    """TOML of the whole definition. Raises ScenarioError where it would be larger than what is read."""
     plain = msgspec.to_builtins(sweep)
     plain["scenario"] = to_plain(sweep.scenario)
     text = tomli_w.dumps(plain)
@@ -303,7 +303,7 @@ def to_toml(sweep: Sweep) -> str:
 
 
 def read(path: Path, kind: type[SweepT] = Sweep) -> SweepT:
-    """Sweep, or another question of this kind, of a file. Raises ScenarioError."""
+    """Sweep, or another definition of this kind, of a file. Raises ScenarioError."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST_FILE + 1)
@@ -343,7 +343,7 @@ def differences_in_words(found: Mapping[str, tuple[object, object]]) -> str:
 
 
 def _short(value: object) -> str:
-    """Value of a part of a question, in few letters."""
+    """Value of a part of a definition, in few letters."""
     if isinstance(value, tuple):
         text = " ".join(map(str, value)) or "not given"
     else:

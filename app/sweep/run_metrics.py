@@ -119,7 +119,7 @@ class SweepRunner:
         return self.metrics_of(self._plan.row(number))
 
     def metrics_of(self, row: SweepRow) -> RunMetrics:
-        """Metrics of a run, whose values may be others than those of the question's design."""
+        """Metrics of a run, whose values may be others than those of the plan's design."""
         started = time.perf_counter()
         begun = self._plan.key_columns(row)
         try:

@@ -29,7 +29,7 @@ SHAPE = "allowed: PATH=LOW:HIGH, with :log behind where its logarithm is to be d
 
 
 class Tuning(Sweep, frozen=True):
-    """Tuning: the whole question, as it stands in tune.toml; a sweep whose points, the candidates, an optimiser
+    """Tuning: its whole definition, as it stands in tune.toml; a sweep whose points, the candidates, an optimiser
     chooses.
 
     vary: gains that may move, each within a range.
@@ -118,7 +118,7 @@ def moved(text: str) -> Axis:
 
 
 def program(tuning: Tuning | None = None) -> str:
-    """Fingerprint of all that a tuning's answer depends on besides its question, see `fingerprint`."""
+    """Fingerprint of all that a tuning's answer depends on besides its definition, see `fingerprint`."""
     return fingerprint(tuning, ("app/tune",), ("optuna",))
 
 

@@ -32,10 +32,10 @@ class _Reporter:
         self._asker = asker
         self._percent = -1
 
-    def report(self, share: float) -> None:
-        if (percent := int(100 * share)) > self._percent:
+    def report(self, fraction: float) -> None:
+        if (percent := int(100 * fraction)) > self._percent:
             self._percent = percent
-            self._asker.send(ExportProgress(share))
+            self._asker.send(ExportProgress(fraction))
 
 
 def serve(asker: Connection, descriptor: int) -> None:

@@ -211,10 +211,10 @@ def _look_ahead(
     banded: instant until which the answer waits for a band that grows."""
     owed = moves = foresight.request.partial
     began = drawn = time.perf_counter()
-    while foresight.share < 1.0:
+    while foresight.progress < 1.0:
         foresight.advance(foresight.batch)
-        now, share = time.perf_counter(), foresight.share
-        left = (now - began) * (1.0 - share) / share
+        now, progress = time.perf_counter(), foresight.progress
+        left = (now - began) * (1.0 - progress) / progress
         if (left > SOON or not moves) and not owed and asker.poll():
             return None
         if moves and now > max(drawn + DRAWING, banded if band.going else 0.0):
@@ -238,7 +238,7 @@ def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook 
     answers while the slider is held have the same metrics beside theirs."""
     request = foresight.unchanged
     running = Foresight(request, known.system, known.memory, engine_ready())
-    while running.share < 1.0:
+    while running.progress < 1.0:
         running.advance(running.batch)
     if isinstance(outlook := running.outlook(), Outlook):
         known.request, known.today = request, outlook.metrics

@@ -53,7 +53,7 @@ from app.session.timeline import Pinned
 from app.storage import uploaded_urdfs
 from app.storage.session_index import StateError
 from app.storage.uploaded_urdfs import Reach
-from app.sweep.share import allowance_of
+from app.sweep.background_jobs import allowance_of
 
 events = structlog.get_logger()
 

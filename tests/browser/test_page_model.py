@@ -200,15 +200,15 @@ def test_linked_sliders_follow_the_one_that_is_held_and_go_back_with_it(session:
     session.wait(lambda _: session.rows("K_m ψ₂")[0][0] == "4000")
     alone = session.rows("K_m φ", "K_m ℓ·α")
     move, _ = session.grip("K_m ψ₁", at=0.7)
-    for share in (0.8, 0.55):
-        move(share)
+    for fraction in (0.8, 0.55):
+        move(fraction)
         session.moved()
         session.wait(lambda _: together() is not None)
         found = together()
         page.wait_for_timeout(400)
         assert together() == found  # it stays where it is held
         assert found is not None
-        assert abs(found[1] - share) < 0.03
+        assert abs(found[1] - fraction) < 0.03
     assert session.rows("K_m φ", "K_m ℓ·α") == alone
     assert session.now.revision == before.revision
     page.keyboard.press("Escape")

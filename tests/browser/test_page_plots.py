@@ -178,8 +178,8 @@ def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: PageSess
     enlarged = resting_box(plot)
     assert enlarged["width"] > 1.5 * small["width"]
     # nothing lies over it
-    for share in (0.1, 0.5, 0.9):
-        x, y = enlarged["x"] + share * enlarged["width"], enlarged["y"] + share * enlarged["height"]
+    for fraction in (0.1, 0.5, 0.9):
+        x, y = enlarged["x"] + fraction * enlarged["width"], enlarged["y"] + fraction * enlarged["height"]
         assert page.evaluate("([x, y]) => !!document.elementFromPoint(x, y).closest('[data-large]')", [x, y])
     page.keyboard.press("Escape")
     page.wait_for_function(f"{SHOWN}[1].height < 200")
@@ -248,11 +248,11 @@ def test_two_cursors_measure_a_step(session: PageSession):
     expect(page.locator(".vs-cursor")).to_have_count(2)
     for _ in range(5):  # the plot may get another size while a cursor is dragged
         over = resting_box(page.locator(".uplot-container[data-large] .u-over"))
-        for cursor, share in ((0, 0.76), (1, 0.99)):
+        for cursor, fraction in ((0, 0.76), (1, 0.99)):
             box = resting_box(page.locator(".vs-cursor").nth(cursor))
             page.mouse.move(box["x"] + 1, box["y"] + 200)
             page.mouse.down()
-            page.mouse.move(over["x"] + share * over["width"], over["y"] + 200, steps=5)
+            page.mouse.move(over["x"] + fraction * over["width"], over["y"] + 200, steps=5)
             page.mouse.up()
         if "Δt = 1.84 s" in table.inner_text():
             break

@@ -28,7 +28,7 @@ from controllers.dominance import By, dominates, hurwitz_on_hull, schur_on_hull
 from controllers.segment import _bialternate, rightmost
 from controllers.target_model import InvalidGain, TargetModel
 
-SHARES = np.linspace(0.0, 1.0, 401)
+ALPHAS = np.linspace(0.0, 1.0, 401)
 TO = {"B_m": [300.0, 600.0, 500.0], "K_m": [0.0, 6000.0, 5000.0]}
 
 
@@ -58,7 +58,7 @@ def test_the_example_of_the_note() -> None:
     assert not dominates(np.eye(2) - A_0, np.eye(2) - A_1, "rows")
     assert schur_on_hull([A_0, A_1], "rows")
     assert not schur_on_hull([A_1, A_0], "rows")
-    assert max(np.abs(np.linalg.eigvals((1 - a) * A_0 + a * A_1)).max() for a in SHARES) < 1.0
+    assert max(np.abs(np.linalg.eigvals((1 - a) * A_0 + a * A_1)).max() for a in ALPHAS) < 1.0
     (low_0, high_0), (low_1, high_1) = diagonal_lyapunov(A_0), diagonal_lyapunov(A_1)
     assert low_0 < high_0 < low_1 < high_1  # "there exist no diagonal-type Liapunov function" for both
     for A, (low, high) in zip(NOTE, (diagonal_lyapunov(A) for A in NOTE), strict=True):
@@ -117,7 +117,7 @@ def test_the_rightmost_eigenvalue_of_random_segments() -> None:
         n = rng.integers(2, 8)
         A_0, A_1 = rng.normal(size=(2, n, n))
         found = rightmost(A_0, A_1)
-        sampled = np.linalg.eigvals(A_0 + SHARES[:, None, None] * (A_1 - A_0)).real.max()
+        sampled = np.linalg.eigvals(A_0 + ALPHAS[:, None, None] * (A_1 - A_0)).real.max()
         assert sampled <= found.at_most
         assert found.eigenvalue.real <= found.at_most <= found.eigenvalue.real + 1e-4
         assert abscissa(A_0 + found.alpha * (A_1 - A_0)) == pytest.approx(found.eigenvalue.real, abs=1e-9)

@@ -50,18 +50,18 @@ def direction(random: np.random.Generator, n: int) -> np.ndarray:
 def draw(u: Uncertainty, random: np.random.Generator, n: int) -> Plant:
     """Anywhere in the declared set, in half the draws of each quantity at its edge."""
 
-    def share() -> float:
+    def fraction() -> float:
         return min(1.0, random.uniform(0.0, 2.0))
 
     scaling, rotors = (1.0 + rho * np.clip(random.uniform(-2.0, 2.0, n), -1.0, 1.0) for rho in (u.rho, u.rho_rotor))
-    offset = u.payload_offset * share() * direction(random, 3)
-    numbers = (u.payload_mass * share(), offset, *(x * share() for x in (u.coulomb, u.viscous, u.disturbance)))
+    offset = u.payload_offset * fraction() * direction(random, 3)
+    numbers = (u.payload_mass * fraction(), offset, *(x * fraction() for x in (u.coulomb, u.viscous, u.disturbance)))
     departure = Departure.inside(random, n)
     truth = Truth(
         scaling, *numbers, disturbance_frequency=0.7, rotor_scaling=rotors,
         link_centre=u.rho_centre * departure.centres, link_shape=u.rho_shape * symmetric(departure.shapes),
     )  # fmt: skip
-    errors = (u.force_error * share() * direction(random, 3), u.moment_error * share() * direction(random, 3))
+    errors = (u.force_error * fraction() * direction(random, 3), u.moment_error * fraction() * direction(random, 3))
     return Plant(truth, np.concatenate(errors))
 
 

@@ -102,8 +102,8 @@ def test_a_passive_model_is_stable_on_every_surface() -> None:
 def passive_on_a_grid(start: TargetModel, end: TargetModel) -> bool:
     """Whether 201 models of a blend are passive, by their definition; for M_m = 1 the matrices themselves are
     blended."""
-    share = np.linspace(0.0, 1.0, 201)[:, None, None]
-    M_m, B_m, K_m, K_f = ((1.0 - share) * getattr(start, X) + share * getattr(end, X) for X in MATRICES)
+    alpha = np.linspace(0.0, 1.0, 201)[:, None, None]
+    M_m, B_m, K_m, K_f = ((1.0 - alpha) * getattr(start, X) + alpha * getattr(end, X) for X in MATRICES)
     for divided in (np.linalg.solve(K_f, each) for each in (M_m, B_m, K_m)):
         largest = np.abs(divided).max(axis=(1, 2))
         uneven = np.abs(divided - divided.swapaxes(1, 2)).max(axis=(1, 2))

@@ -16,9 +16,9 @@ def test_many_events_of_a_kind_leave_ticks_that_stand_apart_and_the_last_one_and
     kept = apart(sorted([*pushes, fork], key=lambda place: place[1]), CARTESIAN)
     assert fork in [tick[:2] for tick in kept]
     assert kept[-1][:2] == pushes[-1]
-    shares = [share for event, share, _ in kept if event.kind == "push"]
-    assert 30 < len(shares) <= 41
-    assert all(b - a > APART - 1e-9 for a, b in pairwise(shares))
+    positions = [position for event, position, _ in kept if event.kind == "push"]
+    assert 30 < len(positions) <= 41
+    assert all(b - a > APART - 1e-9 for a, b in pairwise(positions))
     assert [tick[:2] for tick in apart(pushes[:1], CARTESIAN)] == pushes[:1]
 
 

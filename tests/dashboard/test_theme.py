@@ -27,8 +27,8 @@ def contrast(one: Rgb, other: Rgb) -> float:
 
 
 def _luminance(color: Rgb) -> float:
-    shares = [c / 255 for c in color]
-    r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares)
+    channels = [c / 255 for c in color]
+    r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels)
     return 0.2126 * r + 0.7152 * g + 0.0722 * b
 
 

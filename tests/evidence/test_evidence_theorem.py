@@ -67,7 +67,7 @@ def test_what_is_promised_inside_is_kept_and_breaks_outside() -> None:
     results = run(theorem.SECTION, thin=70)
     batches = [one for batch in results if isinstance(batch, list) for one in batch]
     plants = [one for one in batches if isinstance(one, DrawnPlant)]
-    promised = [one for one in plants if isinstance(one, Reaching) and one.share > 0.0]
+    promised = [one for one in plants if isinstance(one, Reaching) and one.promised_fraction > 0.0]
     away = [one for one in batches if isinstance(one, Outside)] + arms.outside("ur5", "hybrid", 0)
     hunts = [one for one in results if isinstance(one, Hunt)]
     assert {one.bounds for one in plants} == {"tight", "paper"}
@@ -83,7 +83,7 @@ def test_what_is_promised_inside_is_kept_and_breaks_outside() -> None:
         if not one.lagging:
             assert one.used <= 1.0
             assert one.used_parts.max() <= 1.0 + 1e-9
-            assert one.shares.sum() == pytest.approx(1.0)
+            assert one.cause_fractions.sum() == pytest.approx(1.0)
     assert hunts
     for one in hunts:
         assert one.tries >= 25
@@ -113,8 +113,8 @@ def test_runs_follow_the_closed_forms() -> None:
                 assert one.largest < 1.0
             case MeasuredOscillation():
                 omega, zeta = one.found
-                assert omega == pytest.approx(one.omega, rel=0.02 if one.share == 1.0 else 0.004)
-                assert zeta == pytest.approx(one.zeta, abs=0.01 if one.share == 1.0 else 0.002)
+                assert omega == pytest.approx(one.omega, rel=0.02 if one.scale == 1.0 else 0.004)
+                assert zeta == pytest.approx(one.zeta, abs=0.01 if one.scale == 1.0 else 0.002)
             case MeasuredForceLoop():
                 assert one.found == pytest.approx(one.factor, abs=5e-3)
             case Multiplier():

@@ -16,7 +16,7 @@ from app.gateway import known_sessions, session_pool
 from app.gateway.session import Session
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import LINK, MOST, SessionStore
-from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, VisitorShare
+from app.gateway.visitors import NOBODY, Viewer, Visitor, VisitorLimit, VisitorLimits
 from app.gateway.worker import WorkerError
 from app.scenario.data import from_toml, load, to_toml
 from app.session.autosave import StateFolder
@@ -72,12 +72,12 @@ class Town:
         *,
         store: SessionStore | None = None,
         spare: bool = False,
-        shares: Shares | None = None,
+        limits: VisitorLimits | None = None,
     ) -> None:
         self.now, self.made, self.broken = 1000.0, list[Fake](), False
         self._stored = store is not None
         self.pool = SessionPool(
-            USUAL, self._launch, places, idle, store=store, spare=spare, shares=shares, clock=lambda: self.now
+            USUAL, self._launch, places, idle, store=store, spare=spare, limits=limits, clock=lambda: self.now
         )
 
     async def _launch(self, scenario: str) -> Fake:
@@ -143,7 +143,7 @@ async def test_visitors_beyond_capacity_queue_and_expire() -> None:
 
 @in_a_loop
 async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
-    town = Town(places=1, shares=Shares(waiting=VisitorShare("sessions that wait", 2, 2, 2)))
+    town = Town(places=1, limits=VisitorLimits(waiting=VisitorLimit("sessions that wait", 2, 2, 2)))
     a, b, c, d = (town.pool.new() for _ in range(4))
     assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "waiting", "waiting", "resting"]
     assert town.pool.refusal(d) == "2 sessions that wait; allowed: no more"

@@ -134,8 +134,8 @@ def test_a_slider_of_time_is_followed_to_where_it_is_now(runner: Runner, monkeyp
         seek(t)
 
     monkeypatch.setattr(line, "seek", slow)
-    for share in np.linspace(0.1, 0.9, 20):
-        runner.post(Seek(share * end))
+    for fraction in np.linspace(0.1, 0.9, 20):
+        runner.post(Seek(fraction * end))
     wait(runner, lambda now: now.t == pytest.approx(0.9 * end, abs=1e-3))
     assert len(sought) < 4
 

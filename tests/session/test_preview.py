@@ -71,7 +71,7 @@ def disturbed() -> Scenario:
 
 def foreseen(loop: ClosedLoop, scenario: Scenario, horizon: float) -> np.ndarray:
     foresight = Foresight(PreviewRequest(1, loop.state.copy(), scenario, horizon))
-    while foresight.share < 1.0:
+    while foresight.progress < 1.0:
         foresight.advance(37)
     return foresight._loop.recording.rows()
 
@@ -226,7 +226,7 @@ def test_the_compiled_engine_foresees_the_same() -> None:
         state = running(shipped()[name]).state.copy()
         request = PreviewRequest(1, state, edited(state.scenario, "controller.layer", 0.02), 0.3)
         foreseen = [Foresight(request, engine="pinocchio"), Foresight(request, engine="compiled")]
-        while foreseen[0].share < 1.0:
+        while foreseen[0].progress < 1.0:
             for foresight in foreseen:
                 foresight.advance(70)
         step, compiled = (foresight._loop.recording.signals(("e_r", "s", "tau", "F")) for foresight in foreseen)
@@ -274,12 +274,9 @@ def test_an_arm_at_rest_is_pushed_and_gives_way_as_its_stiffness_says() -> None:
     assert metrics.motion_overshoot == pytest.approx(30.0 / k * beyond, rel=0.1 + 2.0 * wave)
     assert metrics.motion_error < 2e-4
     assert not metrics.motion_grows
-    assert preview_metrics(
-        PreviewRequest(1, state, scenario, 0.2, push=30.0)
-    ).motion_grows  # it ends within the first swing
-    assert not preview_metrics(
-        PreviewRequest(1, state, scenario, 1.0, push=30.0)
-    ).motion_grows  # at rest under the push
+    first_swing, at_rest = (preview_metrics(PreviewRequest(1, state, scenario, s, push=30.0)) for s in (0.2, 1.0))
+    assert first_swing.motion_grows
+    assert not at_rest.motion_grows
     assert metrics.contact_largest is None
     assert preview_metrics(PreviewRequest(1, state, scenario, 4.0)).motion_largest < 2e-4
     # a sinusoidal push of no size, or a moment that is over, leaves nothing of itself to this one

@@ -181,8 +181,8 @@ def test_a_surface_is_left_where_it_would_have_to_pull_and_met_again(integrator:
     q, plant = rows["q"][lost], loop.system.plant
     a = gradients(loop.system, plant, q)[0]
     phi_ddot = a @ np.linalg.solve(inertia(plant, q), a) * holding.pull[0]
-    share = 1.0 if integrator == "semi-implicit-euler" else 0.5
-    assert phi[lost + 1] == pytest.approx(share * H**2 * phi_ddot, rel=2e-3)
+    factor = 1.0 if integrator == "semi-implicit-euler" else 0.5
+    assert phi[lost + 1] == pytest.approx(factor * H**2 * phi_ddot, rel=2e-3)
     assert (holding.lost[0], holding.made[0]) == pytest.approx((t[lost], t[made]), abs=H)
 
 

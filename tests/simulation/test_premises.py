@@ -295,8 +295,8 @@ def test_without_a_layer_the_robust_terms_have_a_limit_too() -> None:
     given = {"controller__switching": "discontinuous", "controller__gain": "constant", "controller__d": 50.0}
     check = ClosedLoop.from_scenario(short("ur5-motion", **given)).state.evaluation.part("posture_check")
     limit = 2.0 * check.H_min / 1.25e-3
-    for share, holds in ((0.98, True), (1.02, False)):
-        loop = ClosedLoop.from_scenario(short("ur5-motion", **given, controller__K_s=[share * limit] * 6))
+    for factor, holds in ((0.98, True), (1.02, False)):
+        loop = ClosedLoop.from_scenario(short("ur5-motion", **given, controller__K_s=[factor * limit] * 6))
         table, check = loop.state.evaluation.part("table"), loop.state.evaluation.part("posture_check")
         assert bool(table.failing[Premise.LAYER]) is not holds
         assert np.isfinite(check.radius) == holds

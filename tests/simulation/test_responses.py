@@ -346,12 +346,12 @@ def test_sensor_errors_show_up_in_the_force() -> None:
 def after_a_reading(system: System, q_dot: np.ndarray) -> float:
     """Change of the force in the period after a reading, per change of that reading, at a velocity of the arm."""
     found, size = [], 1e-3
-    for share in (-size, size):
+    for error in (-size, size):
         loop = ClosedLoop.from_system_and_state(system, State.at(system, system.q_0, q_dot, 0.0))
         loop.step()
         load = loop.state.arm.views.load
         before = load.multiplier[0]
-        load.wrench[:] *= 1.0 + share
+        load.wrench[:] *= 1.0 + error
         loop.step()
         found.append(load.multiplier[0])
     return float((found[1] - found[0]) / (2 * size * before))

@@ -232,6 +232,6 @@ def test_an_impedance_yields_to_a_hand_that_turns_it() -> None:
 
 def test_a_push_by_the_clock_has_a_moment() -> None:
     push = TimedPush(np.array([1.0, 2.0, 3.0]), 1.0, 0.25, frequency=2.0, moment=np.array([0.1, 0.2, 0.3]))
-    share = np.sin(2 * np.pi * 2.0 * 0.1)
-    np.testing.assert_allclose(push.at(1.1), share * np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]))
+    sine = np.sin(2 * np.pi * 2.0 * 0.1)
+    np.testing.assert_allclose(push.at(1.1), sine * np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]))
     assert push.at(1.3) is None

@@ -26,11 +26,11 @@ from app.session.runner import Runner as Loop
 from app.sweep import background
 from app.sweep.axes import axis_of
 from app.sweep.background import Background, BackgroundSweep
+from app.sweep.background_jobs import Allowance, BackgroundJobs, allowance_of
 from app.sweep.folder import packed, zipped
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_metrics import SweepRunner
 from app.sweep.run_store import table_of
-from app.sweep.share import Allowance, Share, allowance_of
 from drivers.waiting import until
 from tests.sweep.test_running import timeless
 
@@ -100,7 +100,7 @@ def _alive(pid: int) -> bool:
 
 
 def test_a_shared_machine_has_one_question_of_each_session_and_so_many_of_all() -> None:
-    ours, theirs = Share(Allowance(1, at_once=1, runs=6)), Share(Allowance(1, at_once=1, runs=6))
+    ours, theirs = BackgroundJobs(Allowance(1, at_once=1, runs=6)), BackgroundJobs(Allowance(1, at_once=1, runs=6))
     with pytest.raises(ScenarioError, match="7 runs; allowed: at most 6, since this server is shared"):
         ours.begin(lambda _: pytest.fail("begun"), 7)
     held, release = threading.Event(), threading.Event()

@@ -8,7 +8,7 @@ import pytest
 
 from app.scenario.errors import ScenarioError
 from app.sweep.axes import Axis, axis_of
-from app.sweep.charts import _borders, _geometric, _shares, chart
+from app.sweep.charts import _borders, _fractions, _geometric, chart
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView, interval, points_of, require_metric
 from app.sweep.run_metrics import METRIC_COLUMNS
@@ -109,7 +109,7 @@ def test_of_refused_runs_nothing_is_known() -> None:
 
 
 def test_values_in_any_order_stay_within_parallel_coordinates() -> None:
-    assert _shares(axis_of("contact.K_e=3e4,1e4,5e4"), np.array([1e4, 3e4, 5e4])).tolist() == [0.0, 0.5, 1.0]
+    assert _fractions(axis_of("contact.K_e=3e4,1e4,5e4"), np.array([1e4, 3e4, 5e4])).tolist() == [0.0, 0.5, 1.0]
 
 
 def test_wilsons_interval_of_few_arms() -> None:

@@ -75,10 +75,10 @@ def test_a_design_fills_its_ranges_evenly(design: str) -> None:
     )  # fmt: skip
     values = [asked.values_at(point) for point in range(64)]
     K_e, K_s = (np.array([float(each[path]) for each in values]) for path in ("contact.K_e", "controller.K_s"))
-    for shares in ((np.log10(K_e) - 3.0) / 2.0, (K_s - 20.0) / 60.0):
-        assert (shares >= 0.0).all()
-        assert (shares <= 1.0).all()
-        assert np.histogram(shares, 8, (0.0, 1.0))[0].tolist() == [8] * 8
+    for fractions in ((np.log10(K_e) - 3.0) / 2.0, (K_s - 20.0) / 60.0):
+        assert (fractions >= 0.0).all()
+        assert (fractions <= 1.0).all()
+        assert np.histogram(fractions, 8, (0.0, 1.0))[0].tolist() == [8] * 8
     assert [each["controller.law"] for each in values].count("vsmrc") == 32
     assert asked.values_at(5) == SweepPlan(asked.sweep).values_at(5)
 

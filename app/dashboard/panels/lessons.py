@@ -258,11 +258,11 @@ class LessonsPanel:
 def _head(course: LessonCourse) -> str:
     lesson, step = course.lesson, course.step
     language, title = escape(lesson.head.language), escape(lesson.head.title)
-    share = step.number / len(lesson.steps)
+    fraction = step.number / len(lesson.steps)
     return (
         f'<div class="vs-lesson" lang="{language}" data-step="{step.number}"><div class="vs-row"><b>{title}</b>'
         f'<span class="vs-dim vs-right">{step.number} of {len(lesson.steps)}</span></div>'
-        f'<div class="vs-share"><i style="width: {share:.1%}"></i></div></div>'
+        f'<div class="vs-share"><i style="width: {fraction:.1%}"></i></div></div>'
     )
 
 

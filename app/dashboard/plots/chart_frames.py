@@ -169,12 +169,12 @@ def _absent(column: np.ndarray) -> np.ndarray:
     return np.isinf(column) | (~known & (np.isinf(column[before]) | np.isinf(column[after])))
 
 
-def quantiles(values: np.ndarray, shares: Sequence[float]) -> np.ndarray:
+def quantiles(values: np.ndarray, levels: Sequence[float]) -> np.ndarray:
     """Quantiles (k, N) of values (arms, N) at each instant, over the arms that have one; nan where none has."""
     known = np.isfinite(values)
     ordered, counts = np.sort(np.where(known, values, np.nan), axis=0), known.sum(axis=0)  # nan comes last
-    found = np.full((len(shares), values.shape[1]), np.nan)
+    found = np.full((len(levels), values.shape[1]), np.nan)
     for count in np.unique(counts[counts > 0]):  # np.nanquantile takes one instant at a time, and fifteen times as long
         alike = counts == count
-        found[:, alike] = np.quantile(ordered[:count, alike], shares, axis=0)
+        found[:, alike] = np.quantile(ordered[:count, alike], levels, axis=0)
     return found

@@ -134,8 +134,8 @@ class ChartWidget:
 def _of_band(line: ChartLine) -> list[uplot.Series]:
     """Looks of the quantiles of a line's band: the median dashed, the others only the edges of areas."""
     looks = []
-    for share in line.band:
-        width = 1.0 if share == MEDIAN else 0.0
+    for level in line.band:
+        width = 1.0 if level == MEDIAN else 0.0
         looks.append(ChartLine("", line.color, line.values, width=width, alpha=0.9, listed=False, dashed=True).series())
     return looks
 

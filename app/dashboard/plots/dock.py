@@ -187,7 +187,7 @@ class _TabView:
         )
         for chart in self._charts:
             chart.draw(setup, _looks(shown), frame, whole=whole)
-        self._share()
+        self._fit_heights()
 
     def clear(self, setup: Setup, shown: Shown) -> None:
         """Remove the lines of all plots."""
@@ -195,7 +195,7 @@ class _TabView:
             self._show_choices(setup)
         for chart in self._charts:
             chart.clear(setup, _looks(shown))
-        self._share()
+        self._fit_heights()
 
     def _show_choices(self, setup: Setup) -> None:
         """Show the present choices, which somebody may have changed while the plots were drawn."""
@@ -208,9 +208,9 @@ class _TabView:
 
     def fit(self, page_height: int) -> None:
         self._page_height = page_height
-        self._share()
+        self._fit_heights()
 
-    def _share(self) -> None:
+    def _fit_heights(self) -> None:
         rows = [chart.legend_rows for chart in self._charts if chart.legend_rows]
         rest = self._page_height - ABOVE - (NOTE if self._tab.note else 0) - LEGEND * sum(rows) - AROUND * len(rows)
         for chart in self._charts:

@@ -72,8 +72,8 @@ async def fly(camera: viser.CameraHandle, view: Viewpoint) -> None:
     """Move the camera to a viewpoint smoothly, around the point that it looks at rather than through it."""
     start, at = camera.position.copy(), camera.look_at.copy()
     arm, goal = start - at, view.position - view.look_at
-    for share in np.linspace(0.0, 1.0, FRAMES + 1)[1:]:
-        s = share**2 * (3.0 - 2.0 * share)
+    for fraction in np.linspace(0.0, 1.0, FRAMES + 1)[1:]:
+        s = fraction**2 * (3.0 - 2.0 * fraction)
         direction = (1.0 - s) * arm / np.linalg.norm(arm) + s * goal / np.linalg.norm(goal)
         length = (1.0 - s) * np.linalg.norm(arm) + s * np.linalg.norm(goal)
         middle = (1.0 - s) * at + s * view.look_at

@@ -50,12 +50,12 @@ class Ink:
 
     text: Rgb
     tint: Rgb
-    share: float
+    opacity: float
 
     def ground(self, page: Rgb) -> Rgb:
         """Colour of the ground on a page of this colour."""
         r, g, b = (
-            round(self.share * tint + (1 - self.share) * plain) for tint, plain in zip(self.tint, page, strict=True)
+            round(self.opacity * tint + (1 - self.opacity) * plain) for tint, plain in zip(self.tint, page, strict=True)
         )
         return r, g, b
 
@@ -97,5 +97,5 @@ def _variables(theme: Theme) -> str:
     colors = {name: css(color) for name, color in plain.items()}
     for name, ink in INKS[theme].items():
         colors[name] = css(ink.text)
-        colors[f"{name}-ground"] = css(ink.tint, ink.share)
+        colors[f"{name}-ground"] = css(ink.tint, ink.opacity)
     return " ".join(f"--vs-{name}: {color};" for name, color in colors.items())

@@ -36,8 +36,8 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
     offered = [at[each.number] for each in shown if not each.badge or each.number == 0]
     places = np.array(offered or list(at.values()))
     across, up = (_scale(places[:, 0], of_aim=len(aims) > 1), _scale(places[:, 1], of_aim=True))
-    x = {number: LEFT + EDGE + across.share(place[0]) * (RIGHT - LEFT - 2 * EDGE) for number, place in at.items()}
-    y = {number: BOTTOM - EDGE - up.share(place[1]) * (BOTTOM - TOP - 2 * EDGE) for number, place in at.items()}
+    x = {number: LEFT + EDGE + across.position(place[0]) * (RIGHT - LEFT - 2 * EDGE) for number, place in at.items()}
+    y = {number: BOTTOM - EDGE - up.position(place[1]) * (BOTTOM - TOP - 2 * EDGE) for number, place in at.items()}
     marks = [
         _mark(each, x[each.number], y[each.number], _label(tuning, each, names), chosen, in_front=each in best)
         for each in sorted(shown, key=lambda each: (each in best, each.number == 0, not each.badge))

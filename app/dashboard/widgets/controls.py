@@ -32,7 +32,7 @@ from app.scenario.units import CARTESIAN, Units, label_in, unit_in
 from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
-from app.sweep.share import Share
+from app.sweep.background_jobs import BackgroundJobs
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Desk:
     lock: on edits, while a lesson has a goal.
     notebook: progress in lessons.
     classroom: desk of the class that lessons ask.
-    share: of the machine, for maps and searches.
+    background_jobs: maps and searches of this session.
     scene_of: returns the size of the scene on a client's page, px of the page; None while it is not known."""
 
     gui: viser.GuiApi
@@ -69,7 +69,7 @@ class Desk:
     lock: EditLock
     notebook: Notebook
     classroom: ClassDesk
-    share: Share
+    background_jobs: BackgroundJobs
     scene_of: Callable[[int], tuple[int, int] | None]
 
 

@@ -118,12 +118,12 @@ class SliderScale:
 
     def position(self, value: float) -> float:
         if not self.logarithmic:
-            share = (value - self.low) / (self.high - self.low)
+            fraction = (value - self.low) / (self.high - self.low)
         elif value <= 0:
-            share = 0.0
+            fraction = 0.0
         else:
-            share = math.log(value / self.low) / math.log(self.high / self.low)
-        return min(max(share, 0.0), 1.0)
+            fraction = math.log(value / self.low) / math.log(self.high / self.low)
+        return min(max(fraction, 0.0), 1.0)
 
 
 def log_scale(low: float, high: float, *, zero: bool = False) -> SliderScale:

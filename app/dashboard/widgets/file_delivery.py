@@ -43,8 +43,8 @@ def _made(client: viser.ClientHandle, what: str, name: str, make: Callable[[Prog
     """Content of the file; None where it could not be made, after a note to the page."""
     note = client.add_notification(what, f"{name} is being made …", loading=True, with_close_button=False)
 
-    def on_progress(share: float) -> None:
-        note.body = f"{name} is being made … {share:.0%}"
+    def on_progress(fraction: float) -> None:
+        note.body = f"{name} is being made … {fraction:.0%}"
 
     try:
         content = make(on_progress)

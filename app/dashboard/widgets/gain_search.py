@@ -97,7 +97,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
 
     def _begin(self, snapshot: Snapshot) -> BackgroundTuning:
         fields, asked = self._asked(snapshot)
-        begun = self._desk.share.begin(
+        begun = self._desk.background_jobs.begin(
             lambda allowance: BackgroundTuning(asked, allowance.workers, allowance.at_once), most_runs(asked)
         )
         self._leave()

@@ -96,8 +96,8 @@ def _map(drawn: _Drawn, push: PushKind, axes: Sequence[int]) -> str:
 
 
 def _x(frequency: float, response: PushResponse) -> float:
-    share = math.log(frequency / LOWEST) / math.log(response.highest / LOWEST)
-    return _LEFT + (_RIGHT - _LEFT) * share
+    fraction = math.log(frequency / LOWEST) / math.log(response.highest / LOWEST)
+    return _LEFT + (_RIGHT - _LEFT) * fraction
 
 
 def _y(impedance: float, low: int, high: int) -> float:

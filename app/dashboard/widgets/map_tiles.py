@@ -71,7 +71,7 @@ class ColorScale(NamedTuple):
         low, high = float(known.min()), float(known.max())
         return cls(low, high, wide(known))
 
-    def share(self, number: float) -> float:
+    def position(self, number: float) -> float:
         """Position of a number on the scale, 0 to 1."""
         low, high = self.low, self.high
         if self.logarithmic:
@@ -128,7 +128,7 @@ def _tiles(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming,
         for held, of_points in ((declared, points.declared), (theorem, points.theorem)):
             if not math.isnan(of_points[k]):
                 held[i, j] = bool(of_points[k])
-        color = NOTHING if math.isnan(number) else _color(scale.share(number))
+        color = NOTHING if math.isnan(number) else _color(scale.position(number))
         x_at, y_at = LEFT + i * frame.wide, BOTTOM - (j + 1) * frame.tall
         cross = f'<path d="{_cross(i, j, frame)}" stroke="currentColor"/>' if points.stopped[k] else ""
         label = escape(_label(plan, points, k, number, naming))
@@ -160,7 +160,7 @@ def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming
     for k in np.argsort(np.asarray(points.values[x.path], dtype=float)):
         number, i = float(numbers[k]), x.values.index(float(points.values[x.path][k]))
         across, label = LEFT + (i + 0.5) * wide, escape(_label(plan, points, int(k), number, naming))
-        up = BOTTOM if math.isnan(number) else _up(scale.share(number))
+        up = BOTTOM if math.isnan(number) else _up(scale.position(number))
         shape = f'<circle cx="{across:.1f}" cy="{up:.1f}" r="3.5" class="vs-dot-of"/>'
         if points.stopped[k] or math.isnan(number):
             shape = f'<path d="M {across - 4:.1f} {up - 4:.1f} l 8 8 m -8 0 l 8 -8" stroke="currentColor"/>'
@@ -183,17 +183,17 @@ def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming
         f'<path class="axis" fill="none" d="M {LEFT} {TOP} V {BOTTOM} H {RIGHT}"/>{now}',
         f'<polyline class="vs-course" points="{", ".join(line)}"/>',
         *dots,
-        *(f'<text x="{LEFT - 4}" y="{_up(share) + 4:.1f}" text-anchor="end">{end}</text>'
-          for share, end in zip((0.0, 1.0), ends, strict=True)),
+        *(f'<text x="{LEFT - 4}" y="{_up(position) + 4:.1f}" text-anchor="end">{end}</text>'
+          for position, end in zip((0.0, 1.0), ends, strict=True)),
         *_ticks_across(x, wide),
         f'<text x="{RIGHT}" y="{BOTTOM + 23}" text-anchor="end">→ {called}</text>',
         f'<text x="4" y="{BOTTOM + 23}">↑ {escape("share" if naming.share else naming.unit or naming.title)}</text>',
     ])  # fmt: skip
 
 
-def _up(share: float) -> float:
+def _up(position: float) -> float:
     """Vertical position, px, of a position on the scale; its ends are a little off the axes."""
-    return BOTTOM - 8 - share * (BOTTOM - TOP - 16)
+    return BOTTOM - 8 - position * (BOTTOM - TOP - 16)
 
 
 def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Naming) -> str:
@@ -232,8 +232,8 @@ def _unpromised(points: Points, k: int) -> str:
     return f"{sentence}; not met: {failed}" if failed else sentence
 
 
-def _color(share: float) -> str:
-    at = share * (len(STOPS) - 1)
+def _color(position: float) -> str:
+    at = position * (len(STOPS) - 1)
     k = min(int(at), len(STOPS) - 2)
     r, g, b = (round(one + (at - k) * (other - one)) for one, other in zip(STOPS[k], STOPS[k + 1], strict=True))
     return f"rgb({r}, {g}, {b})"

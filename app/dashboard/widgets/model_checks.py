@@ -91,8 +91,8 @@ def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
 def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
     """Progress of the present blend as HTML; without one, the certificate of a blend to the model of `edit`."""
     if snapshot.blending is not None:
-        share = f"{100 * snapshot.blending:.0f}"
-        return f'<div class="vs-checks"><div class="vs-message vs-good">blending: {share} % of the way.</div></div>'
+        per_cent = f"{100 * snapshot.blending:.0f}"
+        return f'<div class="vs-checks"><div class="vs-message vs-good">blending: {per_cent} % of the way.</div></div>'
     try:
         certificate = None if edit is None else judge_blend(snapshot, edit)
     except InvalidGain as error:

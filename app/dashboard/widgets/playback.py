@@ -160,9 +160,9 @@ def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
         events = (*events, Event(snapshot.end, "fault", f"stopped: {snapshot.reason}"))
     places = ((event, (event.t - snapshot.first) / known) for event in events if known > 0.0)
     ticks = "".join(
-        f'<i class="vs-tick vs-{event.kind}" data-seek="{event.t:.4f}" style="left:{share:.1%}" '
+        f'<i class="vs-tick vs-{event.kind}" data-seek="{event.t:.4f}" style="left:{position:.1%}" '
         f'title="{escape(description)}"></i>'
-        for event, share, description in apart(
+        for event, position, description in apart(
             [place for place in places if 0.0 <= place[1] <= 1.0], snapshot.latest.units
         )
     )
@@ -170,10 +170,10 @@ def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
 
 
 class Tick(NamedTuple):
-    """Tick of an event. share: its position on the timeline. description: what happened, also just before, in words."""
+    """Tick of an event. position: on the timeline. description: what happened, also just before, in words."""
 
     event: Event
-    share: float
+    position: float
     description: str
 
 
@@ -184,11 +184,11 @@ def apart(places: list[tuple[Event, float]], units: Units) -> list[Tick]:
     units: of the task space."""
     following: dict[str, int] = {}  # number of the last tick of each kind
     ticks: list[Tick] = []
-    for event, share in reversed(places):
+    for event, position in reversed(places):
         number = following.get(event.kind)
-        if number is None or ticks[number].share - share >= APART:
+        if number is None or ticks[number].position - position >= APART:
             following[event.kind] = len(ticks)
-            ticks.append(Tick(event, share, _event_text(event, units)))
+            ticks.append(Tick(event, position, _event_text(event, units)))
         elif len(ticks[number].description) < ROOM:
             ticks[number] = ticks[number]._replace(
                 description=f"{_event_text(event, units)}\n{ticks[number].description}"
@@ -234,9 +234,9 @@ class _Time:
             self._desk.complain(f"time t [s]: {text!r:.60} is not a number; allowed: such as 1.5")
 
     async def _on_slider(self, _: PageEvent) -> None:
-        snapshot, share = self._desk.snapshot(), self._slider.value
+        snapshot, position = self._desk.snapshot(), self._slider.value
         self._answer.expect(snapshot, seconds=0.5)
-        t = snapshot.first + share * (snapshot.end - snapshot.first)
+        t = snapshot.first + position * (snapshot.end - snapshot.first)
         self._text.value = _written(t)
         self._desk.post(Seek(t))
 

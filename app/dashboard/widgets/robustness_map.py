@@ -66,8 +66,8 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         gui = desk.gui
         gui.add_html(
             '<div class="vs-note vs-map-top">One figure for many settings and for true arms drawn from the declared '
-            f"set, computed beside the loop by {desk.share.allowance}. A click on a tile plays the run of its worst "
-            "arm and pauses at its end; the present run is pinned (tab Runs).</div>"
+            f"set, computed beside the loop by {desk.background_jobs.allowance}. A click on a tile plays the run of "
+            "its worst arm and pauses at its end; the present run is pinned (tab Runs).</div>"
         )
         self._across = FieldChoice(desk, "Across", FIELDS, "stiffness of the surface", optional=False)
         self._up = FieldChoice(desk, "Up", FIELDS, "mass of the true links, factor", optional=True)
@@ -96,7 +96,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
 
     def _begin(self, snapshot: Snapshot) -> BackgroundSweep:
         asked = self._asked(snapshot)
-        return self._desk.share.begin(
+        return self._desk.background_jobs.begin(
             lambda allowance: BackgroundSweep(asked, allowance.workers, allowance.at_once), SweepPlan(asked).count
         )
 

@@ -42,7 +42,7 @@ def allowance_of(*, shared: bool) -> Allowance:
     return Allowance(1, spare, 1500) if shared else Allowance(spare)
 
 
-class Share:
+class BackgroundJobs:
     """Share of one session: starts its maps and searches, one at a time. May be used from any thread."""
 
     def __init__(self, allowance: Allowance) -> None:
