@@ -12,9 +12,9 @@ docs/mutations.md is written: a row without a verdict, or whose text has changed
 
 A row is caught when a test fails, and survives when the tests of its own file and all of `TESTS` pass; `--tests` names
 others. There is a copy for each core, with a cache of compiled kernels of its own; in it every test file is tried
-without any mistake before it judges one. Before each row the kernels of every module that imports the changed one are
-removed from it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some
-survived, 2 a row does not fit the sources, or the document does not fit the rows.
+without any mistake before it judges one. A row begins with the kernels of those modules that do not import the changed
+one, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some survived, 2 a row does not fit
+the sources, or the document does not fit the rows.
 """
 
 from __future__ import annotations
@@ -72,6 +72,7 @@ TESTS = (
     "tests/simulation/test_task_coordinates.py",
 )
 PATIENCE = 1200.0  # s for one row
+SECOND = 10**9  # ns
 PAGE = ROOT / "docs" / "mutations.md"
 KEPT = Path(__file__).with_suffix(".jsonl")
 CAUGHT, SURVIVED, NOT_RUN = "caught", "SURVIVED", "not run yet"
@@ -149,6 +150,7 @@ class Copy:
     def __init__(self, folder: Path, tests: tuple[str, ...]) -> None:
         self.tree, self._kernels, self._tests = folder / "tree", folder / "kernels", tests
         self._kernels.mkdir(parents=True)
+        self._kernels_of_row = folder / "kernels of this row"
         self._passed: set[str] = set()  # tests that were tried without any mutation
         for name in FOLDERS:
             shutil.copytree(ROOT / name, self.tree / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -158,29 +160,34 @@ class Copy:
         """Verdict on a mutation: by the tests that should detect it, then by the others, one file after the other.
         Raises RuntimeError where a test fails without the mutation."""
         tests = dict.fromkeys([*mutation.named, *self._tests])
-        by = next(filter(None, (self._failing(test, mutation) for test in tests)), "")
+        try:
+            by = next(filter(None, (self._failing(test, mutation) for test in tests)), "")
+        finally:
+            shutil.rmtree(self._kernels_of_row, ignore_errors=True)
         return Verdict(mutation, CAUGHT if by else SURVIVED, by, datetime.date.today())
 
     def _failing(self, tests: str, mutation: Mutation) -> str:
         """Test of these that fails with the mistake, or how the test run ended; "" where all pass. The file is
-        restored."""
+        restored, and the kernels that were compiled with the mistake stay for the row's other tests."""
         self._require_sound(tests)
-        file, kernels = self.tree / mutation.file, self._kernels.with_name("kernels of this row")
+        file = self.tree / mutation.file
         sound, time = file.read_text(encoding="utf-8"), file.stat().st_mtime_ns
-        shutil.copytree(self._kernels, kernels)
-        for module in importers(self.tree, mutation.file):
-            package, name = module.split(".")[-2:]  # numba names a folder after the file's own
-            for stale in kernels.glob(f"{package}_*/{name}.*"):
-                stale.unlink()
+        stale = {tuple(module.split(".")[-2:]) for module in importers(self.tree, mutation.file)}
+        for kept in self._kernels.glob("*/*"):
+            package, module = kept.parent.name.rpartition("_")[0], kept.name.partition(".")[0]
+            if (package, module) not in stale:
+                there = self._kernels_of_row / kept.relative_to(self._kernels)
+                there.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(kept, there)
         file.write_text(sound.replace(mutation.old, mutation.new), encoding="utf-8")
+        os.utime(file, ns=(time, time + SECOND))  # numba compares it with the one that it noted beside a kernel
         try:
-            done = self._run(tests, kernels, PATIENCE)
+            done = self._run(tests, self._kernels_of_row, PATIENCE)
         except subprocess.TimeoutExpired:
             return f"not done within {PATIENCE:g} s"
         finally:
             file.write_text(sound, encoding="utf-8")
-            os.utime(file, ns=(time, time))  # numba compares the file's time with the one that it noted beside a kernel
-            shutil.rmtree(kernels)
+            os.utime(file, ns=(time, time))
         failed = re.search(r"^(?:FAILED|ERROR) (?:tests/(?:\w+/)?)?(.+?)(?: - .*)?$", done.stdout, re.MULTILINE)
         return "" if done.returncode == 0 else failed[1] if failed else f"pytest ended with {done.returncode}"
 
