@@ -105,7 +105,7 @@ def test_runs_are_pinned_compared_and_forgotten(session: PageSession):
     session.page.get_by_text("Copied", exact=True).wait_for()
     copied = session.page.evaluate("navigator.clipboard.readText()").split("\n")
     assert copied[0].split("\t") == ["", "now", "<b>soft</b>"]
-    assert any(line.startswith("path error, RMS") and "%)" in line for line in copied)
+    assert any(line.startswith("path error, RMS") and ("%)" in line or "×)" in line) for line in copied)
     expect(table.locator("tr", has_text="path error, RMS").locator("td")).to_have_count(3)
     session.page.get_by_text("reaching gain K_s: 100 N·s/m").wait_for()
     press(session, f"Forget run {number}")

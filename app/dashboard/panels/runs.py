@@ -180,12 +180,14 @@ def _number(value: float | None) -> str:
 
 
 def _against(value: float | None, now: float | None) -> str:
-    """Difference from the present run in per cent, as HTML."""
+    """How much a value differs from that of the present run, as HTML: in per cent, or as a multiple from twice on."""
     if value is None or now is None or abs(now) < 1e-12:
         return ""
+    times = value / now
     per_cent = 100.0 * (value - now) / abs(now)
-    text = f"{per_cent:+z.0f} %".replace("-", "−") if abs(per_cent) < 1000 else f"{value / now:.0f} ×"
-    return f' <span class="vs-dim vs-against">({text})</span>'
+    multiple = f"{times:.1f} ×" if abs(times) < 10 else f"{times:.0f} ×"
+    difference = (f"{per_cent:+z.0f} %" if abs(per_cent) < 100 else multiple).replace("-", "−")
+    return f' <span class="vs-dim vs-against">({difference})</span>'
 
 
 def _pinned_note(pinned: Pinned, snapshot: Snapshot) -> str:
