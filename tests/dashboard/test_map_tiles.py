@@ -18,7 +18,7 @@ from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView, points_of
 from app.sweep.run_metrics import RunMetrics
 from tests.sweep.test_charts import columns
-from tests.sweep.test_question import sweep_of
+from tests.sweep.test_plan import sweep_of
 
 SWEEP = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:80:2", draw=4)
 NAMES = {"contact.K_e": ("stiffness <b>", "N/m"), "controller.K_s": ("gain", "N·s/m")}

@@ -13,7 +13,7 @@ from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView, interval, points_of, require_metric
 from app.sweep.run_metrics import METRIC_COLUMNS
 from tests.support.svg import texts_of
-from tests.sweep.test_question import BASE, sweep_of
+from tests.sweep.test_plan import BASE, sweep_of
 
 SWEEP = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:80:2", draw=4)
 

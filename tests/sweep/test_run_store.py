@@ -23,7 +23,7 @@ from app.sweep import run_store
 from app.sweep.axes import axis_of
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_store import JOURNAL, RunStore, parts, schema_of, table_of
-from tests.sweep.test_question import sweep_of
+from tests.sweep.test_plan import sweep_of
 
 SWEEP = sweep_of("contact.K_e=1e3:1e5:50:log", "controller.K_s=20:80:80")  # 4,000 runs
 ASKED = SweepPlan(SWEEP)

@@ -11,7 +11,7 @@ from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate, front, judged
 from app.tune.outcome import verdict
 from app.tune.running import Found
-from tests.tune.test_question import TUNING
+from tests.tune.test_plan import TUNING
 
 BOTH = msgspec.structs.replace(TUNING, aims=("force_error", "torque_variation"))
 SOUND: RunMetrics = {"force_error": 1.0, "torque_variation": 5.0, "verdict": "holds", "failed": None, "stopped": None}
