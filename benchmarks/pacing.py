@@ -21,16 +21,16 @@ SETTLE = 3.0  # s
 def measure(effort: Effort) -> Table:
     """Table of paces. Raises RuntimeError when the loop stopped."""
     with served(SCENARIO) as dashboard:
-        rows = [("without a page", *_held(dashboard, effort.pacing))]
+        rows = [("without a page", *_pace(dashboard, effort.pacing))]
         with chromium() as browser:
             page = opened(browser, dashboard.url)
-            rows.append(("with a page", *_held(dashboard, effort.pacing)))
+            rows.append(("with a page", *_pace(dashboard, effort.pacing)))
             page.close()
     titles = ("steps per s", "late p50, ms", "p99, ms", "p99.9, ms", "max, ms", "processor, %")
     return Table((f"1 kHz for {effort.pacing:.0f} s", *titles), rows)
 
 
-def _held(dashboard: Served, seconds: float) -> tuple[str, ...]:
+def _pace(dashboard: Served, seconds: float) -> tuple[str, ...]:
     time.sleep(SETTLE)
     before, began = dashboard.state(), time.perf_counter()
     time.sleep(seconds)

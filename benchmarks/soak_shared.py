@@ -32,7 +32,7 @@ from benchmarks.soak import PAGE, PLACE, Crowd, grown
 from drivers.visitors import VisitingPage, serving, visiting
 
 SHARED = "<!-- soak shared -->"
-HELD = ("gateway", "sessions", "threads", "files", "processes")
+RESOURCES = ("gateway", "sessions", "threads", "files", "processes")
 
 
 @dataclass(frozen=True)
@@ -86,20 +86,20 @@ def _watched(url: str) -> str:
 
 
 def _read(gateway: int, watchers: list[VisitingPage], minute: float, visits: int) -> Reading:
-    held = [of_one for pid in (gateway, *processes.descendants(gateway)) if (of_one := _held(pid)) is not None]
+    usage = [of_one for pid in (gateway, *processes.descendants(gateway)) if (of_one := _usage(pid)) is not None]
     return Reading(
         minute,
-        held[0][0],
-        sum(memory for memory, _, _ in held[1:]),
-        sum(threads for _, threads, _ in held),
-        sum(files for _, _, files in held),
-        len(held),
+        usage[0][0],
+        sum(memory for memory, _, _ in usage[1:]),
+        sum(threads for _, threads, _ in usage),
+        sum(files for _, _, files in usage),
+        len(usage),
         max((1e-3 * ms for ms in map(late, watchers) if not math.isnan(ms)), default=math.nan),
         visits,
     )
 
 
-def _held(pid: int) -> tuple[int, int, int] | None:
+def _usage(pid: int) -> tuple[int, int, int] | None:
     """Memory (bytes), threads and files of a process; None for one that has just ended."""
     try:
         return processes.memory(pid), processes.threads(pid), processes.files(pid)
@@ -127,7 +127,7 @@ def page(
     ]
     sizes = ("gateway, MB", "sessions, MB", "processes", "threads", "files")
     header = ("minute", "visits so far", *sizes, "late p50, ms, worst")
-    growth = "; ".join(grown(readings, HELD)) or "nothing grew"
+    growth = "; ".join(grown(readings, RESOURCES)) or "nothing grew"
     broken = failures_in_words(failures, errors)
     return f"""## In company, through the gateway
 
@@ -163,7 +163,7 @@ def main(
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(SHARED)
         PAGE.write_text(f"{before}{SHARED}\n\n{text}\n{PLACE}{rest.partition(PLACE)[2]}", encoding="utf-8")
         print(f"written to {PAGE}")
-    sys.exit(1 if grown(readings, HELD) or failures or errors else 0)
+    sys.exit(1 if grown(readings, RESOURCES) or failures or errors else 0)
 
 
 if __name__ == "__main__":

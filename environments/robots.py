@@ -328,8 +328,8 @@ def _bodies(root: ElementTree.Element) -> ElementTree.Element:
     bodies = ElementTree.Element(root.tag, root.attrib)
     for element in root:
         if element.tag in _READ:
-            kept = ElementTree.SubElement(bodies, element.tag, element.attrib)
-            kept.extend(child for child in element if child.tag in _READ[element.tag])
+            copied = ElementTree.SubElement(bodies, element.tag, element.attrib)
+            copied.extend(child for child in element if child.tag in _READ[element.tag])
     return bodies
 
 

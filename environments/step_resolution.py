@@ -63,10 +63,10 @@ def _least_factor(I: np.ndarray, of: np.ndarray) -> float:
     """Largest f with I - f times the other spatial inertia positive semidefinite, both (6, 6); a point mass has no
     inertia about some of its axes."""
     squares, axes = np.linalg.eigh(I)
-    held = squares > ROUNDING * squares[-1]
-    if not np.abs(of @ axes[:, ~held]).max(initial=0.0) <= ROUNDING * squares[-1]:
+    nonzero = squares > ROUNDING * squares[-1]
+    if not np.abs(of @ axes[:, ~nonzero]).max(initial=0.0) <= ROUNDING * squares[-1]:
         return 0.0  # a body without inertia along an axis along which the other one has some is no multiple of it
-    root = axes[:, held] / np.sqrt(squares[held])
+    root = axes[:, nonzero] / np.sqrt(squares[nonzero])
     return 1.0 / float(np.linalg.eigvalsh(root.T @ of @ root)[-1])
 
 

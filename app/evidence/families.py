@@ -79,7 +79,7 @@ def arms(law: str, numbers: tuple[int, ...]) -> Arms:
     """Arms of a law's band. numbers: of the arms."""
     asked, memory = SweepPlan(band_of(law)), kept_memory()
     system: System | None = None
-    kept, holds, broken = [], 0, 0
+    runs, holds, broken = [], 0, 0
     for number in numbers:
         loop, metrics = simulate(asked.scenario(asked.row(number)), engine="compiled", previous=system, memory=memory)
         system = loop.system
@@ -87,10 +87,10 @@ def arms(law: str, numbers: tuple[int, ...]) -> Arms:
         few = np.linspace(0, len(record["t"]) - 1, INSTANTS).round().astype(int)
         record = {name: values[few] for name, values in record.items()}
         error = np.linalg.norm(motion_error(system, record), axis=1)
-        kept.append((record["s_norm"], record["s_bound"] + record["s_band"], error))
+        runs.append((record["s_norm"], record["s_bound"] + record["s_band"], error))
         holds += metrics.promise.verdict == "holds"
         broken += metrics.promise.verdict == "broken"
-    s, bound, errors = (np.array(each) for each in zip(*kept, strict=True))
+    s, bound, errors = (np.array(each) for each in zip(*runs, strict=True))
     return Arms(law, s, bound, errors, holds, broken)
 
 

@@ -238,12 +238,12 @@ def _numbers(delay: MapCells, noise: MapCells, period: MapCells, drives: MapCell
         return f"{int((beyond == bad).sum())} of {bad.size}"
 
     unfiltered = delay["force"][-1]
-    kept = [value for value, error in zip(delay.xs, unfiltered, strict=True) if error < FORCE_GOOD]
+    good = [value for value, error in zip(delay.xs, unfiltered, strict=True) if error < FORCE_GOOD]
     swinging = ~(delay["force"] < 5 * FORCE_GOOD)
     chattering = ~(period["variation"] < VARIATION_GOOD)
     return {
         "delay_agreement": agreement(delay["growth"] > 1.0, swinging),
-        "delay_kept": f"{1e3 * max(kept):g}" if kept else "no",
+        "delay_kept": f"{1e3 * max(good):g}" if good else "no",
         "noise_share": f"{np.nanmedian(noise['force'][-1] / np.array(noise.xs)):.2g}",
         "noise_variation": f"{np.nanmedian(noise['variation'][-1] / np.array(noise.xs)):.3g}",
         "period_agreement": agreement(period["layer_factor"] > 2.0, chattering),

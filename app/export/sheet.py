@@ -48,8 +48,8 @@ def thinned(x: np.ndarray, y: np.ndarray, bins: int) -> tuple[np.ndarray, np.nda
     padded = np.pad(y, (0, -len(y) % size), mode="edge").reshape(-1, size)
     first = size * np.arange(len(padded))
     extremes = np.concatenate([[0], first + padded.argmin(axis=1), first + padded.argmax(axis=1), [len(y) - 1]])
-    kept = np.unique(np.minimum(extremes, len(y) - 1))
-    return x[kept], y[kept]
+    indices = np.unique(np.minimum(extremes, len(y) - 1))
+    return x[indices], y[indices]
 
 
 @dataclass(frozen=True)

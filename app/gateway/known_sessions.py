@@ -84,14 +84,14 @@ class KnownSessions:
         """Make room for this session among those that have a folder, or among those that have none; returns whether
         there is any. If need be, a session of no higher standing that rests and is not `waiting` is forgotten: of those
         of the lowest standing, one of the owner who has most, and of these the one not seen for longest."""
-        held = [other for other in self if other is not session and other.kept == kept]
-        if len(held) < (MOST if kept else MOST_UNKEPT):
+        others = [other for other in self if other is not session and other.kept == kept]
+        if len(others) < (MOST if kept else MOST_UNKEPT):
             return True
         stays = set(waiting)
-        resting = [o for o in held if o.life is None and o not in stays and o.standing <= session.standing]
+        resting = [o for o in others if o.life is None and o not in stays and o.standing <= session.standing]
         if not resting:
             return False
-        count = Counter(other.owner.address or other.owner.browser for other in held)
+        count = Counter(other.owner.address or other.owner.browser for other in others)
         self._forget(min(resting, key=lambda o: (o.standing, -count[o.owner.address or o.owner.browser], o.seen)))
         return True
 

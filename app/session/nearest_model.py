@@ -14,7 +14,7 @@ from app.simulation.system import System
 from controllers.target_model import InvalidGain, TargetModel
 
 _HALVINGS = 20  # of the interval in which the first refused model lies
-_KEPT = 0.8  # of the way to the first refused model, where a pole reaches the imaginary axis or a mass vanishes
+_MARGIN = 0.8  # of the way to the first refused model, where a pole reaches the imaginary axis or a mass vanishes
 _LEAST = 0.01  # least share of the way to the asked model that is offered
 
 
@@ -48,7 +48,7 @@ def way_to_model(running: System, asked: Scenario) -> WayOut | None:
     for _ in range(_HALVINGS):
         middle = 0.5 * (good + bad)
         good, bad = (middle, bad) if allowed(middle) else (good, middle)
-    fraction = round(_KEPT * good, 2)
+    fraction = round(_MARGIN * good, 2)
     if fraction < _LEAST or not allowed(fraction):
         return None
     return WayOut(f"Go {100 * fraction:.0f} % of the way to it", _with(asked, start, _between(start, end, fraction)))

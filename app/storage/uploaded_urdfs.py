@@ -144,7 +144,7 @@ def _require_room(name: str, size: int, marks: tuple[str, ...]) -> None:
 
     Raises ScenarioError where the rest is still too much.
     """
-    kept = _kept()
+    kept = _uploads()
     for upload in [upload for upload in kept if upload.idle and time.time() - upload.used > UNUSED]:
         _remove(upload)
         kept.remove(upload)
@@ -159,13 +159,13 @@ def _require_room(name: str, size: int, marks: tuple[str, ...]) -> None:
         raise _refusal(name, size, kept, "in all", MOST_KEPT, MOST_BYTES)
 
 
-def _kept() -> list[_Upload]:
+def _uploads() -> list[_Upload]:
     found = list[_Upload]()
     for file in folder().glob("*/*.urdf"):
         with contextlib.suppress(FileNotFoundError):  # another process removes, too
             status = file.stat()
             marks = frozenset(mark.name.removeprefix(_BY) for mark in file.parent.glob(f"{_BY}*"))
-            idle = time.time() - status.st_mtime > IDLE and not _held(file)
+            idle = time.time() - status.st_mtime > IDLE and not _locked(file)
             found.append(_Upload(file, status.st_size, status.st_mtime, idle, marks))
     return found
 
@@ -204,7 +204,7 @@ def _refusal(name: str, size: int, uploads: list[_Upload], whose: str, most: int
     )
 
 
-def _held(path: Path) -> bool:
+def _locked(path: Path) -> bool:
     """Whether a run uses the file, however long since and whatever the clock says."""
     try:
         with path.open("rb") as file:

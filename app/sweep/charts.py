@@ -98,11 +98,11 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
                 fontsize=4.5,
                 color=shade,
             )
-    for held, style, name in (
+    for holds, style, name in (
         (points.declared, {"color": "#d03030", "linewidth": 1.6}, "declared ends"),
         (points.theorem, {"color": "black", "linewidth": 1.2, "linestyle": (0, (4, 2))}, "(17) ends"),
     ):
-        lines = _borders(grid.of(held, shape, np.nan), edges_x, edges_y)
+        lines = _borders(grid.of(holds, shape, np.nan), edges_x, edges_y)
         for number, (across, up) in enumerate(lines):
             plot.plot(across, up, label=name if number == 0 else None, **style)
     if plot.get_legend_handles_labels()[0]:
@@ -228,9 +228,9 @@ class _Grid:
         return table
 
 
-def _borders(held: np.ndarray, xs: np.ndarray, ys: np.ndarray) -> list[tuple[list[float], list[float]]]:
+def _borders(holds: np.ndarray, xs: np.ndarray, ys: np.ndarray) -> list[tuple[list[float], list[float]]]:
     """Edges between tiles of which one holds (1) and the other one does not (0)."""
-    upright, level = (held[:, :-1] + held[:, 1:] == 1.0), (held[:-1] + held[1:] == 1.0)
+    upright, level = (holds[:, :-1] + holds[:, 1:] == 1.0), (holds[:-1] + holds[1:] == 1.0)
     x, y = xs.tolist(), ys.tolist()
     return [
         *(([x[i + 1], x[i + 1]], [y[j], y[j + 1]]) for j, i in np.argwhere(upright).tolist()),

@@ -27,7 +27,7 @@ class Candidate:
     number: 0 has the scenario's own gains. values: of the gains, by path.
     aims: worst over the arms, in SI units; inf where an arm has none.
     badge: why it is not offered, "" where it may be. broken: share of the arms that are the reason.
-    kept: share of the arms on which the theorem's promise holds throughout.
+    promised: share of the arms on which the theorem's promise holds throughout.
     """
 
     number: int
@@ -35,7 +35,7 @@ class Candidate:
     aims: tuple[float, ...]
     badge: str
     broken: float
-    kept: float
+    promised: float
 
     def dominates(self, other: Candidate) -> bool:
         """Whether this candidate is better in one aim and worse in none."""
@@ -52,8 +52,8 @@ def judged(tuning: Tuning, number: int, values: dict[str, Value], runs: Sequence
         commonest, _ = Counter(broken).most_common(1)[0]
         badge = f"{commonest} ({len(broken)} of {len(runs)} arms)"
     aims = tuple(max(aim_of(run, aim) for run in runs) for aim in tuning.aims)
-    kept = sum(run.get("verdict") == "holds" for run in runs) / len(runs)
-    return Candidate(number, values, aims, badge, len(broken) / len(runs), kept)
+    promised = sum(run.get("verdict") == "holds" for run in runs) / len(runs)
+    return Candidate(number, values, aims, badge, len(broken) / len(runs), promised)
 
 
 def aim_of(run: RunMetrics, aim: str) -> float:

@@ -152,7 +152,7 @@ def _table(tuning: Tuning, found: Found) -> pa.Table:
     for each in found.candidates:
         again = found.tried.get(each.number)
         gains = each.values if each.number else own
-        row: dict[str, Any] = {"candidate": each.number, **gains, "promised": each.kept}
+        row: dict[str, Any] = {"candidate": each.number, **gains, "promised": each.promised}
         row |= dict(zip(tuning.aims, each.aims, strict=True))
         row |= {f"{aim}_unseen": again.aims[k] for k, aim in enumerate(tuning.aims) if again}
         rows.append(row | {"badge": each.badge or (again.badge if again else ""), "file": files.get(each.number)})
@@ -227,7 +227,7 @@ def summary_rows(tuning: Tuning, found: Found) -> list[list[str]]:
             f"{c.value:.4g}" + (f"\n{_percent(c.change)}, {c.better} of {tuning.unseen}" if number else "")
             for c in comparisons(tuning, found, number)
         ]
-        rows.append([files.get(number, OWN), *gains, *metrics, f"{100 * each.kept:.3g} %"])
+        rows.append([files.get(number, OWN), *gains, *metrics, f"{100 * each.promised:.3g} %"])
     return rows
 
 

@@ -135,8 +135,8 @@ class TuningCourse:
     def _missing(self, number: int, values: dict[str, Value], arms: range) -> Iterator[Task]:
         rows = [SweepRow(number * self._tuning.arms + arm, number, arm, values) for arm in arms]
         for row in rows:
-            held = self.known.get(row.number)
-            if held and any(held[path] != value for path, value in values.items()):
+            there = self.known.get(row.number)
+            if there and any(there[path] != value for path, value in values.items()):
                 raise ScenarioError(f"--out: candidate {number} there is another one; allowed: a folder of its own")
         left = [row for row in rows if row.number not in self.known]
         for begun in range(0, len(left), CHUNK):

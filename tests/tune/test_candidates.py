@@ -23,7 +23,7 @@ def candidate(number: int, *aims: float, badge: str = "") -> Candidate:
 
 def test_a_candidate_is_as_good_as_its_worst_arm() -> None:
     found = judged(BOTH, 3, {}, [SOUND, SOUND | {"force_error": 2.0}, SOUND | {"torque_variation": 7.0}])
-    assert (found.aims, found.badge, found.broken, found.kept) == ((2.0, 7.0), "", 0.0, 1.0)
+    assert (found.aims, found.badge, found.broken, found.promised) == ((2.0, 7.0), "", 0.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_the_reason_why_candidates_are_not_offered_is_told_whole() -> None:
 
 def test_a_premise_that_is_no_limit_gives_no_badge() -> None:
     found = judged(BOTH, 3, {}, [SOUND, SOUND | {"failed": "held", "verdict": "nothing promised"}])
-    assert (found.badge, found.kept) == ("", 0.5)
+    assert (found.badge, found.promised) == ("", 0.5)
 
 
 def test_a_front_has_what_nothing_dominates_and_no_badge() -> None:

@@ -79,7 +79,7 @@ class _Field:
     def show(self, options: SceneOptions) -> None:
         value = getattr(options, self._name)
         if self._choices is not None:
-            value = next(title for title, held in self._choices.items() if held == value)
+            value = next(title for title, choice in self._choices.items() if choice == value)
         self._widget.value = value
 
 

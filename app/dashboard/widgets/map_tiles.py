@@ -125,9 +125,9 @@ def _tiles(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming,
     tiles, declared, theorem = [], {}, {}
     for k, number in enumerate(numbers):
         i, j = (axis.values.index(float(points.values[axis.path][k])) for axis in (x, y))
-        for held, of_points in ((declared, points.declared), (theorem, points.theorem)):
+        for holds, of_points in ((declared, points.declared), (theorem, points.theorem)):
             if not math.isnan(of_points[k]):
-                held[i, j] = bool(of_points[k])
+                holds[i, j] = bool(of_points[k])
         color = NOTHING if math.isnan(number) else _color(scale.position(number))
         x_at, y_at = LEFT + i * frame.wide, BOTTOM - (j + 1) * frame.tall
         cross = f'<path d="{_cross(i, j, frame)}" stroke="currentColor"/>' if points.stopped[k] else ""
@@ -210,8 +210,8 @@ def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Namin
         return f"{where}: no figure"
     if naming.share:
         low, high = interval(int(points.good[k]), arms)
-        kept = f"{points.good[k]} of {arms} arms keep the limit of {naming.limit}"
-        return f"{where}: {kept} (95 %: {low:.2f} to {high:.2f} of all){_unpromised(points, k)}"
+        count = f"{points.good[k]} of {arms} arms keep the limit of {naming.limit}"
+        return f"{where}: {count} (95 %: {low:.2f} to {high:.2f} of all){_unpromised(points, k)}"
     worst = f", worst of {arms} arms" if arms > 1 else ""
     return f"{where}: {naming.title} {plain(number)} {naming.unit}{worst}{_unpromised(points, k)}"
 
@@ -244,15 +244,15 @@ def _cross(i: int, j: int, frame: _Frame) -> str:
     return f"M {x - r:.1f} {y - r:.1f} l {2 * r:.1f} {2 * r:.1f} M {x - r:.1f} {y + r:.1f} l {2 * r:.1f} {-2 * r:.1f}"
 
 
-def _ends(held: Mapping[tuple[int, int], bool], frame: _Frame, look: str) -> str:
+def _ends(holds: Mapping[tuple[int, int], bool], frame: _Frame, look: str) -> str:
     """Line between tiles in which a property holds and tiles in which it does not, as SVG; "" where there is none.
-    held: whether the property holds, by column and row of the tile."""
+    holds: whether the property holds, by column and row of the tile."""
     parts = []
-    for (i, j), holds in held.items():
+    for (i, j), here in holds.items():
         x, y = LEFT + i * frame.wide, BOTTOM - j * frame.tall
-        if held.get((i + 1, j), holds) != holds:
+        if holds.get((i + 1, j), here) != here:
             parts.append(f"M {x + frame.wide:.1f} {y:.1f} v {-frame.tall:.1f}")
-        if held.get((i, j + 1), holds) != holds:
+        if holds.get((i, j + 1), here) != here:
             parts.append(f"M {x:.1f} {y - frame.tall:.1f} h {frame.wide:.1f}")
     return f'<path fill="none" pointer-events="none" {look} d="{" ".join(parts)}"/>' if parts else ""
 

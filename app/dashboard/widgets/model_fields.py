@@ -105,9 +105,9 @@ class DiagonalPlace(FieldPlace):
         return [i for i in places if i == self.index or not is_fixed(snapshot, self._name, i)]
 
     def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
-        held, place = plain(self._matrix(snapshot)), str(self.index + 1)
-        path = f"{self.path}.{place}.{place}" if isinstance(held[0], list) else f"{self.path}.{place}"
-        return path, {self.path: held}
+        matrix, place = plain(self._matrix(snapshot)), str(self.index + 1)
+        path = f"{self.path}.{place}.{place}" if isinstance(matrix[0], list) else f"{self.path}.{place}"
+        return path, {self.path: matrix}
 
     @property
     def _name(self) -> str:

@@ -49,7 +49,7 @@ class _Action:
     icon: str = ""
 
 
-_PLAYING, _HELD = "M6 4h4v16H6zM14 4h4v16h-4z", "M7 4l13 8-13 8z"
+_PLAYING, _PAUSED = "M6 4h4v16H6zM14 4h4v16h-4z", "M7 4l13 8-13 8z"
 _ACTIONS = (
     _Action("Begin anew", lambda _: Reset(), "R", name="reset", icon="M4 5h2v14H4zM20 5v14L9 12z"),
     _Action(
@@ -59,7 +59,7 @@ _ACTIONS = (
         name="back",
         icon="M17 5v14L6 12z",
     ),
-    _Action("Play or pause", _toggled, "space", name="play / pause", icon=_HELD),
+    _Action("Play or pause", _toggled, "space", name="play / pause", icon=_PAUSED),
     _Action("One control period on", lambda _: StepOnce(), "arrowright", name="step", icon="M7 5v14l11-7z"),
     _Action("To the end of the run", lambda _: ToEnd(), "end", name="to the end", icon="M18 5h2v14h-2zM4 5v14l11-7z"),
     _Action(
@@ -139,9 +139,8 @@ def _buttons_html() -> str:
         shown = {"space": "space", "arrowleft": "←", "arrowright": "→", "end": "End"}.get(action.key, action.key)
         face = _face(action.icon, action.name)
         if action.key == "space":
-            face = (
-                f'<i class="vs-to-play">{_face(_HELD, "play")}</i><i class="vs-to-pause">{_face(_PLAYING, "pause")}</i>'
-            )
+            play, pause = _face(_PAUSED, "play"), _face(_PLAYING, "pause")
+            face = f'<i class="vs-to-play">{play}</i><i class="vs-to-pause">{pause}</i>'
         buttons.append(
             f'<button data-key="{key}" aria-label="{action.name}" title="{action.title} ({shown})">{face}</button>'
         )

@@ -32,7 +32,7 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
         "</div>",
         '<div class="vs-row">'
         f"{_verdict(snapshot.standing)}"
-        f'<span class="vs-right vs-pace" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
+        f'<span class="vs-right vs-pace" title="{_pace_title(pace)}"><span class="vs-dim">real time</span> '
         f'<b class="vs-number">{f"{snapshot.realtime_factor:.2f}×" if pace else "—"}</b></span></div>',
         _reason(snapshot),
     ]
@@ -102,7 +102,7 @@ def _saturating(snapshot: Snapshot) -> str:
     return f"torque at its limit: joint {', '.join(map(str, joints))}" if len(joints) else ""
 
 
-def _kept(pace: Pace | None) -> str:
+def _pace_title(pace: Pace | None) -> str:
     if pace is None:
         return ""
     return (

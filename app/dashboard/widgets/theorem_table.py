@@ -110,8 +110,8 @@ def _reached(since: float, measured: float | None, promised: float | None) -> tu
     since: instant from which both are counted, s. measured, promised: instants, s, None for unknown ones."""
     after = "not yet" if measured is None else f"<b>{measured - since:.3g}</b>"
     by = "—" if promised is None else f"{promised - since:.3g}"
-    held = "" if measured is None or promised is None else verdict(holds=measured <= promised + 1e-9)
-    return f"{after} ≤ {by} s", held, "the measured time and the promised one, since the last change"
+    badge = "" if measured is None or promised is None else verdict(holds=measured <= promised + 1e-9)
+    return f"{after} ≤ {by} s", badge, "the measured time and the promised one, since the last change"
 
 
 def verdict(*, holds: bool) -> str:
