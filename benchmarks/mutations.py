@@ -127,20 +127,28 @@ def misfits(rows: tuple[Mutation, ...]) -> list[str]:
     return unfit + [f"{m.file}: no test_{m.first}.py ({m.meaning})" for m in rows if m.first and not m.named]
 
 
-def importers(root: Path, changed: str) -> set[str]:
-    """Modules ("app.simulation.system") that import the changed file, directly or not, and the file's own module."""
+def importers(root: Path, changed: str) -> set[tuple[str, str]]:
+    """Folder and name (("simulation", "system")) of every file that imports the changed one, directly or not, and its
+    own. A file that imports by name, as tables of laws and surfaces do, imports its whole folder, and what it names."""
+    files: dict[str, Path] = {}  # by module
     imports: dict[str, set[str]] = {}
     for package in PACKAGES:
         for file in (root / package).rglob("*.py"):
-            names = set()
-            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            module = ".".join(file.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
+            files[module], names = file, set[str]()
+            source = file.read_text(encoding="utf-8")
+            for node in ast.walk(ast.parse(source)):
                 if isinstance(node, ast.ImportFrom) and node.module:
                     names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-            imports[".".join(file.relative_to(root).with_suffix("").parts)] = names
-    found = {changed.removesuffix(".py").replace("/", ".")}
+                elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    names.add(node.value)
+            if "import_module(" in source:
+                names |= {f"{module.rpartition('.')[0]}.{sibling.stem}" for sibling in file.parent.glob("*.py")}
+            imports[module] = names
+    found = {changed.removesuffix(".py").replace("/", ".").removesuffix(".__init__")}
     while more := {module for module, names in imports.items() if names & found} - found:
         found |= more
-    return found
+    return {(files[module].parent.name, files[module].stem) for module in found}
 
 
 class Copy:
@@ -172,7 +180,7 @@ class Copy:
         self._require_sound(tests)
         file = self.tree / mutation.file
         sound, time = file.read_text(encoding="utf-8"), file.stat().st_mtime_ns
-        stale = {tuple(module.split(".")[-2:]) for module in importers(self.tree, mutation.file)}
+        stale = importers(self.tree, mutation.file)
         for kept in self._kernels.glob("*/*"):
             package, module = kept.parent.name.rpartition("_")[0], kept.name.partition(".")[0]
             if (package, module) not in stale:

@@ -90,7 +90,7 @@ const button = (className, textContent, title, press) => {
   return made;
 };
 document.body.append(button("vs-leave", "×", "Leave the presentation (Esc, V)", toggle));
-const turns = Object.assign(document.createElement("div"), { className: "vs-turns" });
+const turns = Object.assign(document.createElement("nav"), { className: "vs-turns", ariaLabel: "plots" });
 turns.append(button("", "‹", "The plot before (,)", () => turn(-1)), shown, button("", "›", "The next plot (.)", () => turn(1)));
 document.body.append(turns);
 document.body.addEventListener("keydown", (e) => {

@@ -465,8 +465,8 @@ def changes_in_csv(recording: Recording, scenario: Scenario, since: float = 0.0)
     file = io.BytesIO()
     write_csv(table(scenario, recording, since), file)
     comments = [line[2:] for line in file.getvalue().decode().splitlines() if line.startswith("# ")]
-    comments = [line.removeprefix("# ") for line in comments if line.startswith("# from")]
-    return from_toml("\n".join(comments)), comments
+    changes = [line.removeprefix("# ") for line in comments if line.startswith("# from")]
+    return from_toml("\n".join(comments)), changes
 
 
 def test_a_scenario_that_held_for_no_row_is_not_that_of_a_file() -> None:
