@@ -14,7 +14,8 @@ for (const kind of ["pointerdown", "focusin"])
   document.addEventListener(kind, (e) => {
     if (e.target instanceof Element) pressed = e.target.closest(".uplot-container") ?? pressed;
   }, true);
-const isDrawn = (box) => !box.closest(CLOSED); // not of a tab that was open before
+const allPlots = () => [...document.querySelectorAll(".uplot-container")];
+const inOpenTab = (box) => !box.closest(CLOSED); // those of a tab that was open before stay in the page
 const openTab = () => document.querySelector(`${PLOT_TABS}[aria-selected=true]`);
 const onStage = () => "stage" in page.dataset;
 const shown = document.createElement("span"); // which plot it is
@@ -25,7 +26,7 @@ const choose = () => {
   const lessons = [...document.querySelectorAll(".mantine-Paper-root:has(.vs-lesson[data-step])")];
   mark(lessons, lessons);
   mark([...moved, ...open], lessons.length ? [] : moved.length ? moved : free.slice(0, MOST));
-  const boxes = [...document.querySelectorAll(".uplot-container")], drawn = boxes.filter(isDrawn);
+  const boxes = allPlots(), drawn = boxes.filter(inOpenTab);
   const plot = drawn.includes(pressed) ? pressed : drawn.at(elsewhere), tab = openTab();
   mark(boxes, [plot]);
   const place = `${tab?.textContent ?? ""} ${drawn.indexOf(plot) + 1} / ${drawn.length}`;
@@ -72,7 +73,7 @@ const toggle = () => {
 };
 // To the plot so many places on, of this tab or of the next ones.
 const turn = (by) => {
-  const drawn = [...document.querySelectorAll(".uplot-container")].filter(isDrawn);
+  const drawn = allPlots().filter(inOpenTab);
   const next = drawn[drawn.findIndex((box) => box.matches("[data-staged]")) + by];
   if (next) {
     pressed = next;

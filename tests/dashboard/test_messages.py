@@ -199,7 +199,7 @@ def test_a_complaint_stays_while_an_edit_from_before_it_is_carried_out(dashboard
         return "no such thing" in view._status.content
 
     runner.post(Edit("force.value", 30.0))
-    view.complain("no such thing")
+    view._complaint.refuse("no such thing")
     assert shown(30.0)
     runner.post(Edit("force.value", 40.0))
     assert not shown(40.0)
