@@ -24,13 +24,13 @@ nobody looks at is given away after <span id="rest"></span> s.</p></div>
 <p><button id="again">Begin anew</button></p></div>
 <div data-phase="lost" hidden><h1>The server does not answer</h1><p class="dim">This page tries again.</p></div>
 <p id="why"></p>
-<p id="told"></p>
+<p id="notice"></p>
 <script src="../../assets/wait.js"></script>
 """
 _CLASS = """
 <link rel="stylesheet" href="../../assets/class.css">
 <div id="class" aria-live="polite"><p class="dim">Waiting for the first question…</p></div>
-<p id="said" role="status"></p>
+<p id="message" role="status"></p>
 <script src="../../assets/class.js"></script>
 """
 ASSETS = {

@@ -1,23 +1,23 @@
 // Page of one of a class (app/gateway/pages.py): asks once a second what the lecturer asks, and sends the answer.
-const place = document.getElementById("class"), said = document.getElementById("said");
+const place = document.getElementById("class"), message = document.getElementById("message");
 // what a lesson writes comes as HTML made of its Markdown (app/lessons/markup.py); everything else is text
 const make = (tag, name, html) => Object.assign(document.createElement(tag), { className: name ?? "", innerHTML: html ?? "" });
-const text = (tag, name, said) => Object.assign(document.createElement(tag), { className: name, textContent: said });
+const text = (tag, name, textContent) => Object.assign(document.createElement(tag), { className: name, textContent });
 const COUNT = 25, WIDE = 320, HIGH = 200, LEFT = 8, RIGHT = 312, TOP = 10, BOTTOM = 180;
 let shown = "", question = null, own = null;
 
 const send = async (given) => {
   const { number } = question;
-  said.textContent = "";
+  message.textContent = "";
   try {
     const answer = await fetch("answer", {
       method: "POST", headers: { "Content-Type": "application/json" },
       body: JSON.stringify({ number, given }),
     });
-    const told = await answer.json();
+    const reply = await answer.json();
     if (number !== question?.number) return; // another question has come meanwhile
-    if (answer.ok) { own = told.own; draw(); } else said.textContent = told.refused;
-  } catch { said.textContent = "The server does not answer; try again."; }
+    if (answer.ok) { own = reply.own; draw(); } else message.textContent = reply.refused;
+  } catch { message.textContent = "The server does not answer; try again."; }
 };
 
 const options = () => question.options.map((option, k) => {
@@ -37,7 +37,7 @@ const number = () => {
   form.addEventListener("submit", (e) => {
     e.preventDefault();
     const value = Number(input.value.replace(",", ".").replace("−", "-"));
-    if (Number.isFinite(value) && input.value.trim()) send(value); else said.textContent = "A number, such as 12.5.";
+    if (Number.isFinite(value) && input.value.trim()) send(value); else message.textContent = "A number, such as 12.5.";
   });
   return [form];
 };
@@ -73,8 +73,8 @@ const curve = () => {
     const box = svg.getBoundingClientRect();
     const across = ((e.clientX - box.left) / box.width) * WIDE, down = ((e.clientY - box.top) / box.height) * HIGH;
     const k = Math.min(Math.max(Math.round(((across - LEFT) / (RIGHT - LEFT)) * (COUNT - 1)), 0), COUNT - 1);
-    const share = Math.min(Math.max((BOTTOM - down) / (BOTTOM - TOP), 0), 1);
-    const value = question.low + share * (question.high - question.low), from = last ?? [k, value];
+    const fraction = Math.min(Math.max((BOTTOM - down) / (BOTTOM - TOP), 0), 1);
+    const value = question.low + fraction * (question.high - question.low), from = last ?? [k, value];
     for (let j = Math.min(from[0], k); j <= Math.max(from[0], k); j++)
       values[j] = from[0] === k ? value : from[1] + ((value - from[1]) * (j - from[0])) / (k - from[0]);
     last = [k, value];
@@ -99,7 +99,7 @@ const curve = () => {
   }
   button.addEventListener("click", () => {
     const drawn = filled();
-    if (drawn) send(drawn); else said.textContent = "Draw a line first.";
+    if (drawn) send(drawn); else message.textContent = "Draw a line first.";
   });
   show();
   return [svg, ends, button];
@@ -110,7 +110,7 @@ const draw = () => {
   if (!question) return place.append(make("p", "dim", "Waiting for the next question…"));
   place.append(make("h1", "", question.ask));
   place.append(...{ choice: options, number, curve }[question.kind]());
-  if (question.told) place.append(make("div", "told", question.told));
+  if (question.told) place.append(make("div", "result", question.told));
   else if (own !== null) place.append(make("p", "dim", "Answered. You may change it until the answers are shown."));
 };
 
@@ -124,7 +124,7 @@ const ask = async () => {
         shown = seen;
         question = now.question;
         if (fresh || !question?.open) own = now.own;
-        if (fresh) said.textContent = "";
+        if (fresh) message.textContent = "";
         draw();
       }
     } else if (answer.status === 404 || answer.status === 403) {

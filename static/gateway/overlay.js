@@ -4,12 +4,12 @@ const make = (tag, name, text) => Object.assign(document.createElement(tag), { c
 
 const root = make("div", "vg");
 const bar = root.appendChild(make("div", "vg-bar"));
-const told = root.appendChild(make("div", "vg-card vg-told"));
-told.hidden = true;
-const toldText = told.appendChild(make("p", ""));
-const dismiss = told.appendChild(make("button", "", "OK"));
-dismiss.addEventListener("click", () => { told.hidden = true; });
-const say = (sentence) => { toldText.textContent = sentence; told.hidden = false; };
+const notice = root.appendChild(make("div", "vg-card vg-notice"));
+notice.hidden = true;
+const noticeText = notice.appendChild(make("p", ""));
+const dismiss = notice.appendChild(make("button", "", "OK"));
+dismiss.addEventListener("click", () => { notice.hidden = true; });
+const showNotice = (sentence) => { noticeText.textContent = sentence; notice.hidden = false; };
 
 const copy = async (input, button) => {
   input.select();
@@ -99,11 +99,11 @@ const ask = async () => {
       if (crashes === null) {
         crashes = about.crashes;
         begin(about);
-        if (crashes > Number(sessionStorage.getItem(noted) ?? crashes)) say(`This session was interrupted: ${about.told}. What had been recorded before is lost.`);
+        if (crashes > Number(sessionStorage.getItem(noted) ?? crashes)) showNotice(`This session was interrupted: ${about.told}. What had been recorded before is lost.`);
         sessionStorage.setItem(noted, crashes);
       }
       if (viewers) viewers.textContent = about.viewers > 1 ? `${about.viewers} pages open` : "";
-    } else if (answer.status === 404 || answer.status === 403) say("This link leads nowhere any more: it was taken back, or the server has begun anew. Ask for a new one.");
+    } else if (answer.status === 404 || answer.status === 403) showNotice("This link leads nowhere any more: it was taken back, or the server has begun anew. Ask for a new one.");
   } catch { /* the server is away: viser's own page says so, and connects again */ }
   setTimeout(ask, 2000);
 };

@@ -1,6 +1,6 @@
 // The page of a session that does not run yet: asks how it stands, and goes on by itself.
 const show = (id) => { for (const part of document.querySelectorAll("[data-phase]")) part.hidden = part.dataset.phase !== id; };
-const sentence = (said) => said ? said[0].toUpperCase() + said.slice(1) + "." : "";
+const sentence = (text) => text ? text[0].toUpperCase() + text.slice(1) + "." : "";
 const ask = async () => {
   try {
     const answer = await fetch("about?wait", { cache: "no-store" });
@@ -11,7 +11,7 @@ const ask = async () => {
     document.getElementById("place").textContent = place;
     document.getElementById("rest").textContent = rest;
     document.getElementById("why").textContent = sentence(why);
-    document.getElementById("told").textContent = sentence(told);
+    document.getElementById("notice").textContent = sentence(told);
   } catch { show("lost"); }
   setTimeout(ask, 1000);
 };

@@ -51,8 +51,8 @@ let found = 0, slow = 0, pictures = 0, since = performance.now(); // found: how 
 const count = (now) => {
   pictures += 1;
   if (now - since > SPAN) {
-    const told = !document.hidden && now - since < 3 * SPAN; // else the window was hidden meanwhile
-    slow = told && (1000 * pictures) / (now - since) < SLOW ? slow + 1 : 0;
+    const valid = !document.hidden && now - since < 3 * SPAN; // else the window was hidden meanwhile
+    slow = valid && (1000 * pictures) / (now - since) < SLOW ? slow + 1 : 0;
     [pictures, since] = [0, now];
     if (slow === SLOW_SPANS) [found, slow] = [found + 1, 0];
   }

@@ -6,38 +6,38 @@ const MATTERS = [ // words of the row's label, and of the plot's title
   [/^(constant d|margin|layer|K_s|F_1|F_2)/, /sliding/],
   [/./, /./],
 ];
-let lent = null; // what has been taken out of its place
-const told = document.createElement("div");
-told.className = "vs-told";
-told.ariaHidden = "true"; // what-if tells it
-const giveBack = () => {
-  if (!lent) return;
-  const { box, chart, width, height } = lent;
-  lent = null;
-  told.remove();
+let borrowed = null; // plot that lies over the scene: { box, chart, row, width, height }
+const forecast = document.createElement("div");
+forecast.className = "vs-forecast";
+forecast.ariaHidden = "true"; // the what-if window says the same
+const putBack = () => {
+  if (!borrowed) return;
+  const { box, chart, width, height } = borrowed;
+  borrowed = null;
+  forecast.remove();
   delete box.dataset.heldPlot;
   box.parentElement.style.minHeight = "";
   chart.setSize({ width, height });
 };
-const lend = (row) => {
+const borrow = (row) => {
   const label = row.querySelector("label")?.textContent ?? "", title = MATTERS.find(([words]) => words.test(label))[1];
   const shown = Object.values(window.__viserTestpoints?.uplots ?? {}).map(({ chart }) => chart)
     .filter((chart) => chart.root.checkVisibility());
   const chart = shown.find((each) => title.test(each.root.querySelector(".u-title")?.textContent)) ?? shown[0];
   const box = chart?.root.closest(".uplot-container");
   if (!box) return;
-  lent = { box, chart, row, width: chart.width, height: chart.height };
+  borrowed = { box, chart, row, width: chart.width, height: chart.height };
   box.parentElement.style.minHeight = `${box.parentElement.offsetHeight}px`; // nothing moves under the finger
   box.dataset.heldPlot = "";
   fill();
 };
 const fill = () => {
-  if (!lent) return;
+  if (!borrowed) return;
   const facts = document.querySelector(".vs-held .vs-foreseen")?.outerHTML ?? "";
-  if (told.innerHTML !== facts) told.innerHTML = facts;
-  if (!facts) told.remove();
-  else if (!told.isConnected) document.body.append(told);
-  const { box, chart } = lent, height = Math.max(box.clientHeight - (chart.root.offsetHeight - chart.height) - 8, 90);
+  if (forecast.innerHTML !== facts) forecast.innerHTML = facts;
+  if (!facts) forecast.remove();
+  else if (!forecast.isConnected) document.body.append(forecast);
+  const { box, chart } = borrowed, height = Math.max(box.clientHeight - (chart.root.offsetHeight - chart.height) - 8, 90);
   if (Math.abs(height - chart.height) > 2) chart.setSize({ width: box.clientWidth - 4, height });
 };
 const phone = matchMedia("(max-width: 36em)");
@@ -47,7 +47,7 @@ const revert = () => [...document.querySelectorAll("button:not(.vs-undo)")].find
 let reverted = ""; // text of the row whose button was pressed, until the server has answered
 undo.addEventListener("click", () => { revert()?.click(); reverted = undo.textContent; undo.remove(); });
 const offer = () => {
-  const applied = phone.matches && !lent && revert() && document.querySelector(".vs-held .vs-row > span");
+  const applied = phone.matches && !borrowed && revert() && document.querySelector(".vs-held .vs-row > span");
   const text = applied ? `Take back ${applied.textContent}` : "";
   if (text !== reverted) reverted = "";
   if (!text || reverted) undo.remove();
@@ -62,6 +62,6 @@ setInterval(() => {
 }, 200);
 new MutationObserver(() => {
   const row = document.querySelector("form[data-held]");
-  if (lent && lent.row !== row) giveBack();
-  if (!lent && row && phone.matches) lend(row);
+  if (borrowed && borrowed.row !== row) putBack();
+  if (!borrowed && row && phone.matches) borrow(row);
 }).observe(document.body, { subtree: true, attributes: true, attributeFilter: ["data-held"] });

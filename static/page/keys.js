@@ -1,12 +1,11 @@
 // viser's hotkeys listen at the document's element and spare text fields only. Here, one step before, stand the other
 // rules: a key belongs to the control that uses it, a held key acts once, and under the help none acts.
-const typing = (e) => e.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(e.target.tagName);
-const near = (e, selector) => e.target instanceof Element && e.target.closest(selector);
+const closest = (e, selector) => e.target instanceof Element && e.target.closest(selector);
 const press = (key) => document.documentElement.dispatchEvent(
   new KeyboardEvent("keydown", { key, code: key.length > 1 ? key : `Key${key.toUpperCase()}`, bubbles: true }));
-const taken = (e) =>
-  /^(Arrow|Home|End|Page)/.test(e.key) ? near(e, ".mantine-Slider-root, [role=tab]")
-    : e.repeat || (/^( |Enter)$/.test(e.key) && near(e, "button, a, summary, [role=button], [role=tab]"));
+const belongsToControl = (e) =>
+  /^(Arrow|Home|End|Page)/.test(e.key) ? closest(e, ".mantine-Slider-root, [role=tab]")
+    : e.repeat || (/^( |Enter)$/.test(e.key) && closest(e, "button, a, summary, [role=button], [role=tab]"));
 // A browser opens its dialog for a file only while a key or a button is being pressed, so not from the server.
 const upload = () => {
   const way = document.querySelector("[data-upload]");
@@ -15,23 +14,23 @@ const upload = () => {
 };
 document.body.addEventListener("keydown", (e) => {
   const help = document.querySelector(".vs-help");
-  if (typing(e) || e.ctrlKey || e.metaKey || e.altKey) return;
+  if (window.vsmrcTyping(e) || e.ctrlKey || e.metaKey || e.altKey) return;
   if (e.key === "?" || (help && e.key === "Escape")) press("h");
-  else if (taken(e) || (help && !/^h$/i.test(e.key))) e.stopPropagation();
+  else if (belongsToControl(e) || (help && !/^h$/i.test(e.key))) e.stopPropagation();
   else if (/^o$/i.test(e.key) && upload()) e.stopPropagation();
 });
 document.addEventListener("click", (e) => {
-  const tool = near(e, "[data-key]");
-  if (tool && near(e, ".vs-help")) press("h");
+  const tool = closest(e, "[data-key]");
+  if (tool && closest(e, ".vs-help")) press("h");
   if (tool) press(tool.dataset.key);
-  else if (near(e, "[data-upload]")) upload();
-  else if (document.querySelector(".vs-help") && near(e, ".mantine-Modal-inner") && !near(e, ".mantine-Modal-content"))
+  else if (closest(e, "[data-upload]")) upload();
+  else if (document.querySelector(".vs-help") && closest(e, ".mantine-Modal-inner") && !closest(e, ".mantine-Modal-content"))
     press("h");
   // What was pressed with a pointer does not keep the space key for itself: a button at once, because the next key may
   // come before the next picture; the others in a picture's time, because a menu gives its field the focus again.
   if (e.detail === 0) return;
-  if (near(e, "button, [role=tab]")) near(e, "button, [role=tab]").blur();
-  else if (near(e, "[role=option], [role=checkbox], input[type=checkbox]"))
+  if (closest(e, "button, [role=tab]")) closest(e, "button, [role=tab]").blur();
+  else if (closest(e, "[role=option], [role=checkbox], input[type=checkbox]"))
     requestAnimationFrame(() => document.activeElement?.blur());
 }, true);
 // a slider that was dragged, the timeline's too, leaves the arrow keys, Home and End to the steps through the run

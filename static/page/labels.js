@@ -6,24 +6,24 @@ const OVER = ".vs-acts button, .vs-legend-button, .vs-coarse-button, .vs-legend,
 const layer = document.createElement("div");
 layer.className = "vs-labels";
 layer.ariaHidden = "true"; // plots and legend say the same, and not ten times a second
-const told = new Map(); // by node: { box, text, width, height }
+const written = new Map(); // by node: { box, text, width, height }
 const label = (name, tree, text) => {
-  if (!told.has(name)) {
+  if (!written.has(name)) {
     const box = document.createElement("span"), [r, g, b] = tree[parentOf(name)]?.message.props.colors ?? [];
     if (b !== undefined) box.style.borderColor = `rgb(${r}, ${g}, ${b})`; // of its arrow
     layer.append(box);
-    told.set(name, { box, text: "" });
+    written.set(name, { box, text: "" });
   }
-  const known = told.get(name);
-  if (known.text !== text) known.box.textContent = known.text = text;
-  return known;
+  const label = written.get(name);
+  if (label.text !== text) label.box.textContent = label.text = text;
+  return label;
 };
 const parentOf = (name) => name.slice(0, name.lastIndexOf("/"));
-let taken = []; // boxes of what lies over the scene, in its coordinates
+let obstacles = []; // boxes of what lies over the scene, in its coordinates
 const look = () => {
   const scene = layer.parentElement?.getBoundingClientRect();
   if (!scene) return;
-  taken = [...document.querySelectorAll(OVER)].filter((each) => each.checkVisibility()).map((each) => {
+  obstacles = [...document.querySelectorAll(OVER)].filter((each) => each.checkVisibility()).map((each) => {
     const { left, top, right, bottom } = each.getBoundingClientRect();
     return { left: left - scene.left, top: top - scene.top, right: right - scene.left, bottom: bottom - scene.top };
   });
@@ -53,7 +53,7 @@ const write = (camera) => {
   const within = { width: canvas.clientWidth, height: canvas.clientHeight };
   const shown = Object.entries(tree).filter(([name, node]) => node?.message.type === "LabelMessage" && node.effectiveVisibility && nodeRefFromName[parentOf(name)]);
   const texts = shown.map(([name, node]) => label(name, tree, node.message.props.text)); // written first, then measured
-  const there = [...taken], placed = new Set();
+  const there = [...obstacles], placed = new Set();
   shown.forEach(([name, node], i) => {
     const at = camera.position.clone().set(...(nodePoseData[name]?.position ?? [0, 0, 0]));
     at.applyMatrix4(nodeRefFromName[parentOf(name)].matrixWorld).project(camera);
@@ -65,14 +65,14 @@ const write = (camera) => {
     placed.add(box);
     box.style.translate = `${Math.round(found.left)}px ${Math.round(found.top)}px`;
   });
-  for (const { box } of told.values()) box.toggleAttribute("data-shown", placed.has(box));
+  for (const { box } of written.values()) box.toggleAttribute("data-shown", placed.has(box));
 };
-let heard = null; // the scene whose pictures are followed
+let followed = null; // the scene whose pictures are followed
 setInterval(() => {
   const { scene } = window.__viserMutable ?? {};
   look();
-  if (!scene || scene === heard) return;
-  heard = scene;
+  if (!scene || scene === followed) return;
+  followed = scene;
   let own = null; // group of viser's labels
   scene.onBeforeRender = (_, all, camera) => {
     if (!own) all.traverse((each) => { if (each.renderOrder === OWN) own = each.parent; });

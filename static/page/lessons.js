@@ -35,16 +35,15 @@ const send = (svg) => {
   if (!input) return;
   const from = number(svg, "from"), to = number(svg, "to");
   const points = course(svg.vsmrcDrawn.values).map((value, k) => [from + ((to - from) * k) / (COUNT - 1), value]);
-  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, JSON.stringify(points));
-  input.dispatchEvent(new Event("input", { bubbles: true }));
+  window.vsmrcEnter(input, JSON.stringify(points));
 };
 const clamp = (svg, value) => Math.min(Math.max(value, number(svg, "low")), number(svg, "high"));
 let drawing = null, lastPlace = null;
 const draw = (svg, e) => {
   const box = svg.getBoundingClientRect(), view = svg.viewBox.baseVal;
   const x = ((e.clientX - box.left) / box.width) * view.width, y = ((e.clientY - box.top) / box.height) * view.height;
-  const share = (x - number(svg, "left")) / (number(svg, "right") - number(svg, "left"));
-  const k = Math.min(Math.max(Math.round(share * (COUNT - 1)), 0), COUNT - 1);
+  const fraction = (x - number(svg, "left")) / (number(svg, "right") - number(svg, "left"));
+  const k = Math.min(Math.max(Math.round(fraction * (COUNT - 1)), 0), COUNT - 1);
   const height = (number(svg, "bottom") - y) / (number(svg, "bottom") - number(svg, "top"));
   const value = clamp(svg, number(svg, "low") + height * (number(svg, "high") - number(svg, "low")));
   const { values } = svg.vsmrcDrawn, from = lastPlace ?? [k, value];
@@ -83,12 +82,6 @@ document.addEventListener("keydown", (e) => {
 }, true);
 for (const kind of ["focusin", "focusout"])
   document.addEventListener(kind, (e) => { const svg = padOf(e); if (svg) setTimeout(() => show(svg)); }, true);
-// A button may open a tab of the panel.
-document.addEventListener("click", (e) => {
-  const opens = e.target instanceof Element && e.target.closest("[data-tab]");
-  if (!opens) return;
-  window.vsmrcOpenTab([...document.querySelectorAll("[role=tab]")].find((tab) => tab.textContent.trim() === opens.dataset.tab));
-}, true);
 // The next step begins at its top.
 let shownStep = null;
 setInterval(() => {

@@ -48,14 +48,14 @@ const onWhite = (color) => {
   const hex = /^#(..)(..)(..)$/.exec(pen.fillStyle), found = hex ?? /(\d+), (\d+), (\d+), ([\d.]+)/.exec(pen.fillStyle);
   const light = found.slice(1, 4).map((c) => Math.pow((hex ? parseInt(c, 16) : +c) / 255, 2.2));
   const luminance = 0.2126 * light[0] + 0.7152 * light[1] + 0.0722 * light[2];
-  const share = luminance <= 0.28 ? 1 : (0.28 - 0.35 * (luminance - 0.28)) / luminance;
-  const [r, g, b] = light.map((c) => Math.round(255 * Math.pow(share * c, 1 / 2.2)));
+  const factor = luminance <= 0.28 ? 1 : (0.28 - 0.35 * (luminance - 0.28)) / luminance;
+  const [r, g, b] = light.map((c) => Math.round(255 * Math.pow(factor * c, 1 / 2.2)));
   return `rgba(${r}, ${g}, ${b}, ${hex ? 1 : found[4]})`;
 };
 const relight = (chart) => {
   for (const series of chart.series) {
     const own = series.stroke;
-    if (typeof own === "function") series.stroke = (...asked) => onWhite(own(...asked));
+    if (typeof own === "function") series.stroke = (...args) => onWhite(own(...args));
   }
   for (const marker of chart.root.querySelectorAll(".u-legend .u-marker"))
     marker.style.borderColor = onWhite(marker.style.borderColor);
@@ -63,8 +63,8 @@ const relight = (chart) => {
 // Three numbers on an axis at least, also of a low plot, as far as they stand apart.
 const room = (plot) => (1.05 * plot.axes[1].font[1]) / devicePixelRatio; // px
 const STEPS = [1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
-const three = (splits) => (plot, i, min, max, incr, space, ...asked) => {
-  const at = splits(plot, i, min, max, incr, space, ...asked);
+const three = (splits) => (plot, i, min, max, incr, space, ...args) => {
+  const at = splits(plot, i, min, max, incr, space, ...args);
   if (at.length > 2) return at;
   const least = (room(plot) * incr) / space, ten = 10 ** Math.floor(Math.log10(least)), step = ten * STEPS.find((each) => each * ten >= least);
   const first = Math.ceil(min / step - 1e-9), more = Array.from({ length: Math.floor(max / step + 1e-9) - first + 1 }, (_, k) => (first + k) * step);
@@ -74,8 +74,8 @@ const three = (splits) => (plot, i, min, max, incr, space, ...asked) => {
 // three, the roundest. Of less than a decade, as from 8 to 20, also what lies between two neighbours.
 const AIRY = 1.2; // times the room that a number needs at least
 const NEAT = [/^[13]e/, /^[125]e/, /^[12357]e/], ROUND = [/^1e/, /^5e/, /^2e/, /^3e/, /^.e/, /./];
-const halved = (splits) => (...asked) => {
-  const at = splits(...asked), few = at.length === 2, short = at.at(-1) < 4 * at[0];
+const halved = (splits) => (...args) => {
+  const at = splits(...args), few = at.length === 2, short = at.at(-1) < 4 * at[0];
   return at.flatMap((v, i) => (few || (short && at[i + 1] > 1.25 * v) ? [v, (v + at[i + 1]) / 2] : [v])).filter(Number.isFinite);
 };
 const decades = (plot, at) => {
@@ -131,16 +131,34 @@ const written = (at) => {
   return at.map((v) => `${+v.toFixed(digits)}`);
 };
 // In the legend a pinned run has a piece of its line, and hides all its lines, which come behind the one that is listed.
+// A line of the shown run hides the same line of pinned runs with it, unless one of these stands alone.
 const ofRun = (series) => /vs-run/.test(series?.class ?? ""), unlisted = (series) => /vs-unlisted/.test(series?.class ?? "");
 const piece = (marker, dash) => {
   let at = 0;
   const parts = dash.map((length, i) => `${i % 2 ? "transparent" : marker.style.borderColor} ${at}px ${(at += length)}px`);
   marker.style.backgroundImage = `repeating-linear-gradient(90deg, ${parts.join(", ")})`;
 };
-const together = (plot) => queueMicrotask(() => plot.series.forEach((first, i) => {
-  for (let k = i + 1; ofRun(first) && unlisted(plot.series[k]); k++)
-    if (plot.series[k].show !== first.show) plot.setSeries(k, { show: first.show });
-}));
+const together = (plot) => queueMicrotask(() => {
+  const lines = plot.series.filter((series) => series.label && !unlisted(series) && !ofRun(series)).slice(1); // without the time
+  const hidden = lines.some(({ show }) => show) ? lines.filter(({ show }) => !show).map(({ label }) => label) : [];
+  let run = null;
+  plot.series.forEach((series, i) => {
+    if (!unlisted(series)) run = ofRun(series) ? series : null;
+    else if (run && series.show !== (run.show && !hidden.includes(series.label)))
+      plot.setSeries(i, { show: !series.show });
+  });
+});
+// Ctrl leaves one entry of the legend, and then all again: a pinned run, or a line of the shown run and of pinned runs.
+const isolate = (plot) => (e) => {
+  const row = (e.ctrlKey || e.metaKey) && e.target instanceof Element ? e.target.closest(".u-series") : null;
+  const chosen = [...plot.root.querySelectorAll(".u-legend .u-series")].indexOf(row);
+  if (chosen < 1) return;
+  e.stopPropagation();
+  const entryOfLines = (i) => ofRun(plot.series[i]) && unlisted(plot.series[i + 1]);
+  const stays = (i) => i === chosen || (entryOfLines(i) && !ofRun(plot.series[chosen]));
+  const alone = plot.series.every((series, i) => i === 0 || !series.show || unlisted(series) || stays(i));
+  plot.batch(() => plot.series.forEach((_, i) => { if (i > 0) plot.setSeries(i, { show: alone || stays(i) }); }));
+};
 const listed = new WeakSet();
 const enlist = (entry) => {
   const { chart } = entry;
@@ -148,6 +166,7 @@ const enlist = (entry) => {
   listed.add(chart);
   (chart.hooks.draw ??= []).push(dim, follow);
   (chart.hooks.setSeries ??= []).push(together);
+  chart.root.querySelector(".u-legend")?.addEventListener("click", isolate(chart), true);
   for (const series of chart.series) series.gaps = gaps;
   ranged(chart.scales.y);
   chart.axes[0].space = () => 40; // px: three numbers in a narrow dock, too

@@ -51,7 +51,7 @@ const valued = (plot) => {
   (plot.hooks.draw ??= []).push(() => setTimeout(() => inLegend(plot)));
 };
 
-// Two cursors, at shares of the time axis; the table tells what lies between them, line by line.
+// Two cursors, at fractions of the time axis; the table has what lies between them, line by line.
 const between = (plot, y, from, to) => {
   const x = plot.data[0], known = [...x.keys()].filter((k) => x[k] >= from && x[k] <= to && Number.isFinite(y(k)));
   if (known.length < 2) return null;
@@ -63,8 +63,8 @@ const between = (plot, y, from, to) => {
   return { step, overshoot: (100 * beyond) / Math.abs(step), settling: x[Math.min(outside + 1, known.at(-1))] - x[known[0]] };
 };
 const unit = (value, name) => (Number.isFinite(value) ? `${short(value)} ${name}` : "–");
-const told = (plot, shares, table) => {
-  const { min, max } = plot.scales.x, [from, to] = [...shares].sort((a, b) => a - b).map((s) => min + s * (max - min));
+const fillTable = (plot, fractions, table) => {
+  const { min, max } = plot.scales.x, [from, to] = [...fractions].sort((a, b) => a - b).map((s) => min + s * (max - min));
   const lines = plot.series.map((series, i) => [series, i]).slice(1)
     .filter(([series]) => series.show && measurable(series)).map(([series, i]) => [series, i, between(plot, valuesOf(plot, i), from, to)])
     .filter(([, , found]) => found).slice(0, 8); // a run that has nothing there is left out
@@ -84,16 +84,16 @@ const told = (plot, shares, table) => {
 };
 const measured = new Map(); // what a plot's cursors are made of
 const put = (plot) => {
-  const shares = [0.3, 0.7], table = document.createElement("table");
+  const fractions = [0.3, 0.7], table = document.createElement("table");
   table.className = "vs-measured";
-  const cursors = shares.map((_, i) => {
+  const cursors = fractions.map((_, i) => {
     const cursor = document.createElement("div");
     cursor.className = "vs-cursor";
     cursor.dataset.name = "AB"[i];
-    const place = (share) => {
-      shares[i] = Math.min(1, Math.max(0, share));
-      cursor.style.left = `${100 * shares[i]}%`;
-      told(plot, shares, table);
+    const place = (fraction) => {
+      fractions[i] = Math.min(1, Math.max(0, fraction));
+      cursor.style.left = `${100 * fractions[i]}%`;
+      fillTable(plot, fractions, table);
     };
     for (const kind of ["mousedown", "click", "dblclick"]) cursor.addEventListener(kind, (e) => e.stopPropagation());
     cursor.addEventListener("pointerdown", (e) => cursor.setPointerCapture(e.pointerId));
@@ -101,32 +101,32 @@ const put = (plot) => {
       const box = plot.over.getBoundingClientRect();
       if (cursor.hasPointerCapture(e.pointerId)) place((e.clientX - box.left) / box.width);
     });
-    place(shares[i]);
+    place(fractions[i]);
     return cursor;
   });
   plot.over.append(...cursors);
   plot.root.append(table);
-  measured.set(plot, { parts: [...cursors, table], box: plot.root.closest(".uplot-container"), again: () => told(plot, shares, table) });
+  measured.set(plot, { parts: [...cursors, table], box: plot.root.closest(".uplot-container"), again: () => fillTable(plot, fractions, table) });
 };
 const takeOff = (plot) => {
   for (const part of measured.get(plot)?.parts ?? []) part.remove();
   measured.delete(plot);
 };
 const row = (name, value, color) => {
-  const line = document.createElement("div"), told = document.createElement("b");
-  line.append(`${name} `, told);
-  told.textContent = `${+value.toPrecision(4)}`;
+  const line = document.createElement("div"), number = document.createElement("b");
+  line.append(`${name} `, number);
+  number.textContent = `${+value.toPrecision(4)}`;
   line.style.color = color;
   return line;
 };
 // uPlot draws the point of a line that is not there at its plot's corner.
-const pointed = (plot) => {
+const hidePointsOfNothing = (plot) => {
   const { idx } = plot.cursor;
   plot.root.querySelectorAll(".u-cursor-pt").forEach((point, i) => {
     point.style.visibility = idx == null || Number.isFinite(plot.data[i + 1]?.[idx]) ? "" : "hidden";
   });
 };
-const tell = (plot) => {
+const showValues = (plot) => {
   const { idx, left, top } = plot.cursor, hovered = plot.over.matches(":hover");
   if (!hovered && values.vsmrcPlot !== plot) return;
   values.hidden = !hovered || idx == null || left < 0;
@@ -151,8 +151,8 @@ window.vsmrcType = (plot, factor) => {
     const { font, size, space, gap } = own[i];
     axis.font = [font[0].replace(/[\d.]+px/, (px) => `${factor * parseFloat(px)}px`), factor * font[1], ...font.slice(2)];
     axis.gap = factor * gap;
-    axis.size = (...asked) => factor * size(...asked);
-    axis.space = (...asked) => (i === 1 ? factor * factor : factor) * space(...asked); // fewer numbers than room for
+    axis.size = (...args) => factor * size(...args);
+    axis.space = (...args) => (i === 1 ? factor * factor : factor) * space(...args); // fewer numbers than room for
   });
   for (const series of plot.series) series.width *= factor / (plot.vsmrcFactor ?? 1);
   plot.vsmrcFactor = factor;
@@ -214,7 +214,7 @@ const read = new WeakSet();
 setInterval(() => {
   for (const plot of charts().filter((plot) => !read.has(plot))) {
     read.add(plot);
-    (plot.hooks.setCursor ??= []).push(pointed, tell);
+    (plot.hooks.setCursor ??= []).push(hidePointsOfNothing, showValues);
     (plot.hooks.setSize ??= []).push(fit);
     valued(plot);
     setTimeout(() => inLegend(plot)); // a run that stands still is not drawn again

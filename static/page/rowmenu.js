@@ -1,5 +1,5 @@
-// Context menu of a number's row, by the right button, a long touch, or Shift+F10 and the menu key: what it is offered for
-// is said by a mark behind the row's text (app/dashboard/theme/style.py), as when a slider is let go.
+// Context menu of a number's row, by the right button, a long touch, or Shift+F10 and the menu key. The server gets
+// the choice as a mark behind the row's text (app/dashboard/theme/style.py), as when a slider is let go.
 const SWEPT = "\u2060", MOVED = "\u2061";
 const menu = document.createElement("div");
 Object.assign(menu, { className: "vs-menu", hidden: true });
@@ -7,7 +7,7 @@ menu.setAttribute("role", "menu");
 for (const [mark, words, then] of [[SWEPT, "Sweep this: robustness map", "Across"], [MOVED, "Let a search move this", "Gain 1"]]) {
   const item = document.createElement("button");
   Object.assign(item, { type: "button", textContent: words });
-  item.dataset.tab = "Robustness"; // which opens (lessons.js)
+  item.dataset.tab = "Robustness"; // which opens (palette.js)
   item.setAttribute("role", "menuitem");
   item.addEventListener("click", () => pick(mark, then));
   menu.append(item);
@@ -28,7 +28,7 @@ const pick = (mark, then) => {
   const input = row?.querySelector("input.mantine-TextInput-input");
   back = null;
   close();
-  input?.dispatchEvent(new CustomEvent("vsmrc-tell", { bubbles: true, detail: mark })); // to rows.js
+  input?.dispatchEvent(new CustomEvent("vsmrc-mark", { bubbles: true, detail: mark })); // to rows.js
   focusWhenThere(then, performance.now() + 5000);
 };
 // the tab is drawn after it was opened; until then, and in a folder that is closed, nothing has the focus

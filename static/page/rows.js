@@ -1,4 +1,4 @@
-// Numbers: a text field that says when the user is done with it, and a slider that says when it is let go.
+// Numbers: a text field reports when the user is done with it, and a slider when it is let go.
 // The marks are those of app/dashboard/theme/style.py.
 const mark = "\u200b";
 const field = (e) => e.target instanceof HTMLInputElement && e.target.type === "text" && e.target.closest("form")
@@ -6,27 +6,26 @@ const field = (e) => e.target instanceof HTMLInputElement && e.target.type === "
 let writing = false;
 const write = (input, text) => {
   writing = true;
-  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text);
-  input.dispatchEvent(new Event("input", { bubbles: true }));
+  window.vsmrcEnter(input, text);
   writing = false;
 };
 // viser sends no more than a message in 50 ms and drops those in between, so a mark may get lost. The server takes it off.
-// An odd number of marks and an even one in turn: by that the server knows what it has been told twice.
+// An odd and an even number of marks in turn: by that the server knows what it has received twice.
 const MARKS = /[\u200b-\u200d\u2060\u2061]/g;
-const tell = (input, text, mark) => {
+const sendMarked = (input, text, mark) => {
   const plain = text.replace(MARKS, ""); // a slow server has not taken off those of the turn before
-  const turn = (input.vsmrcTold = { even: !input.vsmrcTold?.even });
-  const say = (marked, again) => {
+  const turn = (input.vsmrcTurnOfMarks = { even: !input.vsmrcTurnOfMarks?.even });
+  const send = (marked, again) => {
     write(input, marked);
     setTimeout(() => {
-      if (again && input.vsmrcTold === turn && input.value === marked) say(marked + mark + mark, again - 1);
+      if (again && input.vsmrcTurnOfMarks === turn && input.value === marked) send(marked + mark + mark, again - 1);
     }, 700);
   };
-  say(plain + (turn.even ? mark + mark : mark), 3);
+  send(plain + (turn.even ? mark + mark : mark), 3);
 };
 const commit = (input, text) => {
   if (input.dataset.pending === undefined) return;
-  tell(input, text, mark);
+  sendMarked(input, text, mark);
   delete input.dataset.pending;
 };
 // What is typed counts, also where a value that the server had sent before it knew comes in between.
@@ -51,10 +50,10 @@ document.addEventListener("keydown", (e) => {
 document.addEventListener("pointerdown", (e) => {
   const tick = e.target instanceof Element && e.target.closest("[data-seek]");
   const input = tick && document.querySelector("div:has(> .vs-ticks) + form .mantine-TextInput-input");
-  if (input) tell(input, tick.dataset.seek, mark);
+  if (input) sendMarked(input, tick.dataset.seek, mark);
 }, true);
-// Another script has a mark to tell (rowmenu.js).
-document.addEventListener("vsmrc-tell", (e) => tell(e.target, e.target.value, e.detail));
+// Another script has a mark to send (rowmenu.js).
+document.addEventListener("vsmrc-mark", (e) => sendMarked(e.target, e.target.value, e.detail));
 document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.vsmrcDraft); }, true);
 
 const SLOT = 60; // ms, longer than viser waits between two messages
@@ -70,7 +69,7 @@ const letGo = (mark) => {
   requestAnimationFrame(() => setTimeout(() => setTimeout(() => {
     const input = row.querySelector("input.mantine-TextInput-input");
     if (row.vsmrcTurn !== turn || !input) return;
-    tell(input, input.value, mark);
+    sendMarked(input, input.value, mark);
     delete row.dataset.held;
   }, SLOT), SLOT));
 };

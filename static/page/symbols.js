@@ -1,13 +1,13 @@
 // Every symbol explains itself where it stands: in the equation, in titles and legends of plots, in tables and in labels.
 // The glossary is a template of the server (widgets/symbols.py); here it becomes a tip, a page, and letters with indices.
 const template = () => document.querySelector("template#vs-symbols");
-let entries = [], read = null;
-const told = new Map(); // names that have been looked for in a text
+let entries = [], parsed = null;
+const symbolsByText = new Map(); // names that have been looked for in a text
 const known = () => {
-  if (template() && read !== template()) {
-    read = template();
-    told.clear();
-    entries = [...read.content.querySelectorAll("[data-of]")].map((entry) => ({ entry, of: entry.dataset.of, names: entry.dataset.names.split("|") }));
+  if (template() && parsed !== template()) {
+    parsed = template();
+    symbolsByText.clear();
+    entries = [...parsed.content.querySelectorAll("[data-of]")].map((entry) => ({ entry, of: entry.dataset.of, names: entry.dataset.names.split("|") }));
   }
   return entries;
 };
@@ -15,11 +15,11 @@ const known = () => {
 const LETTER = /[\p{L}\p{Nd}_′]/u; // an index below the line is none: τ₁ is a τ
 const found = (text) => {
   known();
-  if (told.size > 1000) told.clear(); // cells have numbers that change
-  if (!told.has(text)) told.set(text, lookedFor(text));
-  return told.get(text);
+  if (symbolsByText.size > 1000) symbolsByText.clear(); // cells have numbers that change
+  if (!symbolsByText.has(text)) symbolsByText.set(text, search(text));
+  return symbolsByText.get(text);
 };
-const lookedFor = (text) => {
+const search = (text) => {
   let rest = text.normalize("NFC").replace(/\[[^\]]*\]/g, (unit) => " ".repeat(unit.length));
   const all = known().flatMap(({ of, names }) => names.map((name) => [name.normalize("NFC"), of]));
   const at = [];

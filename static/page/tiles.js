@@ -1,40 +1,39 @@
-// Tiles of the robustness map, and candidates of a search: they say their numbers at the mouse, with the focus of the
+// Tiles of the robustness map, and candidates of a search. The numbers of one are shown at the mouse, with the focus of the
 // keyboard and at the first touch; a click, Enter or the second touch chooses one, whose number is written into the
-// hidden field of its picture. The picture is sent again and again: what a tile was looked at for stays.
+// hidden field of its picture. The picture is sent again and again: the tile that was looked at stays described.
 const TILE = ".vs-tiles [data-point]";
 const tileOf = (target) => (target instanceof Element ? target.closest(TILE) : null);
 const fieldOf = (tile) => tile.closest(".vs-tiles").dataset.field;
-const found = ({ field, point }) => document.querySelector(`.vs-tiles[data-field="${field}"] [data-point="${point}"]`);
-const known = (tile) => (tile ? { field: fieldOf(tile), point: tile.dataset.point } : null);
-let said = null, focused = null; // { field, point }
+const tileAt = ({ field, point }) => document.querySelector(`.vs-tiles[data-field="${field}"] [data-point="${point}"]`);
+const placeOf = (tile) => (tile ? { field: fieldOf(tile), point: tile.dataset.point } : null);
+let described = null, focused = null; // { field, point }
 const choose = (tile) => writeTo(fieldOf(tile), tile.dataset.point);
 const writeTo = (field, text) => {
   const input = document.querySelector(`div:has(> .${field}) + div input`);
   if (!input) return;
-  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, `${text} ${Math.random()}`);
-  input.dispatchEvent(new Event("input", { bubbles: true }));
+  window.vsmrcEnter(input, `${text} ${Math.random()}`);
 };
-const say = () => {
-  for (const line of document.querySelectorAll(".vs-said")) {
-    const tile = said?.field === line.dataset.of && found(said), text = tile ? tile.getAttribute("aria-label") : "";
+const describe = () => {
+  for (const line of document.querySelectorAll(".vs-description")) {
+    const tile = described?.field === line.dataset.of && tileAt(described), text = tile ? tile.getAttribute("aria-label") : "";
     if (line.textContent !== text) line.textContent = text;
-    for (const marked of document.querySelectorAll(`.vs-tiles[data-field="${line.dataset.of}"] [data-said]`))
-      if (marked !== tile) delete marked.dataset.said;
-    if (tile) tile.dataset.said = "";
+    for (const marked of document.querySelectorAll(`.vs-tiles[data-field="${line.dataset.of}"] [data-described]`))
+      if (marked !== tile) delete marked.dataset.described;
+    if (tile) tile.dataset.described = "";
   }
 };
-const lookAt = (tile) => { said = known(tile) ?? said; say(); };
+const lookAt = (tile) => { described = placeOf(tile) ?? described; describe(); };
 document.addEventListener("pointerover", (e) => { if (e.pointerType === "mouse" && tileOf(e.target)) lookAt(tileOf(e.target)); }, true);
 // at once: the next key may come before any timer
-const kept = new MutationObserver(() => {
-  if (focused && document.activeElement === document.body) found(focused)?.focus({ preventScroll: true });
+const focusKeeper = new MutationObserver(() => {
+  if (focused && document.activeElement === document.body) tileAt(focused)?.focus({ preventScroll: true });
 });
 document.addEventListener("focusin", (e) => {
-  focused = known(tileOf(e.target));
-  kept.disconnect();
+  focused = placeOf(tileOf(e.target));
+  focusKeeper.disconnect();
   if (!focused) return;
   lookAt(tileOf(e.target));
-  kept.observe(document.body, { childList: true, subtree: true });
+  focusKeeper.observe(document.body, { childList: true, subtree: true });
 }, true);
 // what was chosen with a pointer does not keep the space key for itself (keys.js)
 let pointed = false;
@@ -48,7 +47,7 @@ document.addEventListener("pointerdown", (e) => { // a click may lose its tile, 
   const tile = tileOf(e.target);
   if (!tile) { focused = null; return; }
   pointed = true;
-  const again = said && said.field === fieldOf(tile) && said.point === tile.dataset.point;
+  const again = described && described.field === fieldOf(tile) && described.point === tile.dataset.point;
   if (e.pointerType === "mouse" || again) choose(tile);
   lookAt(tile);
 }, true);
@@ -77,8 +76,8 @@ const FIELDS = ["vs-tile-field", "vs-candidate-field"];
 let awaited = null; // { field, until, seen }
 document.addEventListener("click", (e) => {
   const button = e.target instanceof Element && e.target.closest("button");
-  const near = (field) => document.querySelector(`.${field}`)?.closest(".mantine-Paper-root")?.contains(button);
-  const field = button && FIELDS.find(near);
+  const inItsPanel = (field) => document.querySelector(`.${field}`)?.closest(".mantine-Paper-root")?.contains(button);
+  const field = button && FIELDS.find(inItsPanel);
   const going = field && document.querySelector(`.vs-tiles[data-going][data-field="${field}"]`); // the button cancels it
   if (field && !going) awaited = { field, until: performance.now() + 60_000 };
 }, true);
@@ -91,6 +90,6 @@ const comeIntoView = () => {
   if (performance.now() > awaited.until) awaited = null;
 };
 setInterval(() => {
-  if (said) say();
+  if (described) describe();
   if (awaited) comeIntoView();
 }, 150);

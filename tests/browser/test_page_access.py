@@ -158,7 +158,7 @@ def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     row.locator("[role=slider][aria-valuetext]").wait_for()
     track = row.locator(".mantine-Slider-trackContainer")
     touch = page.context.new_cdp_session(page)
-    lent, preview = page.locator("[data-held-plot]"), page.locator(".vs-told")
+    plot, preview = page.locator("[data-held-plot]"), page.locator(".vs-forecast")
     begun = served[1].snapshot.scenario.force
     for _ in range(5):  # the page may still be laid out when it is touched
         row.scroll_into_view_if_needed()
@@ -166,15 +166,15 @@ def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
         at = {"x": box["x"] + 0.4 * box["width"], "y": box["y"] + box["height"] / 2}
         touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [at]})
         if page.locator("form[data-held]").count():
-            expect(lent).to_contain_text("force on the environment")
+            expect(plot).to_contain_text("force on the environment")
             expect(preview).to_contain_text("mean force error at the end")
             if resting_box(track) == box:
                 break
         touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-        expect(lent).to_have_count(0)
+        expect(plot).to_have_count(0)
     page.wait_for_function("document.querySelector('[data-held-plot]').getBoundingClientRect().bottom <= "
-                           "document.querySelector('.vs-told').getBoundingClientRect().top + 1")  # fmt: skip
-    over, below = lent.bounding_box(), preview.bounding_box()
+                           "document.querySelector('.vs-forecast').getBoundingClientRect().top + 1")  # fmt: skip
+    over, below = plot.bounding_box(), preview.bounding_box()
     assert over is not None
     assert below is not None
     assert over["y"] == 0
@@ -183,7 +183,7 @@ def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     assert below["y"] + below["height"] < box["y"]
     assert resting_box(track) == box  # it has not moved under the finger
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    expect(lent).to_have_count(0)
+    expect(plot).to_have_count(0)
     expect(preview).to_have_count(0)
     offered = page.locator(".vs-undo", has_text="Take back F_d [N]")
     expect(offered).to_be_visible()

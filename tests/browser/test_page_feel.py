@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from app.dashboard.widgets.help import KEYS
+from app.lessons.lesson import shipped_lessons
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause, Play
 from controllers.modes import MODES
@@ -91,10 +92,22 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: PageSession):
 
     written = {"arrowleft": "←", "arrowright": "→", "pageup": "PgUp", "pagedown": "PgDn", "end": "End"}
     keys = {re.sub("[a-z]+$", lambda name: written.get(name[0], name[0]), key) for key in KEYS}
-    session.wait(lambda _: listed() == keys | set(shipped()))
-    page.get_by_placeholder("Search commands").fill("ur5-impedance")
-    palette.filter(has_text=shipped()["ur5-impedance"].title).click()
+    session.wait(lambda _: listed() == keys | set(shipped()) | set(shipped_lessons()))
+
+    def choose(command: str) -> None:
+        page.get_by_placeholder("Search commands").fill(command)
+        palette.filter(has_text=command).click()
+        expect(page.get_by_placeholder("Search commands")).to_have_count(0)
+
+    choose(shipped()["ur5-impedance"].title)
     session.wait(lambda now: now.scenario.name == "ur5-impedance")
+    page.keyboard.press("Control+k")
+    choose("Controls: World")
+    expect(page.get_by_role("tab", name="World", exact=True)).to_have_attribute("aria-selected", "true")
+    page.keyboard.press("Control+k")
+    choose(shipped_lessons()["03-wall"].head.title)
+    expect(page.get_by_role("tab", name="Lessons", exact=True)).to_have_attribute("aria-selected", "true")
+    page.locator(".vs-lesson[data-step='1']").wait_for()
 
 
 def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):

@@ -113,7 +113,7 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     tile = page.locator(".vs-tiles[data-field=vs-tile-field] [data-point='7']")
     expect(tile).to_be_focused()
     expect(tile).to_have_attribute("aria-label", SAID)
-    expect(page.locator(".vs-said").first).to_have_text(SAID)
+    expect(page.locator(".vs-description").first).to_have_text(SAID)
     page.keyboard.press("Enter")
     session.wait(lambda now: abs(now.scenario.contact.K_e - 1e4) < 0.1 and now.phase == "paused")
     assert session.now.t == pytest.approx(0.2)
@@ -167,7 +167,7 @@ def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: 
     tile = r"stiffness of the surface 3160 N/m, boundary layer [\d.]+ m/s: largest force error at the end [\d.]+ N"
     session.wait(lambda _: re.fullmatch(tile, page.evaluate(FOCUSED)) is not None)
     label = page.evaluate(FOCUSED)
-    expect(page.locator(".vs-said").first).to_have_text(label)
+    expect(page.locator(".vs-description").first).to_have_text(label)
     seen = "((box) => box.top >= 0 && box.bottom <= innerHeight)(document.activeElement.getBoundingClientRect())"
     session.wait(lambda _: page.evaluate(seen))
     page.keyboard.press("Enter")

@@ -100,6 +100,23 @@ def test_runs_are_pinned_compared_and_forgotten(session: PageSession):
     session.page.wait_for_function(f"{shown} === 0")
     entry.locator("th").click()
     session.page.wait_for_function(f"{shown} === {lines}")
+    # a coordinate is hidden in all runs, and a run that stands alone has all of them
+    label = session.page.evaluate(
+        f"{SHOWN}[0].series.findLast((line) => line.label && !line.class && !line.dash).label"
+    )
+    coordinate = session.page.locator(".u-legend").first.locator(".u-series:not(.vs-unlisted)", has_text=label)
+    coordinate.locator("th").click()
+    session.page.wait_for_function(f"{shown} === {lines - 1}")
+    coordinate.locator("th").click()
+    session.page.wait_for_function(f"{shown} === {lines}")
+    hidden = session.page.locator(".u-legend").first.locator(".u-series.u-off:not(.vs-unlisted)")
+    for alone, left in ((entry, lines), (coordinate, 2)):  # of the run its entry and the coordinate
+        alone.locator("th").click(modifiers=["Control"])
+        expect(hidden).not_to_have_count(0)
+        session.page.wait_for_function(f"{shown} === {left}")
+        alone.locator("th").click(modifiers=["Control"])
+        expect(hidden).to_have_count(0)
+        session.page.wait_for_function(f"{shown} === {lines}")
     session.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     session.page.get_by_role("button", name="Copy the table").click()
     session.page.get_by_text("Copied", exact=True).wait_for()

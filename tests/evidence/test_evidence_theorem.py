@@ -12,13 +12,14 @@ import pytest
 from app.evidence import arms, closed_forms, convergence, theorem
 from app.evidence.adversary import Hunt
 from app.evidence.arms import DrawnPlant, Outside, Reaching, RefusedPlant
-from app.evidence.closed_forms import (
+from app.evidence.closed_form_runs import (
     MeasuredForceLoop,
     MeasuredOscillation,
     MeasuredStart,
     Multiplier,
     Response,
     SteadyState,
+    changed,
     recovered,
 )
 from app.evidence.plants import drawn
@@ -129,7 +130,7 @@ def test_orders_of_convergence() -> None:
 
 def test_solved_multiplier_misses_by_M_s_dot() -> None:
     """(14) with e_rf = 0: lambda - lambda_d = M_m1 ds_1/dt, where A = 0."""
-    scenario = closed_forms.changed(
+    scenario = changed(
         shipped()["ur5-constrained"],
         force={"kind": "sinusoid", "value": 20.0, "amplitude": 5.0, "frequency": 1.0},
         sensor={"ideal": True},

@@ -44,13 +44,13 @@ from kernels.algebra import copy, transposed_times
 
 
 @inline
-def torque(told, out):
+def torque(given, out):
     """-J_q^T B_m r_dot + G_hat."""
-    braked = told.work.u
+    braked = given.work.u
     for i in range(out.tau.shape[0]):
-        braked[i] = -told.gains.model.B_m[i, i] * told.task.r_dot[i]
-    transposed_times(told.task.J_q, braked, out.terms.linear)
-    copy(told.feedforward.G_hat, out.terms.gravity)
+        braked[i] = -given.gains.model.B_m[i, i] * given.task.r_dot[i]
+    transposed_times(given.task.J_q, braked, out.terms.linear)
+    copy(given.feedforward.G_hat, out.terms.gravity)
 
 
 LAW = ControlLaw(kind="damping", title="damping", about="A brake.", torque=torque)
@@ -236,12 +236,12 @@ def extended(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> dict[s
     for all workers of a test run, since its kernels take minutes."""
     own = tmp_path_factory.getbasetemp()
     shared = own if worker_id == "master" else own.parent
-    told = shared / "extended.json"
+    answers = shared / "extended.json"
     with (shared / "extended.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        if not told.exists():
-            told.write_text(said_by_the_extended(tmp_path_factory.mktemp("extended")), encoding="utf-8")
-    return json.loads(told.read_text(encoding="utf-8"))
+        if not answers.exists():
+            answers.write_text(said_by_the_extended(tmp_path_factory.mktemp("extended")), encoding="utf-8")
+    return json.loads(answers.read_text(encoding="utf-8"))
 
 
 def said_by_the_extended(tree: Path) -> str:

@@ -359,7 +359,7 @@ def test_a_law_whose_state_has_no_length_is_refused(
 ) -> None:
     (law := tmp_path / "law.py").write_text(
         "from controllers.control_law import ControlLaw\n"
-        "def torque(told, out, x, x_dot):\n    pass\n"
+        "def torque(given, out, x, x_dot):\n    pass\n"
         f"LAW = ControlLaw('refused', 'Refused', 'None.', torque, states={states})\n"
     )
     done = here("run", "planar3r-hybrid", "--use", str(law), "--out", str(tmp_path / "out"))

@@ -26,24 +26,24 @@ pytestmark = pytest.mark.slow  # it compiles what is of no use to another proces
 PID = Path(__file__).parents[2] / "docs" / "examples" / "pid_gravity.py"
 HEAD = "from controllers.control_law import ControlLaw, Parameter\nfrom kernels import inline\n\n"
 LAW = 'LAW = ControlLaw(kind="mine", title="mine", about="mine", torque=torque, feels_force=False{})\n'
-NUMPY = """def torque(told, out):
-    model, J_q = told.gains.model, told.task.J_q
+NUMPY = """def torque(given, out):
+    model, J_q = given.gains.model, given.task.J_q
     out.terms.linear[:] = -J_q.T @ (model.K_m @ out.e_r + model.B_m @ out.e_r_dot)
-    out.terms.force[:] = J_q.T @ told.reference.F_cd
-    out.terms.gravity[:] = told.feedforward.G_hat
+    out.terms.force[:] = J_q.T @ given.reference.F_cd
+    out.terms.gravity[:] = given.feedforward.G_hat
 
 """
 COMPILED = """@inline
-def torque(told, out):
-    model, J_q = told.gains.model, told.task.J_q
+def torque(given, out):
+    model, J_q = given.gains.model, given.task.J_q
     for j in range(out.tau.shape[0]):
         for i in range(out.tau.shape[0]):
             pulled = 0.0
             for k in range(out.tau.shape[0]):
                 pulled += model.K_m[i, k] * out.e_r[k] + model.B_m[i, k] * out.e_r_dot[k]
             out.terms.linear[j] -= J_q[i, j] * pulled
-            out.terms.force[j] += J_q[i, j] * told.reference.F_cd[i]
-        out.terms.gravity[j] = told.feedforward.G_hat[j]
+            out.terms.force[j] += J_q[i, j] * given.reference.F_cd[i]
+        out.terms.gravity[j] = given.feedforward.G_hat[j]
 
 """
 
@@ -214,11 +214,14 @@ def test_a_file_that_is_none_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("torque", "message"),
     [
-        ("def torque(told, out):\n    out.terms.gravity[:] = told.q[:2]\n", "line 5: ValueError: could not broadcast"),
-        ("def torque(told, out):\n    out.nothing = 1.0\n", "line 5: AttributeError: no field 'nothing'; there are"),
-        ("def torque(told):\n    pass\n", "TypeError: torque() takes 1 positional argument but 2 were given"),
         (
-            "@inline\ndef torque(told, out):\n    out.d = told.nothing\n",
+            "def torque(given, out):\n    out.terms.gravity[:] = given.q[:2]\n",
+            "line 5: ValueError: could not broadcast",
+        ),
+        ("def torque(given, out):\n    out.nothing = 1.0\n", "line 5: AttributeError: no field 'nothing'; there are"),
+        ("def torque(given):\n    pass\n", "TypeError: torque() takes 1 positional argument but 2 were given"),
+        (
+            "@inline\ndef torque(given, out):\n    out.d = given.nothing\n",
             "line 6: TypingError: Unknown attribute 'nothing'",
         ),
     ],
@@ -240,7 +243,7 @@ def test_a_law_that_cannot_answer_is_refused_and_what_runs_goes_on(
 
 
 def test_a_law_that_fails_later_stops_the_run_and_keeps_its_recording(written: Callable[[str], Path]) -> None:
-    late = "def torque(told, out, x, x_dot):\n    x_dot[0] = 1.0\n    out.d = 1.0 / float(x[0] < 0.05)\n"
+    late = "def torque(given, out, x, x_dot):\n    x_dot[0] = 1.0\n    out.d = 1.0 / float(x[0] < 0.05)\n"
     use([written(HEAD + late + LAW.format(", states=lambda n: 1"))])
     loop = ClosedLoop.from_scenario(under("mine", declared__link_scaling=0.0))
     while loop.stopped is None and loop.t < 1.0:
@@ -279,6 +282,6 @@ def test_the_caption_says_which_law_it_was() -> None:
 
 
 def test_a_law_that_ends_the_program_is_said_with_its_line(written: Callable[[str], Path]) -> None:
-    use([written(HEAD + "def torque(told, out):\n    raise SystemExit(7)\n\n\n" + LAW.format(""))])
+    use([written(HEAD + "def torque(given, out):\n    raise SystemExit(7)\n\n\n" + LAW.format(""))])
     with pytest.raises(OwnCodeError, match=r"my_law\.py, line 5: SystemExit: 7"):
         ClosedLoop.from_scenario(under("mine"))

@@ -15,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from app.evidence.closed_forms import changed
+from app.evidence.closed_form_runs import changed
 from app.scenario.data import from_plain, to_plain
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop

@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from app.analysis.steady_force import steady_force_error
-from app.evidence.closed_forms import certain, changed, pressed
+from app.evidence.closed_form_runs import certain, changed, pressed
 from app.scenario.data import edited, from_plain, shipped, to_plain, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario

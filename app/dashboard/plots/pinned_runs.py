@@ -71,7 +71,7 @@ def lines_of_run(lines: Sequence[ChartLine], run: RunLook) -> list[ChartLine]:
     names = tuple(line.name for line in several)
     return [
         _of_run(entry, run, run.name, entry.color, names),
-        *(replace(_of_run(line, run, "", line.color, (line.name, run.name)), listed=False) for line in several),
+        *(replace(_of_run(line, run, line.name, line.color, (line.name, run.name)), listed=False) for line in several),
     ]
 
 

@@ -23,6 +23,7 @@ COMMIT, RELEASED, ESCAPED, SWEPT, MOVED = MARKS = "\u200b", "\u200c", "\u200d", 
 
 _SHEETS = ("page.css", "phone.css")
 _SCRIPTS = (
+    "typed.js",
     "live.js",
     "points.js",
     "fonts.js",
@@ -43,6 +44,7 @@ _SCRIPTS = (
     "keys.js",
     "hints.js",
     "lessons.js",
+    "palette.js",
     "poles.js",
     "tiles.js",
     "rowmenu.js",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 
 import viser
 
@@ -37,6 +37,14 @@ class LessonList:
         self._begin.on_click(self._on_begin)
         self._files.on_click(self._on_file)
         self._class_file.on_click(self._on_class_file)
+        for title, lesson in self._titles.items():
+            desk.gui.add_command(f"Lesson: {title}", description=lesson.name).on_trigger(self._begin_of(lesson))
+
+    def _begin_of(self, lesson: Lesson) -> Callable[[object], Coroutine[None, None, None]]:
+        async def begin(_: object) -> None:
+            self._open(lesson)
+
+        return begin
 
     async def _on_begin(self, _: object) -> None:
         self._open(self._titles[self._choice.value])

@@ -104,7 +104,7 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
 
 def caption_html(field: str) -> str:
     """Line in which the page's script shows the text of the tile under the pointer or with the focus, as HTML."""
-    return f'<div class="vs-said" data-of="{field}" aria-hidden="true"></div>'
+    return f'<div class="vs-description" data-of="{field}" aria-hidden="true"></div>'
 
 
 def _progress_html(sweep: BackgroundSweep) -> str:

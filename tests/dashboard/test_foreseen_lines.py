@@ -1,0 +1,71 @@
+"""Lines of what has not happened yet: the preview, and the band of true arms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.analysis.thinning import BucketGrid
+from app.dashboard.plots.chart_frames import Frame
+from app.dashboard.plots.charts import ChartLine
+from app.dashboard.plots.line_values import column
+from app.scenario.data import shipped
+from app.session.arm_band import Band
+from app.simulation.closed_loop import ClosedLoop
+from tests.support.plotted import ran
+
+
+@pytest.fixture(scope="module")
+def hybrid() -> ClosedLoop:
+    return ran(shipped()["ur5-hybrid"], 1.0)
+
+
+def test_a_preview_goes_on_where_every_line_knows_what_lies_ahead(hybrid: ClosedLoop):
+    rows = hybrid.recording.stretch()
+    ahead = {name: values[::100] for name, values in rows.items()}
+    frame = Frame(1.0, 1.0, BucketGrid.over(0.0, 1.0, 100), rows, (), np.arange(10) * 0.1 + 0.1, ahead)
+    line = ChartLine("s", (0, 0, 0), column("s_norm"))
+    x, drawn = frame.courses([line])
+    assert x[-1] == pytest.approx(1.0)
+    np.testing.assert_array_equal(drawn[-10:], ahead["s_norm"])
+    x, _ = frame.courses([replace(line, foreseen=False)])
+    assert x[-1] == 0.0
+
+
+def test_a_preview_is_drawn_also_before_the_run_has_begun(hybrid: ClosedLoop):
+    rows = hybrid.recording.stretch()
+    ahead, nothing = ({name: values[part] for name, values in rows.items()} for part in (slice(0, 900, 100), slice(0)))
+    frame = Frame(0.0, 1.0, BucketGrid.over(-1.0, 0.0, 100), nothing, (), np.arange(9) * 0.1 + 0.1, ahead)
+    x, drawn = frame.courses([ChartLine("s", (0, 0, 0), column("s_norm"))])
+    np.testing.assert_allclose(x[x > 0.0], np.arange(9) * 0.1 + 0.1)
+    np.testing.assert_array_equal(drawn[x > 0.0], ahead["s_norm"])
+    assert np.isnan(drawn[x <= 0.0]).all()
+
+
+def test_a_band_is_drawn_ahead_only_as_quantiles_of_the_arms_that_still_run(hybrid: ClosedLoop):
+    rows = hybrid.recording.stretch()
+    begun, now = 0.9, 1.0
+    ahead, later = np.arange(1, 11) * 0.1, np.arange(0, 13) * 0.1  # of the preview; of the band, from `begun` on
+    arms = np.outer(np.arange(5.0), np.ones(13)) + later  # arm i has i + t
+    arms[4, 5:] = np.nan  # and the last one stops
+    signals = {"t": np.tile(begun + later, 5), "s_norm": arms.ravel()}
+    band = Band(begun, 1.3, later, 5, signals, 1, "it left", whole=True)
+    foreseen = {"t": now + ahead, "s_norm": 2.0 + ahead}
+    frame = Frame(now, 1.0, BucketGrid.over(0.0, 1.0, 100), rows, (), ahead, foreseen, band, begun - now + later)
+    line = ChartLine("s", (0, 0, 0), column("s_norm"), band=(0.0, 0.5, 1.0))
+    x, shown = frame.courses([line])
+    least, median, largest = frame.spread(x, [shown], [line])
+    past = x <= 0.0
+    for quantile in (least, median, largest):
+        np.testing.assert_array_equal(quantile[past], shown[past])
+    np.testing.assert_allclose(least[~past], 0.1 + ahead)
+    np.testing.assert_allclose((median[~past][:3], largest[~past][:3]), (2.1 + ahead[:3], 4.1 + ahead[:3]))
+    np.testing.assert_allclose((median[~past][5:], largest[~past][5:]), (1.6 + ahead[5:], 3.1 + ahead[5:]))
+    short = replace(frame, band_ahead=-0.7 + later)  # it ends before the preview does, half a second ahead
+    beyond = x > 0.55
+    assert all((quantile[beyond] == shown[beyond]).all() for quantile in short.spread(x, [shown], [line]))
+    assert (short.spread(x, [shown], [line])[0][~past & ~beyond] < shown[~past & ~beyond]).all()
+    alone = replace(frame, band=None)
+    assert all((quantile == shown).all() for quantile in alone.spread(x, [shown], [line]))
