@@ -120,11 +120,11 @@ def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
     from app.sweep import plan
     from app.sweep.fingerprint import another_program, fingerprint
 
-    asked = plan.read(folder / plan.FILE)
-    if asked.program != fingerprint(asked):
-        print_line(f"this sweep was computed by {another_program(asked)}: digits may differ")
-    whole = plan.SweepPlan(asked)
-    return whole.scenario(whole.row(row)), asked.engine, asked.until
+    sweep = plan.read(folder / plan.FILE)
+    if sweep.program != fingerprint(sweep):
+        print_line(f"this sweep was computed by {another_program(sweep)}: digits may differ")
+    whole = plan.SweepPlan(sweep)
+    return whole.scenario(whole.row(row)), sweep.engine, sweep.until
 
 
 def _print_metrics(metrics: Metrics, system: System) -> None:

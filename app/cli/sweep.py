@@ -94,14 +94,14 @@ def sweep(
     from app.sweep.cluster import Cluster
 
     options = _SweepOptions(vary, design, points, draw, corners, seed, duration, until, engine, settings)
-    asked = _read(Path(scenario), options) if Path(scenario).name == plan.FILE else _asked(scenario, options)
+    request = _read(Path(scenario), options) if Path(scenario).name == plan.FILE else _request(scenario, options)
     require_workers(workers)
     if scheduler is not None and workers is not None:
         raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
-    count = plan.SweepPlan(asked).count  # before a folder is made: a sweep may make no sense
+    count = plan.SweepPlan(request).count  # before a folder is made: a sweep may make no sense
     folder = None if dry_run and out is None else folder_of("sweep", out)
     with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
-        return _estimate(asked, count, on) if dry_run or folder is None else _sweep_into(folder, asked, on)
+        return _estimate(request, count, on) if dry_run or folder is None else _sweep_into(folder, request, on)
 
 
 def _read(path: Path, options: _SweepOptions) -> Sweep:
@@ -111,13 +111,13 @@ def _read(path: Path, options: _SweepOptions) -> Sweep:
 
     if typed(*options):
         raise ScenarioError(f"sweep: {path} is the whole question; allowed: without --vary, --draw, --seed, ...")
-    asked = plan.read(path)
-    if asked.program != fingerprint(asked):
-        raise ScenarioError(f"sweep: {path} was asked of {another_program(asked)}; allowed: ask it anew")
-    return asked
+    request = plan.read(path)
+    if request.program != fingerprint(request):
+        raise ScenarioError(f"sweep: {path} was asked of {another_program(request)}; allowed: ask it anew")
+    return request
 
 
-def _asked(scenario: str, options: _SweepOptions) -> Sweep:
+def _request(scenario: str, options: _SweepOptions) -> Sweep:
     """Sweep of a scenario. Raises ScenarioError."""
     from app.sweep import plan
     from app.sweep.axes import axis_of, fitted
@@ -128,7 +128,7 @@ def _asked(scenario: str, options: _SweepOptions) -> Sweep:
             raise ScenarioError(f"--{name} {given}; allowed: 0 or more")
     require_until(options.until)
     chosen = configured(scenario, options.settings, options.duration)
-    asked = plan.Sweep(
+    request = plan.Sweep(
         scenario=chosen,
         vary=tuple(fitted(axis_of(each), chosen) for each in options.vary),
         design=one_of("--design", DESIGN.unless(options.design), get_args(plan.Design)),
@@ -139,52 +139,52 @@ def _asked(scenario: str, options: _SweepOptions) -> Sweep:
         until=options.until or 0.0,
         engine=engine_of(options.engine, ENGINE),
     )
-    _require_effective(asked, options)
-    if options.seed is not None and not asked.draw and asked.design == "grid":
+    _require_effective(request, options)
+    if options.seed is not None and not request.draw and request.design == "grid":
         raise ScenarioError(
             f"--seed {options.seed}: nothing is drawn; allowed: with --draw, or --design latin or sobol"
         )
-    return msgspec.structs.replace(asked, program=fingerprint(asked))
+    return msgspec.structs.replace(request, program=fingerprint(request))
 
 
-def _require_effective(asked: Sweep, options: _SweepOptions) -> None:
+def _require_effective(request: Sweep, options: _SweepOptions) -> None:
     """Raise ScenarioError where a value that was typed would have no effect: of a field that is drawn or varied."""
     from app.sweep.plan import DURATION, require_not_drawn
 
     given = dict(settings_of(options.settings))
-    require_not_drawn(asked, given)
-    for axis in asked.vary:
+    require_not_drawn(request, given)
+    for axis in request.vary:
         if axis.path in given:
             raise ScenarioError(f"--set {axis.path}: it is varied, too; allowed: one of both")
         if axis.path == DURATION and options.duration is not None:
             raise ScenarioError(f"--duration {options.duration:g}: {DURATION} is varied, too; allowed: one of both")
 
 
-def _estimate(asked: Sweep, count: int, on: int | Cluster | None) -> int:
+def _estimate(request: Sweep, count: int, on: int | Cluster | None) -> int:
     """Say what a sweep of so many runs would take."""
     import numpy as np
 
     from app.sweep import running
 
-    print(running.estimated(asked, np.arange(count), on))
+    print(running.estimated(request, np.arange(count), on))
     return DONE
 
 
-def _sweep_into(out: Path, asked: Sweep, on: int | Cluster | None) -> int:
+def _sweep_into(out: Path, request: Sweep, on: int | Cluster | None) -> int:
     """Compute the runs that are not in the folder yet."""
     import numpy as np
 
     from app.sweep import running
     from app.sweep.run_store import RunStore
 
-    with written_to(out, "; what is there stays"), RunStore(out, asked) as store:
+    with written_to(out, "; what is there stays"), RunStore(out, request) as store:
         count, left = len(store.done), np.flatnonzero(~store.done)
         if len(left) < count:
             print(f"{count - len(left)} of {count} runs are there already")
         if len(left):
-            print(running.estimated(asked, left, on))
+            print(running.estimated(request, left, on))
         try:
-            failed = running.run(store, asked, on, show_progress=True)
+            failed = running.run(store, request, on, show_progress=True)
         except KeyboardInterrupt:
             store.flush()  # for `vsmrc sweep plot`
             print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")

@@ -57,11 +57,11 @@ def sweep_plot(
         over=over,
         kind=None if kind is None else one_of("--as", kind, get_args(points.Kind)),
     )
-    asked, columns = table_of(folder)
+    sweep, columns = table_of(folder)
     points.require_metric(columns, of)
-    if asked.program != fingerprint(asked):
-        print_line(f"this sweep was computed by {another_program(asked)}: a metric may have had another meaning")
-    path, drawn = out or folder / f"{of}.{form}", charts.chart(asked, columns, view, form)
+    if sweep.program != fingerprint(sweep):
+        print_line(f"this sweep was computed by {another_program(sweep)}: a metric may have had another meaning")
+    path, drawn = out or folder / f"{of}.{form}", charts.chart(sweep, columns, view, form)
     with written_to(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, lambda file: file.write(drawn))
@@ -74,8 +74,8 @@ def _form(to: str | None, out: Path | None) -> Format:
     where it is that of a folder."""
     forms: tuple[Format, ...] = get_args(Format)
     if to is not None:
-        asked: Format = one_of("--to", to, forms)
-        forms = (asked,)
+        chosen: Format = one_of("--to", to, forms)
+        forms = (chosen,)
     if out is None:
         return forms[0]
     if os.path.isdir(out):  # also a name that no file can have

@@ -72,7 +72,7 @@ def tune(
         raise ScenarioError(f"--seed {seed}; allowed: at most {plan.LARGEST_SEED}")
     require_workers(workers)
     require_until(until)
-    asked = plan.Tuning(
+    tuning = plan.Tuning(
         scenario=configured(scenario, settings, duration),
         vary=tuple(map(plan.moved, move)),
         points=budget + 1,
@@ -82,33 +82,33 @@ def tune(
         aims=aims,
         unseen=unseen,
     )
-    asked = msgspec.structs.replace(asked, program=plan.program(asked))
-    require_not_drawn(asked, dict(settings_of(settings)))
-    plan.require_sound(asked)
+    tuning = msgspec.structs.replace(tuning, program=plan.program(tuning))
+    require_not_drawn(tuning, dict(settings_of(settings)))
+    plan.require_sound(tuning)
     if dry_run:
-        print(f"at most {running.estimated(asked, running.most_runs(asked), workers)}")
+        print(f"at most {running.estimated(tuning, running.most_runs(tuning), workers)}")
         return DONE
-    return _tune_into(folder_of("tune", out), asked, workers)
+    return _tune_into(folder_of("tune", out), tuning, workers)
 
 
-def _tune_into(out: Path, asked: Tuning, workers: int | None) -> int:
+def _tune_into(out: Path, tuning: Tuning, workers: int | None) -> int:
     from app.sweep.run_store import RunStore
     from app.tune import outcome, running
 
-    with written_to(out, "; what is there stays"), RunStore(out, asked) as store:
+    with written_to(out, "; what is there stays"), RunStore(out, tuning) as store:
         if done := int(store.done.sum()):
             print(f"{done} runs are there already")
         else:
-            print(f"at most {running.estimated(asked, running.most_runs(asked), workers)}")
+            print(f"at most {running.estimated(tuning, running.most_runs(tuning), workers)}")
         try:
-            found = running.run(store, asked, workers, show_progress=True)
+            found = running.run(store, tuning, workers, show_progress=True)
         except KeyboardInterrupt:
             print(f"stopped with {int(store.done.sum())} runs; the same command goes on")
             raise
-        outcome.write(asked, found, out)
-    head, *rows = outcome.summary_rows(asked, found)
+        outcome.write(tuning, found, out)
+    head, *rows = outcome.summary_rows(tuning, found)
     show_table(head, rows)
-    for sentence in outcome.verdict(asked, found):
+    for sentence in outcome.verdict(tuning, found):
         print(sentence)
     print(f"written to {out}")
     return DONE

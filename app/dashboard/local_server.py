@@ -61,7 +61,7 @@ def serve(
                         print_line(last_session.problem)
                     dashboard.offer(last_session)
             warming = precompile.start()
-            dashboard.run_forever(until=lambda: interruption.asked)
+            dashboard.run_forever(until=lambda: interruption.requested)
         print_line("\nended")
     finally:
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -77,11 +77,11 @@ def map_rows(law: str, numbers: tuple[int, ...]) -> Rows:
 
 def arms(law: str, numbers: tuple[int, ...]) -> Arms:
     """Arms of a law's band. numbers: of the arms."""
-    asked, memory = SweepPlan(band_of(law)), kept_memory()
+    plan, memory = SweepPlan(band_of(law)), kept_memory()
     system: System | None = None
     runs, holds, broken = [], 0, 0
     for number in numbers:
-        loop, metrics = simulate(asked.scenario(asked.row(number)), engine="compiled", previous=system, memory=memory)
+        loop, metrics = simulate(plan.scenario(plan.row(number)), engine="compiled", previous=system, memory=memory)
         system = loop.system
         record = loop.recording.signals(("t", "s_norm", "s_bound", "s_band", "e_r", "tool"))
         few = np.linspace(0, len(record["t"]) - 1, INSTANTS).round().astype(int)

@@ -103,8 +103,8 @@ class AccessControl:
     def _opens_session(self, request: web.Request, shown: str) -> bool:
         """Whether this is the token to steer the session that is asked for."""
         tokens, name = self._settings.tokens, request.match_info.get("name", "")
-        asked = request.match_info.get("kind") == "s" and self._pool.named(name) is not None
-        return tokens is not None and asked and tokens.opens_session(name, shown)
+        named = request.match_info.get("kind") == "s" and self._pool.named(name) is not None
+        return tokens is not None and named and tokens.opens_session(name, shown)
 
     def _not_steered(self, request: web.Request) -> web.StreamResponse | None:
         """Refusal of a request to steer; None for visitors who may steer (with the pass for it or the session's own

@@ -51,7 +51,7 @@ class Session:
     kept: whether it has a folder.
     classroom: the class that its lecturer asks.
     gathers: whether answers of the class are about to be handed to its process.
-    asked: when a visitor last requested it; seen: when it was last requested, started, or left by a page; s of the
+    requested: when a visitor last requested it; seen: when it was last requested, started, or left by a page; s of the
     pool's clock.
     life: task of the pool that looks after it as long as it has a place, None while it has none.
     opened: whether a page has been open in this life.
@@ -78,7 +78,7 @@ class Session:
     kept: bool = False
     classroom: Classroom = field(default_factory=Classroom)
     gathers: bool = False
-    asked: float = 0.0
+    requested: float = 0.0
     seen: float = 0.0
     life: asyncio.Task[None] | None = None
     opened: bool = False

@@ -141,7 +141,7 @@ class SessionPool:
     def want(self, session: Session) -> None:
         """Request a session, for a visitor: run it, or keep its place in the queue, unless that place is due to
         others."""
-        session.asked = session.seen = self._clock()
+        session.requested = session.seen = self._clock()
         waiting = [each.owner for each in self._queue]
         if session.phase == "resting" and not self.limits.waiting.refusal(session.owner, waiting):
             session.phase = "waiting"
@@ -243,7 +243,7 @@ class SessionPool:
     def _advance(self) -> None:
         now, waiting = self._clock(), list[Session]()
         for session in self._queue:
-            if now - session.asked > FORGOTTEN:
+            if now - session.requested > FORGOTTEN:
                 session.phase = "resting"
             elif self._may_begin(session, now):
                 session.phase, session.closing, session.opened = "starting", False, False
@@ -254,7 +254,7 @@ class SessionPool:
 
     def _may_begin(self, session: Session, now: float) -> bool:
         # a session that is being closed may begin again once it is closed
-        asks = session.life is None and now - session.asked <= SILENT
+        asks = session.life is None and now - session.requested <= SILENT
         free = not self._closed and self.taken < self.places
         return asks and free and not self._place_limit.refusal(session.owner, self._holders)
 

@@ -30,5 +30,5 @@ def is_socket(request: web.Request) -> bool:
 def is_plain(request: web.Request) -> bool:
     """Whether the headers of a request for a web socket are ASCII: aiohttp repeats them when it refuses, and cannot
     repeat others."""
-    asked = ("connection", "upgrade", "sec-websocket-")
-    return all(value.isascii() for name, value in request.headers.items() if name.lower().startswith(asked))
+    headers = ("connection", "upgrade", "sec-websocket-")
+    return all(value.isascii() for name, value in request.headers.items() if name.lower().startswith(headers))

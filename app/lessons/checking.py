@@ -47,8 +47,8 @@ def check(lesson: Lesson, memory: Memory | None = None) -> Checked:
     for step in lesson.steps:
         try:
             if step.kind == "observe" or isinstance(step.block, Explain):
-                for asked in waiting:
-                    checked.problems += [_at(lesson, asked, problem) for problem in _scored(asked, checked)]
+                for question in waiting:
+                    checked.problems += [_at(lesson, question, problem) for problem in _scored(question, checked)]
                 waiting.clear()
             checked.problems += [_at(lesson, step, problem) for problem in _problems(step, checked, memory)]
             if step.kind == "predict":
@@ -179,8 +179,8 @@ def _minutes(lesson: Lesson) -> float:
     minutes = 0.0
     for step in lesson.steps:
         block = step.block
-        asked = getattr(block, "ask", "") + " ".join(getattr(block, "options", ()))
-        minutes += len(re.findall(r"\w+", step.text + asked)) / WORDS
+        question = getattr(block, "ask", "") + " ".join(getattr(block, "options", ()))
+        minutes += len(re.findall(r"\w+", step.text + question)) / WORDS
         match block:
             case ChoiceQuestion() | NumberQuestion() | CurveQuestion():
                 minutes += QUESTION

@@ -17,32 +17,32 @@ _SECTION_WORDS = {
 }
 
 
-def adaptation_sentence(asked: Scenario, done: Scenario) -> str:
+def adaptation_sentence(requested: Scenario, done: Scenario) -> str:
     """Sentence on the fields that a change of mode, arm or surface has adapted; "" for none.
-    asked: the scenario with that change alone.
+    requested: the scenario with that change alone.
     done: the scenario that runs."""
     adaptations: list[str] = []
-    different = differences(asked, done)
+    different = differences(requested, done)
     for section, word in _SECTION_WORDS.items():
         changed = {path: values for path, values in different.items() if path.startswith(f"{section}.")}
         if f"{section}.kind" in changed:
-            old, new = getattr(asked, section), getattr(done, section)
+            old, new = getattr(requested, section), getattr(done, section)
             adaptations.append(f"{word} {_kind_title(new)} instead of {_kind_title(old)}")
         elif list(changed) == ["surface.origin"]:
             adaptations.append("surface brought to the tool")
         else:
             adaptations += [f"{word} {_field_phrase(path, *values)}" for path, values in changed.items()]
     for each in ("second", "third"):
-        old, new = (getattr(of, each).contact for of in (asked, done))
+        old, new = (getattr(of, each).contact for of in (requested, done))
         if old.kind != new.kind and getattr(done, each).present:
             adaptations.append(f"{each} surface {_kind_title(new)} instead of {_kind_title(old)}")
-    taken = [each for each in ("second", "third") if getattr(asked, each).present > getattr(done, each).present]
+    taken = [each for each in ("second", "third") if getattr(requested, each).present > getattr(done, each).present]
     adaptations += [f"{each} surface taken away" for each in taken]
-    if asked.face.flat and not done.face.flat:
+    if requested.face.flat and not done.face.flat:
         adaptations.append("the tool touches with a point")
-    if asked.controller.K_s != done.controller.K_s:
+    if requested.controller.K_s != done.controller.K_s:
         adaptations.append(f"boundary layer {done.controller.layer:.3g}, and K_s, by the characteristic length ℓ")
-    if asked.controller.gain != done.controller.gain:
+    if requested.controller.gain != done.controller.gain:
         adaptations.append(f"gain d {done.controller.gain}")
     return f"Adapted: {'; '.join(adaptations)}." if adaptations else ""
 

@@ -213,12 +213,12 @@ def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:
     Raises ScenarioError for an unknown kind.
     """
     mode, was = modes.MODES[scenario.mode], getattr(scenario, section)
-    asked = kind if kind == "free" or kind in mode.contacts else scenario.contact.kind
+    requested = kind if kind == "free" or kind in mode.contacts else scenario.contact.kind
     edited(scenario, f"{section}.contact.kind", kind)  # refuses an unknown kind
-    changed = edited(scenario, f"{section}.contact.kind", asked)
-    if asked == "free" or not was.present:
+    changed = edited(scenario, f"{section}.contact.kind", requested)
+    if requested == "free" or not was.present:
         changed = _without_model(changed)
-    if asked == "free" or was.present:
+    if requested == "free" or was.present:
         return adapted(scenario, changed)
     robot, p = _start(scenario)
     normals = [each.chart(p, 0.0).G[0] for each in surfaces_of(scenario, p)]

@@ -279,14 +279,14 @@ class CommandedRun:
             case Edit(path, value) if path.startswith("robot."):
                 self._adapt(scenario_now, changes.with_robot(scenario_now, {path.removeprefix("robot."): value}))
             case Edit("task_space.kind" | "task_space.supplemental" as path, value):
-                asked = edited(scenario_now, path, value)
-                self._adapt(asked, changes.in_coordinates(scenario_now, path.removeprefix("task_space."), value))
+                requested = edited(scenario_now, path, value)
+                self._adapt(requested, changes.in_coordinates(scenario_now, path.removeprefix("task_space."), value))
             case Edit("surface" | "second.surface" | "third.surface" as path, str() as kind):
                 changed = changes.on_surface(scenario_now, kind, path)
                 self._adapt(changed, changed)
             case Edit("second.contact.kind" | "third.contact.kind" as path, str() as kind):
-                asked = edited(scenario_now, path, kind)
-                self._adapt(asked, changes.with_further(scenario_now, path.split(".")[0], kind))
+                requested = edited(scenario_now, path, kind)
+                self._adapt(requested, changes.with_further(scenario_now, path.split(".")[0], kind))
             case Edit("face.flat", bool() as flat):
                 self._adapt(edited(scenario_now, "face.flat", flat), changes.with_face(scenario_now, flat=flat))
             case Edit("second.control" | "third.control" as path, value):
@@ -294,10 +294,10 @@ class CommandedRun:
             case Edit(path, value):
                 self._edit(edited(scenario_now, path, value))
 
-    def _adapt(self, asked: Scenario, scenario: Scenario) -> None:
+    def _adapt(self, requested: Scenario, scenario: Scenario) -> None:
         """Edit to the nearest scenario that can run, and say how it differs from what was asked."""
         changes.possible(scenario, self._edit)
-        self._adaptation = adaptation_sentence(asked, self.loop.system.scenario)
+        self._adaptation = adaptation_sentence(requested, self.loop.system.scenario)
 
     def _edit(self, scenario: Scenario) -> None:
         before = self.loop.system.robot

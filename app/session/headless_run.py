@@ -68,9 +68,9 @@ def play(loop: ClosedLoop, periods: int, engine: Engine | None = None) -> None:
         _by_steps(loop, periods)
 
 
-def engine_for(loop: ClosedLoop, asked: Engine | None = None) -> Engine:
+def engine_for(loop: ClosedLoop, requested: Engine | None = None) -> Engine:
     """The engine that is asked for, or the one in force, or Pinocchio where that cannot take the loop."""
-    return (asked or in_force.get()) if obstacle(loop) is None else "pinocchio"
+    return (requested or in_force.get()) if obstacle(loop) is None else "pinocchio"
 
 
 def engine_ready() -> Engine:

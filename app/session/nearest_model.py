@@ -18,16 +18,16 @@ _MARGIN = 0.8  # of the way to the first refused model, where a pole reaches the
 _LEAST = 0.01  # least share of the way to the asked model that is offered
 
 
-def way_to_model(running: System, asked: Scenario) -> WayOut | None:
+def way_to_model(running: System, requested: Scenario) -> WayOut | None:
     """Way out where a scenario is refused for its target model; None where another field was changed as well, and where
     the straight way from the running model is refused from its beginning."""
     scenario, mode, layout = running.scenario, running.mode, running.layout
-    if scenario.blend.planned or asked.target_model == scenario.target_model:
+    if scenario.blend.planned or requested.target_model == scenario.target_model:
         return None
-    if msgspec.structs.replace(asked, target_model=scenario.target_model) != scenario:
+    if msgspec.structs.replace(requested, target_model=scenario.target_model) != scenario:
         return None
     try:
-        start, given = (matrices_of(each, layout.n) for each in (scenario, asked))
+        start, given = (matrices_of(each, layout.n) for each in (scenario, requested))
     except ScenarioError:
         return None
     if not all(np.isfinite(matrix).all() for matrix in given.values()):
@@ -43,7 +43,7 @@ def way_to_model(running: System, asked: Scenario) -> WayOut | None:
         return True
 
     if allowed(1.0):
-        return WayOut("Take its symmetric part", _with(asked, start, end))
+        return WayOut("Take its symmetric part", _with(requested, start, end))
     good, bad = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = 0.5 * (good + bad)
@@ -51,7 +51,9 @@ def way_to_model(running: System, asked: Scenario) -> WayOut | None:
     fraction = round(_MARGIN * good, 2)
     if fraction < _LEAST or not allowed(fraction):
         return None
-    return WayOut(f"Go {100 * fraction:.0f} % of the way to it", _with(asked, start, _between(start, end, fraction)))
+    return WayOut(
+        f"Go {100 * fraction:.0f} % of the way to it", _with(requested, start, _between(start, end, fraction))
+    )
 
 
 def _between(start: dict[str, np.ndarray], end: dict[str, np.ndarray], fraction: float) -> dict[str, np.ndarray]:

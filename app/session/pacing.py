@@ -30,10 +30,10 @@ class Schedule(NamedTuple):
 
 class Pace(NamedTuple):
     """Pace of the loop over the last `seconds` s.
-    asked, achieved: control steps per second of wall time.
+    requested, achieved: control steps per second of wall time.
     late_median, late_most: median and largest lateness of a step, s: when it was computed minus when it was due."""
 
-    asked: float
+    requested: float
     achieved: float
     late_median: float
     late_most: float
@@ -42,7 +42,7 @@ class Pace(NamedTuple):
     @property
     def slowed(self) -> bool:
         """Whether simulated time runs more slowly than it should; the step in progress does not count against it."""
-        return self.achieved + 1.0 / self.seconds < SLOWED * self.asked
+        return self.achieved + 1.0 / self.seconds < SLOWED * self.requested
 
 
 class PaceMeter:
@@ -80,12 +80,12 @@ class PaceMeter:
         first, last = (np.repeat(batches[:, column], counts) for column in (3, 4))
         return first + fraction * (last - first)
 
-    def pace(self, since: float, now: float, asked: float) -> Pace:
-        """Pace since that wall time. asked: steps per second."""
+    def pace(self, since: float, now: float, requested: float) -> Pace:
+        """Pace since that wall time. requested: steps per second."""
         late = self.lateness(since)
         if not len(late):
-            return Pace(asked, 0.0, 0.0, 0.0, now - since)
-        return Pace(asked, len(late) / (now - since), float(np.median(late)), float(late.max()), now - since)
+            return Pace(requested, 0.0, 0.0, 0.0, now - since)
+        return Pace(requested, len(late) / (now - since), float(np.median(late)), float(late.max()), now - since)
 
     def _since(self, since: float) -> np.ndarray:
         head = self._noted % len(self._batches)

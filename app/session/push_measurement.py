@@ -154,8 +154,8 @@ def _holding(state: State, memory: Memory | None) -> System:
         system = replace(system, controller=system.controller.following(system.blend.at(t)))
     now, forces = system.reference(t), np.zeros(3)
     forces[: system.m] = now.F_cd[: system.m]
-    asked = system.plan
-    plan = asked.held(now.r_d, forces)._replace(compliance=asked.compliance, followed=asked.followed)
+    desired = system.plan
+    plan = desired.held(now.r_d, forces)._replace(compliance=desired.compliance, followed=desired.followed)
     return replace(system, plan=plan, blend=None)
 
 

@@ -148,8 +148,8 @@ class Runner:
                     schedule = self._schedule()
                 if now - measured > MEASURE:
                     measured = now
-                    asked = self._commanded.speed / self._commanded.period
-                    self._note_pace(self.meter.pace(max(began, now - WATCHED), now, asked))
+                    requested = self._commanded.speed / self._commanded.period
+                    self._note_pace(self.meter.pace(max(began, now - WATCHED), now, requested))
             if changed and now - published > (PUBLISH if self._read else UNREAD):
                 published, changed, self._read = now, False, False
                 self._newest = self._publish()
@@ -183,7 +183,9 @@ class Runner:
 
     def _note_pace(self, pace: Pace) -> None:
         if pace.slowed and not self._slowed:
-            log.info("slow loop", asked=self._commanded.speed, reached=round(pace.achieved * self._commanded.period, 3))
+            log.info(
+                "slow loop", requested=self._commanded.speed, reached=round(pace.achieved * self._commanded.period, 3)
+            )
         self._pace_now, self._slowed = pace, pace.slowed
 
     @property

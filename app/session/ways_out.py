@@ -49,27 +49,27 @@ class WayOut:
         return self.scenario is None and self.fork_at is None
 
 
-def way_out(asked: Scenario, error: ScenarioError) -> WayOut | None:
+def way_out(requested: Scenario, error: ScenarioError) -> WayOut | None:
     """Way out where this scenario is refused for this error; None where only the user knows one."""
     match error:
         case PathOutOfReach():
-            return WayOut("Take a path that the arm can follow", asked)
+            return WayOut("Take a path that the arm can follow", requested)
         case UnboundedGain():
-            return WayOut("Take a constant gain d", asked)
+            return WayOut("Take a constant gain d", requested)
         case ForceInJoints():
-            return WayOut("Go to motion mode", in_mode(asked, "motion"))
+            return WayOut("Go to motion mode", in_mode(requested, "motion"))
         case IrregularSurface():
-            return WayOut("Take this surface's default form", asked)
+            return WayOut("Take this surface's default form", requested)
         case IrregularCorner():
-            return WayOut(f"Take the {last_surface(asked)} surface away", without_last(asked))
+            return WayOut(f"Take the {last_surface(requested)} surface away", without_last(requested))
         case WrongFace():
-            return WayOut("Touch with a point", with_face(asked, flat=False))
+            return WayOut("Touch with a point", with_face(requested, flat=False))
         case SurfaceOutOfReach():
-            return WayOut("Move the surface under the tool", adapted(asked, asked))
+            return WayOut("Move the surface under the tool", adapted(requested, requested))
         case PullingForce():
-            return WayOut("Let the surface pull, too", edited(asked, "contact.unilateral", False))
+            return WayOut("Let the surface pull, too", edited(requested, "contact.unilateral", False))
         case TooStiff(substeps=int(substeps)):
-            return WayOut(f"Take {substeps} steps per period", edited(asked, "simulation.substeps", substeps))
+            return WayOut(f"Take {substeps} steps per period", edited(requested, "simulation.substeps", substeps))
         case _:
             return None
 

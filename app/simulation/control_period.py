@@ -117,7 +117,7 @@ class Evaluation(NamedTuple):
         return cls(*law, PremiseTable.fresh(), check, Held.zeros(n), PromiseRecord.fresh(), PremiseScratch.zeros(n))
 
 
-def asked(torque: Callable[..., None]) -> Any:
+def with_law_input(torque: Callable[..., None]) -> Any:
     """Inline kernel that calls a law's torque, or another function of the same first arguments, with the law input of
     an evaluation.
 
@@ -145,7 +145,7 @@ def asked(torque: Callable[..., None]) -> Any:
     return ask
 
 
-_measure, _ask, _check = asked(measure), asked(law_torque), asked(check_posture)
+_measure, _ask, _check = with_law_input(measure), with_law_input(law_torque), with_law_input(check_posture)
 
 
 @kernel

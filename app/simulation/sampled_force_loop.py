@@ -98,9 +98,9 @@ def gain_by_force(system: System, at: Posture, load: np.ndarray) -> GainFeedback
     if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
         return GainFeedback(math.nan, 0.0)
     masses, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
-    asked = np.linalg.solve(controller.model.M_m, controller.model.K_f @ _felt(system, at, load))
-    slopes = np.array([_slope_of_gain(system, at, each) for each in asked.T])
-    yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ load, at.across.T @ asked))
+    commanded = np.linalg.solve(controller.model.M_m, controller.model.K_f @ _felt(system, at, load))
+    slopes = np.array([_slope_of_gain(system, at, each) for each in commanded.T])
+    yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ load, at.across.T @ commanded))
     return GainFeedback(_largest(Y @ solved.T, slopes), _largest(Y @ yielding.T, slopes))
 
 
@@ -145,8 +145,8 @@ def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.n
     (n,) m/s^2, another one than zero."""
     still = np.zeros(system.layout.n)
     q_eq_dot = -task.J_q_inv @ task.v_t
-    asked = still if r_eq_ddot is None else r_eq_ddot
-    q_eq_ddot = task.J_q_inv @ (asked - task.J_q_dot @ q_eq_dot - task.v_t_dot)
-    at_rest = Equivalent(still, asked, q_eq_dot, q_eq_ddot)
+    commanded = still if r_eq_ddot is None else r_eq_ddot
+    q_eq_ddot = task.J_q_inv @ (commanded - task.J_q_dot @ q_eq_dot - task.v_t_dot)
+    at_rest = Equivalent(still, commanded, q_eq_dot, q_eq_ddot)
     controller = system.controller
     return required_gain(controller.bounds, controller.uncertainty, ON_LINE, estimate, task, still, at_rest)

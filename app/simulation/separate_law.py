@@ -12,7 +12,7 @@ import numpy as np
 
 from app.scenario.own_code import OwnCodeError, located
 from app.scenario.own_laws import file_of
-from app.simulation.control_period import Evaluation, Setting, asked
+from app.simulation.control_period import Evaluation, Setting, with_law_input
 from controllers.control_law import ControlLaw, no_parameters
 from controllers.controller import Controller
 from kernels import not_kept
@@ -43,7 +43,7 @@ class SeparateLaw:
 
 def _interpreted(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
     """The law's torque as a function of an evaluation and of the law's own state, in the interpreter."""
-    ask, own = asked(law.torque).py_func, parameters or no_parameters.py_func(settings.fields.gains)
+    ask, own = with_law_input(law.torque).py_func, parameters or no_parameters.py_func(settings.fields.gains)
     return lambda evaluation, *state: ask(settings.fields, evaluation.fields, own, *state)
 
 
@@ -63,7 +63,7 @@ def _parameters(controller: Controller) -> Any:
 
 @cache
 def _kernel_of(law: ControlLaw) -> Callable[..., None]:
-    ask = asked(law.torque)
+    ask = with_law_input(law.torque)
 
     @not_kept
     def answer(setting, evaluation, parameters, *state):

@@ -22,10 +22,10 @@ LINGER = 10.0  # s that a process has to end
 @dataclass(frozen=True)
 class Work:
     """Message to the process: compute this.
-    asked: a sweep, or a tuning.
+    request: a sweep, or a tuning.
     workers: processes of the pool. at_once: see `app.process.slots`."""
 
-    asked: Sweep
+    request: Sweep
     workers: int
     at_once: int | None
 
@@ -61,10 +61,10 @@ class Background:
 
     noun = "computation"
 
-    def __init__(self, asked: Sweep, workers: int, at_once: int | None = None) -> None:
-        self.plan = SweepPlan(asked)
+    def __init__(self, request: Sweep, workers: int, at_once: int | None = None) -> None:
+        self.plan = SweepPlan(request)
         self.problem, self.waiting = "", False
-        self._work = Work(asked, workers, at_once)
+        self._work = Work(request, workers, at_once)
         self._done, self._cancelled = threading.Event(), threading.Event()
         # launcher: its process ends with the thread that starts it
         self._thread = threading.Thread(target=self._run, name=self.noun, daemon=True)

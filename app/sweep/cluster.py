@@ -79,7 +79,7 @@ class Cluster:
 
         Raises ScenarioError where the scheduler is lost, or a worker has another version of the program.
         """
-        asked, waiting, alone = pickle.dumps(sweep), deque(numbers), deque[int]()
+        pickled, waiting, alone = pickle.dumps(sweep), deque(numbers), deque[int]()
         done: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
         under_way: dict[Future[Any], tuple[int, ...]] = {}
         suspected: set[int] = set()  # runs whose worker has ended; from then on handed out alone
@@ -91,7 +91,7 @@ class Cluster:
                     lonely = not lonely
                     notify(NOBODY.format(self._address) if lonely else "a worker has come")
             for task in _ready(waiting, alone, len(under_way), workers, chunk):
-                future = self._submitted(asked, task)
+                future = self._submitted(pickled, task)
                 under_way[future] = task
                 future.add_done_callback(done.put)
             try:
@@ -106,12 +106,12 @@ class Cluster:
             else:
                 yield task, metrics
 
-    def _submitted(self, asked: bytes, task: tuple[int, ...]) -> Future[Any]:
+    def _submitted(self, pickled: bytes, task: tuple[int, ...]) -> Future[Any]:
         """Future of a task that is handed to the scheduler. Raises ScenarioError where the client closes meanwhile."""
         from distributed.client import ClosedClientError
 
         try:
-            return self._client.submit(cluster_worker.metrics, asked, task, pure=False)
+            return self._client.submit(cluster_worker.metrics, pickled, task, pure=False)
         except ClosedClientError as error:
             raise self._lost() from error
 

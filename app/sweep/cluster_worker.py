@@ -15,19 +15,19 @@ from app.sweep.run_metrics import RunMetrics, SweepRunner
 _alone = threading.Lock()
 
 
-def metrics(asked: bytes, numbers: tuple[int, ...]) -> list[RunMetrics]:
+def metrics(pickled: bytes, numbers: tuple[int, ...]) -> list[RunMetrics]:
     """Metrics of runs by their numbers. Raises ScenarioError where this machine has another version of the program.
 
-    asked: the sweep, pickled, because a sweep with parameters of the user's own has no hash.
+    pickled: the sweep, pickled, because a sweep with parameters of the user's own has no hash.
     """
     with _alone:
-        runner = _runner(asked)
+        runner = _runner(pickled)
         return [runner.metrics(number) for number in numbers]
 
 
 @lru_cache(maxsize=2)
-def _runner(asked: bytes) -> SweepRunner:
-    sweep: Sweep = pickle.loads(asked)  # Dask has unpickled what it came with already
+def _runner(pickled: bytes) -> SweepRunner:
+    sweep: Sweep = pickle.loads(pickled)  # Dask has unpickled what it came with already
     ours = fingerprint(sweep)
     if ours != sweep.program:
         arm = ", and the same file as robot.urdf" if own_arms(sweep) else ""

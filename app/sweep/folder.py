@@ -19,8 +19,8 @@ from app.sweep.run_store import LOCK, RunStore
 
 def zipped(sweep: Sweep, rows: Sequence[RunMetrics]) -> bytes:
     """ZIP file of the folder of this sweep; the same command goes on in it. Raises OSError."""
-    asked = msgspec.structs.replace(sweep, program=fingerprint(sweep))
-    return packed(f"{asked.scenario.name}-sweep", lambda folder: _written(folder, asked, rows))
+    sweep = msgspec.structs.replace(sweep, program=fingerprint(sweep))
+    return packed(f"{sweep.scenario.name}-sweep", lambda folder: _written(folder, sweep, rows))
 
 
 def _written(folder: Path, sweep: Sweep, rows: Sequence[RunMetrics]) -> None:

@@ -114,16 +114,16 @@ def write(tuning: Tuning, found: Found, folder: Path) -> None:
 
 def zipped(tuning: Tuning, rows: Sequence[RunMetrics], found: Found) -> bytes:
     """ZIP file of the folder that `vsmrc tune` writes. Raises OSError."""
-    asked = msgspec.structs.replace(tuning, program=program(tuning))
+    tuning = msgspec.structs.replace(tuning, program=program(tuning))
 
     def fill(folder: Path) -> None:
-        with RunStore(folder, asked) as store:
+        with RunStore(folder, tuning) as store:
             for row in rows:
                 store.add(row)
             store.flush()
-        write(asked, found, folder)
+        write(tuning, found, folder)
 
-    return packed(f"{asked.scenario.name}-tune", fill)
+    return packed(f"{tuning.scenario.name}-tune", fill)
 
 
 def _table(tuning: Tuning, found: Found) -> pa.Table:

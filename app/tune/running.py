@@ -103,11 +103,11 @@ class TuningCourse:
         yield worker_pool.BARRIER
         self.candidates.append(self._judged(0, {}, seen))
         for begun in range(1, tuning.points, BATCH):
-            asked = search.ask(range(begun, min(begun + BATCH, tuning.points)))
-            for number, values in asked.items():
+            candidates = search.ask(range(begun, min(begun + BATCH, tuning.points)))
+            for number, values in candidates.items():
                 yield from self._missing(number, values, seen)
             yield worker_pool.BARRIER
-            for number, values in asked.items():
+            for number, values in candidates.items():
                 self.candidates.append(self._judged(number, values, seen))
                 search.tell(self.candidates[-1])
         best = front(self.candidates[1:])

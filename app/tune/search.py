@@ -36,16 +36,16 @@ class Search:
     def ask(self, numbers: Sequence[int]) -> dict[int, dict[str, Value]]:
         """Gains of the candidates with these numbers: by number, their values by path, rounded to four digits where
         that is within their range."""
-        asked: dict[int, dict[str, Value]] = {}
+        candidates: dict[int, dict[str, Value]] = {}
         for number in numbers:
             trial = self._trials[number] = self._study.ask()
-            asked[number] = {
+            candidates[number] = {
                 axis.path: _rounded(
                     trial.suggest_float(axis.path, axis.low, axis.high, log=axis.logarithmic), axis.low, axis.high
                 )
                 for axis in self._axes
             }
-        return asked
+        return candidates
 
     def tell(self, candidate: Candidate) -> None:
         """Tell the estimator the aims of a candidate and, as a constraint, the share of arms that are the reason for

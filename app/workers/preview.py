@@ -152,14 +152,14 @@ def serve(asker: Connection) -> None:
         while True:
             while newest is not None and known.band.going and not asker.poll():
                 _grow(known.band, newest, asker, GROWN, asker)
-            request, asked = asker.recv(), time.perf_counter()
+            request, received = asker.recv(), time.perf_counter()
             if isinstance(request, Hurry):  # the band is not needed any more; or the message came late
                 known.band.leave()
                 continue
             if newest is not None and not request.partial:  # a running loop asks again and again
                 for _ in range(PICTURES):
                     _grow(known.band, newest, asker, REST / PICTURES)
-            newest = _answer(request, asked, asker, known)
+            newest = _answer(request, received, asker, known)
             asker.send(PreviewDone())
     finally:
         known.band.leave()
@@ -179,7 +179,7 @@ def _grow(
         band.leave()
 
 
-def _answer(request: PreviewRequest, asked: float, asker: Connection, known: _Known) -> Outlook | None:
+def _answer(request: PreviewRequest, received: float, asker: Connection, known: _Known) -> Outlook | None:
     """Answer a request that came at this instant of `time.perf_counter`. Returns the answer if it is whole, so that a
     band may still be added to it."""
     try:
@@ -187,7 +187,7 @@ def _answer(request: PreviewRequest, asked: float, asker: Connection, known: _Kn
         known.system = foresight.base
         known.band.follow(foresight)
         today = known.metrics_for(foresight.unchanged)
-        newest = _look_ahead(foresight, asked + BANDED, asker, today, known.band)
+        newest = _look_ahead(foresight, received + BANDED, asker, today, known.band)
         if newest is not None and request.compared and today is None:
             newest = _compare(foresight, asker, known) or newest
         return newest

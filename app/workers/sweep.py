@@ -27,11 +27,11 @@ def serve(asker: Connection) -> None:
     work: Work = asker.recv()
     with slots.held(work.at_once, lambda: _wait(asker)):
         asker.send(Begun())
-        asked, workers = work.asked, work.workers
+        request, workers = work.request, work.workers
         results = (
-            tuning_background.results(asked, workers)
-            if isinstance(asked, Tuning)
-            else background.results(asked, workers)
+            tuning_background.results(request, workers)
+            if isinstance(request, Tuning)
+            else background.results(request, workers)
         )
         for result in results:
             asker.send(result)

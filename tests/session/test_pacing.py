@@ -46,7 +46,7 @@ def test_a_speed_that_cannot_be_kept_slows_simulated_time_skips_nothing_and_is_s
     runner.post(SetSpeed(100.0))  # half a million steps a second
     now = wait(runner, lambda now: now.pace is not None and now.pace.slowed)
     assert now.pace is not None
-    assert now.pace.asked == pytest.approx(5e5)
+    assert now.pace.requested == pytest.approx(5e5)
     assert 0.0 < now.realtime_factor < 97.0
     assert f"{CANNOT}: 100× asked for" in status_html(now, "")
     t = now.recording.signals(("t",))["t"]
@@ -86,12 +86,12 @@ def test_lateness_of_every_step_follows_from_the_bounds_of_its_batch():
     meter.note(schedule, began=10.0065, ended=10.007, first=1.006, last=1.006, steps=1)
     np.testing.assert_allclose(meter.lateness(10.0), [0.003, 0.004, 0.004], atol=1e-12)
     np.testing.assert_allclose(meter.lateness(10.003), [0.004], atol=1e-12)
-    assert not meter.pace(10.0, 10.01, asked=400.0).slowed  # the fourth step may be under way
-    pace = meter.pace(10.0, 10.01, asked=600.0)
+    assert not meter.pace(10.0, 10.01, requested=400.0).slowed  # the fourth step may be under way
+    pace = meter.pace(10.0, 10.01, requested=600.0)
     assert pace.achieved == pytest.approx(300.0)
     assert pace.slowed
     assert pace.late_most == pytest.approx(0.004)
-    assert meter.pace(11.0, 12.0, asked=400.0).achieved == 0.0
+    assert meter.pace(11.0, 12.0, requested=400.0).achieved == 0.0
 
 
 def test_the_meter_forgets_the_oldest_batches_and_keeps_their_order():

@@ -76,7 +76,7 @@ class ModelPanel:
             if folder.visible != (title == self._chosen):
                 folder.visible = title == self._chosen
         self._views[self._chosen].show(snapshot)
-        edit = self._asked(snapshot)
+        edit = self._requested(snapshot)
         of = (snapshot.scenario, snapshot.blending, edit)  # not the revision, which does not change while looking back
         if self._checked != of:  # poles are not computed anew for every frame
             self._checked = of
@@ -84,7 +84,7 @@ class ModelPanel:
         self._loops.content = loops_html(snapshot)
         self._impedance.show(snapshot)
 
-    def _asked(self, snapshot: Snapshot) -> Edit | None:
+    def _requested(self, snapshot: Snapshot) -> Edit | None:
         """Edit of the model that a held slider or a draft asks for."""
         held, view = self._desk.whatif.held, self._views[self._chosen]
         if held is not None and isinstance(held.edit, Edit) and held.edit.path.startswith("target_model"):

@@ -166,7 +166,7 @@ class WorldPanel:
         def choosable(scenario: Scenario) -> bool:
             return there(scenario) and MODES[scenario.mode].on_surface
 
-        def asked(scenario: Scenario) -> bool:
+        def force_controlled(scenario: Scenario) -> bool:
             return choosable(scenario) and getattr(scenario, section).control == "force"
 
         kinds = {contact.title: kind for kind, contact in CONTACTS.items()}
@@ -183,8 +183,8 @@ class WorldPanel:
                     {"its normal force": "force", "the distance from it": "path"},
                     choosable,
                 ),
-                kind_choice(desk, f"{section}.force", "Force", FORCE_PROFILES, {}, asked),
-                *field_controls(desk, f"{section}.force", FORCE_PROFILES, {}, asked),
+                kind_choice(desk, f"{section}.force", "Force", FORCE_PROFILES, {}, force_controlled),
+                *field_controls(desk, f"{section}.force", FORCE_PROFILES, {}, force_controlled),
             ]
         return folder
 

@@ -126,8 +126,8 @@ def _without_token(tokens: Tokens | None, connection: ServerConnection, request:
 
 def _with_parameters(request: Request) -> Response | None:
     # viser's page would read the address of another server from the parameters, and run the scripts of that server
-    asked = urlsplit(request.path).query and "Upgrade" not in request.headers
-    return _to_page("this page takes no parameters") if asked else None
+    has_query = urlsplit(request.path).query and "Upgrade" not in request.headers
+    return _to_page("this page takes no parameters") if has_query else None
 
 
 def _to_page(sentence: str) -> Response:

@@ -96,15 +96,15 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         (same or free or self._moves[-1:])[0].choose(field)
 
     def _begin(self, snapshot: Snapshot) -> BackgroundTuning:
-        fields, asked = self._asked(snapshot)
+        fields, request = self._request(snapshot)
         begun = self._desk.background_jobs.begin(
-            lambda allowance: BackgroundTuning(asked, allowance.workers, allowance.at_once), most_runs(asked)
+            lambda allowance: BackgroundTuning(request, allowance.workers, allowance.at_once), most_runs(request)
         )
         self._leave()
         self._fields, self._names = fields, self._names | {field.path: field.name for field in fields}
         return begun
 
-    def _asked(self, snapshot: Snapshot) -> tuple[list[Field], Tuning]:
+    def _request(self, snapshot: Snapshot) -> tuple[list[Field], Tuning]:
         """Fields that the search varies, and the tuning of the present choices. Raises ScenarioError."""
         seconds = self._length()
         unseen, seed = self._whole("Arms not seen", self._unseen, 1, 64), self._whole("Seed", self._seed, 0, 2**31)
@@ -113,7 +113,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         if len({field.path for field in fields}) < len(fields):
             raise ScenarioError("the gains that may move: one is there twice; allowed: each once")
         scenario = prepared(snapshot, fields)
-        asked = Tuning(
+        request = Tuning(
             lasting(scenario, seconds),
             tuple(each.range(scenario) for each in moves),
             points=BUDGETS[self._budget.value] + 1,
@@ -123,8 +123,8 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             aims=tuple(AIMS[each.value] for each in (self._first, self._second) if each.value != NONE),
             unseen=unseen,
         )
-        require_sound(asked)
-        return fields, asked
+        require_sound(request)
+        return fields, request
 
     def _whole(self, name: str, text: viser.GuiInputHandle[str], least: int, most: int) -> int:
         value = number_of(name, text.value)
@@ -160,10 +160,10 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         """Command that gives the running scenario the gains of a candidate. Raises ScenarioError."""
         tuning = self._work
         assert tuning is not None
-        now, asked = snapshot.scenario, tuning.tuning.scenario
+        now, before = snapshot.scenario, tuning.tuning.scenario
         if candidate.number == 0:  # the gains at the start
             fields = {
-                path: old for path, (old, _) in differences(asked, now).items() if path in _whole_fields(self._fields)
+                path: old for path, (old, _) in differences(before, now).items() if path in _whole_fields(self._fields)
             }
             return EditAll(fields)
         needed = {path: value for field in self._fields for path, value in field.needs(snapshot).items()}

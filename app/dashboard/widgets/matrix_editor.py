@@ -67,7 +67,7 @@ class MatrixEditor:
         self._desk, gui = desk, desk.gui
         self._draft = Draft(0)
         self._running: dict[str, np.ndarray] = {}  # matrices in force of which there is a draft
-        self._asked_at: tuple[int, int] | None = None  # counts of the runner's answers when the draft was sent
+        self._answers: tuple[int, int] | None = None  # counts of the runner's answers when the draft was sent
         self._name, self._block = "K_m", 0
         self._matrix = gui.add_dropdown("Matrix", NAMES, initial_value=self._name)
         self._matrix.on_update(from_pages(self._on_choice))
@@ -135,7 +135,7 @@ class MatrixEditor:
             return
         if edit is not None:
             posted = self._desk.post(applying(edit, self._seconds))
-            self._asked_at = (snapshot.revision, snapshot.refusal_number) if posted else None
+            self._answers = (snapshot.revision, snapshot.refusal_number) if posted else None
 
     def show(self, snapshot: Snapshot) -> None:
         n = len(snapshot.coordinates)
@@ -179,10 +179,10 @@ class MatrixEditor:
 
     def _accepted(self, snapshot: Snapshot) -> bool:
         """Whether the draft has been sent and accepted; a refused draft stays, to be corrected."""
-        if self._asked_at is None or self._asked_at == (snapshot.revision, snapshot.refusal_number):
+        if self._answers is None or self._answers == (snapshot.revision, snapshot.refusal_number):
             return False
-        accepted = snapshot.refusal_number == self._asked_at[1]
-        self._asked_at = None
+        accepted = snapshot.refusal_number == self._answers[1]
+        self._answers = None
         return accepted
 
     def _show_blocks(self, names: list[str]) -> None:

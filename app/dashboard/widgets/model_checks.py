@@ -57,7 +57,7 @@ def judge_running(snapshot: Snapshot) -> Judgement:
     return _judge(TargetModel(**snapshot.matrices), snapshot.scenario, snapshot.system.layout)
 
 
-def judge_asked(snapshot: Snapshot, edit: Edit) -> Judgement:
+def judge_requested(snapshot: Snapshot, edit: Edit) -> Judgement:
     """Judgement of the model that an edit would bring. Raises ScenarioError or InvalidGain for an edit that brings no
     model."""
     scenario = edited(snapshot.scenario, edit.path, edit.value)
@@ -79,13 +79,13 @@ def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
     """Certificate of the blend from the running model to the model that an edit would bring; None where the latter is
     refused. Raises InvalidGain where the scenario admits no blend between the two."""
     try:
-        asked = judge_asked(snapshot, edit)
+        requested = judge_requested(snapshot, edit)
     except (ScenarioError, InvalidGain):
         return None
-    if asked.refusal:
+    if requested.refusal:
         return None
     running, system = TargetModel(**snapshot.matrices), snapshot.system
-    return certificate_between(running, asked.model, snapshot.scenario, system.mode, system.layout)
+    return certificate_between(running, requested.model, snapshot.scenario, system.mode, system.layout)
 
 
 def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
@@ -107,21 +107,22 @@ def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
 def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
     """Verdict, pole map and table of the running model, and beside them those of the model of `edit`, as HTML."""
     now = judge_running(snapshot)
-    asked, problem = None, ""
+    requested, problem = None, ""
     if edit is not None:
         try:
-            asked = judge_asked(snapshot, edit)
-            problem = asked.refusal
+            requested = judge_requested(snapshot, edit)
+            problem = requested.refusal
         except (ScenarioError, InvalidGain) as error:
             problem = str(error)
     verdicts = _verdict(now, "")
-    if asked is not None:
-        verdicts += _verdict(asked, "asked: ")
+    if requested is not None:
+        verdicts += _verdict(requested, "asked: ")
     message = f'<div class="vs-message vs-bad">{escape(refusal_in_words(problem))}</div>' if problem else ""
+    rings = [] if requested is None else grouped(requested.poles)
     return (
         f'<div class="vs-checks"><div class="vs-row">{verdicts}</div>{message}'
-        f"{pole_map_html(grouped(now.poles), [] if asked is None else grouped(asked.poles), draggable(snapshot))}"
-        f"{_table(now, asked, snapshot.system.units)}</div>"
+        f"{pole_map_html(grouped(now.poles), rings, draggable(snapshot))}"
+        f"{_table(now, requested, snapshot.system.units)}</div>"
     )
 
 
@@ -131,11 +132,11 @@ def _verdict(judgement: Judgement, prefix: str) -> str:
     return chip(f"{prefix}{word}, rightmost pole at {rightmost} 1/s", look)
 
 
-def _table(now: Judgement, asked: Judgement | None, units: Units) -> str:
-    head = f"<tr><td>eigenvalues</td><td>running</td>{'' if asked is None else '<td>asked</td>'}</tr>"
+def _table(now: Judgement, requested: Judgement | None, units: Units) -> str:
+    head = f"<tr><td>eigenvalues</td><td>running</td>{'' if requested is None else '<td>asked</td>'}</tr>"
     rows = ""
     for name, unit in units.of_model.items():
-        cells = "".join(f"<td>{_spread(getattr(j.model, name))}</td>" for j in (now, asked) if j is not None)
+        cells = "".join(f"<td>{_spread(getattr(j.model, name))}</td>" for j in (now, requested) if j is not None)
         rows += f"<tr><td>{name}{f' [{unit}]' if unit else ''}</td>{cells}</tr>"
     return f'<table class="vs-facts">{head}{rows}</table>'
 

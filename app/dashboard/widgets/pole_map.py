@@ -54,12 +54,12 @@ def grouped(poles: np.ndarray) -> list[Pole]:
     return [Pole(complex(np.mean(group)), len(group)) for group in groups]
 
 
-def pole_map_html(now: list[Pole], asked: list[Pole], dragged: Collection[int] = ()) -> str:
+def pole_map_html(now: list[Pole], requested: list[Pole], dragged: Collection[int] = ()) -> str:
     """Map of poles as HTML. The page's script reads the frame's size from attributes.
     now: poles of the running model, drawn as crosses.
-    asked: poles of the model that an edit asks for, drawn as rings.
+    requested: poles of the model that an edit asks for, drawn as rings.
     dragged: numbers of the poles that can be dragged."""
-    low, high = _decades([*now, *asked])
+    low, high = _decades([*now, *requested])
     parts = [
         f'<path class="left" d="M {_X - _R} {_Y} A {_R} {_R} 0 0 1 {_X} {_Y - _R} V {_Y} Z"/>',
         f'<path class="right" d="M {_X + _R} {_Y} A {_R} {_R} 0 0 0 {_X} {_Y - _R} V {_Y} Z"/>',
@@ -70,7 +70,7 @@ def pole_map_html(now: list[Pole], asked: list[Pole], dragged: Collection[int] =
         f'<text x="4" y="12">stable</text><text x="{_SIZE[0] - 4}" y="12" text-anchor="end">unstable</text>',
         f'<text x="{_SIZE[0] - 4}" y="{_Y + 14}" text-anchor="end">ω [rad/s]</text>',
         *(_mark(pole, low, high, "now", k if k in dragged else None) for k, pole in enumerate(now)),
-        *(_mark(pole, low, high, "asked") for pole in asked),
+        *(_mark(pole, low, high, "asked") for pole in requested),
     ]
     return (
         f'<svg class="vs-poles" viewBox="0 0 {_SIZE[0]} {_SIZE[1]}" role="img" aria-label="pole map" data-x="{_X:g}" '

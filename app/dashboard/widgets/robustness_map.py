@@ -95,9 +95,9 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._up.leave()
 
     def _begin(self, snapshot: Snapshot) -> BackgroundSweep:
-        asked = self._asked(snapshot)
+        request = self._request(snapshot)
         return self._desk.background_jobs.begin(
-            lambda allowance: BackgroundSweep(asked, allowance.workers, allowance.at_once), SweepPlan(asked).count
+            lambda allowance: BackgroundSweep(request, allowance.workers, allowance.at_once), SweepPlan(request).count
         )
 
     def _on_file(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
@@ -105,22 +105,22 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         sweep, chosen = self._work, event.target.value
         if sweep is None or not sweep.rows:
             return
-        asked, rows, view, jobs = sweep.plan.sweep, list(sweep.rows), self._view, self._desk.export_jobs
+        request, rows, view, jobs = sweep.plan.sweep, list(sweep.rows), self._view, self._desk.export_jobs
         if chosen == FOLDER:
             from app.sweep import folder  # here: pyarrow is large, and few sessions need it
 
-            job, extension = MadeJob(folder.zipped, (asked, rows)), "zip"
+            job, extension = MadeJob(folder.zipped, (request, rows)), "zip"
         else:
             form = FORMATS[chosen]
-            job, extension = MadeJob(charts.chart, (asked, columns_of(rows), view, form)), form
-        name = file_name(f"{asked.scenario.name}-map", self._desk.snapshot().t, extension)
+            job, extension = MadeJob(charts.chart, (request, columns_of(rows), view, form)), form
+        name = file_name(f"{request.scenario.name}-map", self._desk.snapshot().t, extension)
 
         def make(on_progress: ProgressCallback) -> bytes:
             return jobs.made(job, on_progress)
 
         self._delivery.give(event, "Map", name, make)
 
-    def _asked(self, snapshot: Snapshot) -> Sweep:
+    def _request(self, snapshot: Snapshot) -> Sweep:
         """Sweep of the present choices. Raises ScenarioError."""
         seconds = self._length()
         if typed(self._within):

@@ -106,8 +106,8 @@ def _pace_title(pace: Pace | None) -> str:
     if pace is None:
         return ""
     return (
-        f"{pace.achieved:.0f} of {pace.asked:.0f} control steps per second; late by {pace.late_median * 1e3:.2f} ms "
-        f"(median), at most {pace.late_most * 1e3:.1f} ms"
+        f"{pace.achieved:.0f} of {pace.requested:.0f} control steps per second; "
+        f"late by {pace.late_median * 1e3:.2f} ms (median), at most {pace.late_most * 1e3:.1f} ms"
     )
 
 

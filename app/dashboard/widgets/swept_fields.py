@@ -193,10 +193,10 @@ class FieldChoice:
 
     def axis(self, scenario: Scenario, count: int) -> Axis:
         """Axis over the range that the user has typed. count: of its values. Raises ScenarioError."""
-        asked = self.range(scenario)
-        spaced = np.geomspace if asked.logarithmic else np.linspace
-        values = [float(f"{value:.6g}") for value in spaced(asked.low, asked.high, count)]
-        return Axis(asked.path, tuple(dict.fromkeys(map(round, values)) if asked.whole else values))
+        span = self.range(scenario)
+        spaced = np.geomspace if span.logarithmic else np.linspace
+        values = [float(f"{value:.6g}") for value in spaced(span.low, span.high, count)]
+        return Axis(span.path, tuple(dict.fromkeys(map(round, values)) if span.whole else values))
 
 
 def prepared(snapshot: Snapshot, fields: list[Field]) -> Scenario:

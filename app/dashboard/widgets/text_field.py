@@ -17,20 +17,20 @@ class _Draft:
     """Draft: a text that the user has typed and that is not in force, or was refused. It stays until it is accepted,
     until Esc, or until a new run.
     run: number of the run in which it was typed.
-    asked_at: revision and number of refusals when it was posted, None before that."""
+    answers: revision and number of refusals when it was posted, None before that."""
 
     text: str
     run: int
-    asked_at: tuple[int, int] | None = None
+    answers: tuple[int, int] | None = None
 
     def over(self, snapshot: Snapshot, value: str | None) -> bool:
         """Whether the draft has been accepted, or belongs to another run. value: the running one, which may be written
         otherwise."""
         if self.text == value or self.run != snapshot.run:
             return True
-        if self.asked_at is None:
+        if self.answers is None:
             return False
-        revision, refusals = self.asked_at
+        revision, refusals = self.answers
         return snapshot.revision != revision and snapshot.refusal_number == refusals
 
 

@@ -64,12 +64,12 @@ class _Applied:
     """Last edit that a slider has applied.
     before, after: scenario before and after the edit.
     moved: value of every place that the edit sets.
-    asked_at: counts of the runner's answers when the edit was posted."""
+    answers: counts of the runner's answers when the edit was posted."""
 
     before: Scenario
     after: Scenario
     moved: Mapping[object, float]
-    asked_at: tuple[int, int]
+    answers: tuple[int, int]
 
 
 def _answers(snapshot: Snapshot) -> tuple[int, int]:
@@ -93,7 +93,7 @@ class WhatIf:
         self.held: HeldControl | None = None
         self.outlook: Outlook | None = None
         self.refusal = ""
-        self._asked: _RequestKey | None = None
+        self._request: _RequestKey | None = None
         self._applied: _Applied | None = None
         self._run = -1
 
@@ -118,7 +118,7 @@ class WhatIf:
         if self.held is not None:
             return self.held.moved
         applied = self._applied
-        return {} if applied is None or applied.asked_at != _answers(snapshot) else applied.moved
+        return {} if applied is None or applied.answers != _answers(snapshot) else applied.moved
 
     def remember(
         self, snapshot: Snapshot, edit: Edit | EditAll, moved: Mapping[object, float] = MappingProxyType({})
@@ -135,7 +135,7 @@ class WhatIf:
         """Command that takes back the last edit by a slider, None where it was refused or the scenario has been changed
         since."""
         applied = self._applied
-        if applied is None or (applied.after != snapshot.scenario and applied.asked_at != _answers(snapshot)):
+        if applied is None or (applied.after != snapshot.scenario and applied.answers != _answers(snapshot)):
             return None
         return EditAll({path: old for path, (old, _) in differences(applied.before, applied.after).items()})
 
@@ -158,9 +158,9 @@ class WhatIf:
         return self.outlook is not drawn or self.refusal != refused
 
     def _rest(self, snapshot: Snapshot) -> bool:
-        if self._asked is not None:
+        if self._request is not None:
             self._previewer.drop()
-            self._asked, self.outlook, self.refusal = None, None, ""
+            self._request, self.outlook, self.refusal = None, None, ""
             return True
         if snapshot.run != self._run:
             self._run = snapshot.run
@@ -170,11 +170,11 @@ class WhatIf:
 
     def _ask(self, held: HeldControl, snapshot: Snapshot) -> None:
         now = _RequestKey(held.edit, snapshot.scenario, self.horizon, self.push, self.arms, snapshot.t)
-        asked = self._asked
-        moved = asked is None or replace(asked, base=now.base, t=now.t) != now
-        if not moved and (now == asked or not self._previewer.idle):
+        request = self._request
+        moved = request is None or replace(request, base=now.base, t=now.t) != now
+        if not moved and (now == request or not self._previewer.idle):
             return
-        self._asked = now
+        self._request = now
         try:
             scenario = changed(snapshot.scenario, held.edit)
         except ScenarioError as error:
