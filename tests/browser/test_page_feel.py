@@ -115,6 +115,10 @@ def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):
             }""",
             arg=part,
         )
+    # the ticks of the timeline scroll away under the status, which stays in sight
+    layers = "(parts) => parts.map((part) => Number(getComputedStyle(document.querySelector(part)).zIndex))"
+    status, ticks = page.evaluate(layers, ["div:has(> .vs-status)", ".vs-ticks"])
+    assert ticks < status
     page.get_by_role("button", name="play / pause").tap()
     page.locator(".vs-chip", has_text="paused").wait_for()
 
