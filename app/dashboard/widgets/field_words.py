@@ -65,12 +65,10 @@ def refusal_in_words(sentence: str) -> str:
 
 
 def _label(path: str) -> str:
-    """Name of the field at a dotted path: its short title, else the label of its row; the path itself where it has
-    neither, or a label that means nothing away from its row, as "0 =" before a formula."""
-    if path in TITLES:
-        return TITLES[path]
+    """Label of the row of the field at a dotted path, else its short title, as of a label that means nothing away from
+    its row, such as "from t ="; the path itself where it has neither."""
     try:
         shown = field_info(path).widget
     except KeyError:
-        return path
-    return path if shown is None or shown.label.endswith("=") else shown.label
+        shown = None
+    return TITLES.get(path, path) if shown is None or shown.label.endswith("=") else shown.label
