@@ -58,7 +58,7 @@ def _plain(reason: str) -> str:
     reason = reason.replace(" matching regex ", " of the form ")
     for technical, plain in _PLAIN.items():
         reason = reason.replace(technical, plain)
-    return reason
+    return reason.removesuffix(".0")  # of a bound
 
 
 def _first_wrong(table: object, kind: inspect.Type) -> str:

@@ -162,7 +162,8 @@ class PremiseWatch:
         duration = self.system.scenario.simulation.duration
         if self._state.t <= duration:
             return ""
-        return f" for the first {duration:g} s of the path (simulation.duration); allowed: a longer duration"
+        whole = "a path that goes on to other places needs a longer simulation.duration"
+        return f" for the first {duration:g} s of the path; {whole}"
 
     @property
     def sampled(self) -> RespondingLoop:

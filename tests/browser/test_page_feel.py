@@ -128,6 +128,10 @@ def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):
             }""",
             arg=part,
         )
+    # the ticks of the timeline scroll away under the status, which stays in sight
+    layers = "(parts) => parts.map((part) => Number(getComputedStyle(document.querySelector(part)).zIndex))"
+    status, ticks = page.evaluate(layers, ["div:has(> .vs-status)", ".vs-ticks"])
+    assert ticks < status
     page.get_by_role("button", name="play / pause").tap()
     page.locator(".vs-chip", has_text="paused").wait_for()
 
@@ -173,7 +177,7 @@ def test_a_message_moves_nothing(session: PageSession):
     page.locator(".vs-strip .vs-message").wait_for(state="detached")
     before = resting_box(buttons)
     session.runner.post(Edit("controller.period", -1.0))
-    page.locator(".vs-strip .vs-message", has_text="controller.period").wait_for()
+    page.locator(".vs-strip .vs-message", has_text="control period").wait_for()
     assert resting_box(buttons) == before
     page.wait_for_function("""() => {
       const box = (part) => document.querySelector(part).getBoundingClientRect();
@@ -186,7 +190,7 @@ def test_a_message_moves_nothing(session: PageSession):
 def test_a_drag_over_a_message_selects_it_at_most_and_nothing_of_the_page(session: PageSession):
     page = session.page
     session.runner.post(Edit("controller.period", -1.0))
-    message = page.locator(".vs-strip .vs-message", has_text="controller.period: -1")
+    message = page.locator(".vs-strip .vs-message", has_text="control period: -1")
     text = message.inner_text()
     for paused in (False, True):
         session.runner.post(Pause() if paused else Play())

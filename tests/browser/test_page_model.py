@@ -93,7 +93,7 @@ def test_the_controller_as_far_as_it_has_a_meaning(session: PageSession):
     session.wait(lambda now: now.scenario.controller.K_s == (100.0, 100.0, 100.0, 50.0, 50.0, 50.0))
     session.row("K_s [N·s/m]").locator(".mantine-Slider-root").wait_for(state="detached")
     session.enter("K_s [N·s/m]", "100, 50")
-    page.locator(".vs-status", has_text="controller.K_s: 2 entries; allowed: 6 diagonal entries").wait_for()
+    page.locator(".vs-status", has_text="reaching gain K_s: 2 entries; allowed: 6 diagonal entries").wait_for()
     session.choose("Law", "computed torque")
     session.wait(lambda now: now.scenario.controller.law == "computed-torque")
     page.get_by_text("Computed torque, the baseline").wait_for()

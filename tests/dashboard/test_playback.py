@@ -64,3 +64,12 @@ def test_a_refusal_names_a_matrix_as_the_page_does() -> None:
     assert refusal_in_words("target_model.M_m1: small") == "M_m of the pressed coordinates: small"
     assert refusal_in_words("target_model.K_f: an entry") == "K_f: an entry"
     assert refusal_in_words("target_model: unstable") == "target_model: unstable"
+
+
+def test_a_refusal_names_its_field_as_the_page_does() -> None:
+    assert refusal_in_words("motion.radius: -1; allowed: a number >= 0") == "radius: -1; allowed: a number >= 0"
+    assert refusal_in_words("motion.period: 0") == "period: 0"
+    assert refusal_in_words("truth.push_start: -5") == "start of the push: -5"
+    # the user looks for this name in a file of his or her own, and the label of a formula is "0 ="
+    assert refusal_in_words("own.toml: motion.radius: -1") == "own.toml: motion.radius: -1"
+    assert refusal_in_words("surface.text: unknown") == "surface.text: unknown"

@@ -277,7 +277,7 @@ def _text(course: LessonCourse) -> str:
         parts += [_scored(of, answer, measured) for of, answer in course.explained()]
     parts.append(html_of(step.text, measured))
     if isinstance(step.block, blocks.Explain) and step.block.equation:
-        parts.append(f'<p class="vs-dim">equation {escape(step.block.equation)} of the note</p>')
+        parts.append(f'<p class="vs-dim">equation {escape(step.block.equation)} of the paper</p>')
     if isinstance(step.block, blocks.ChoiceQuestion | blocks.NumberQuestion | blocks.CurveQuestion | blocks.Goal):
         parts.append(f'<p class="vs-question">{inline_html(step.block.ask, measured)}</p>')
     return f'<div class="vs-lesson vs-prose" lang="{escape(course.lesson.head.language)}">{"".join(parts)}</div>'

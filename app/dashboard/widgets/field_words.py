@@ -6,9 +6,10 @@ import re
 
 from app.dashboard.widgets.matrix_text import written
 from app.scenario.data import differences
+from app.scenario.field_info import field_info
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
-from app.sweep.titles import title_of, unit_of, value_in_words
+from app.sweep.titles import TITLES, title_of, unit_of, value_in_words
 
 LONGEST = 40  # letters of a value
 TOLD = 4  # differences of two scenarios
@@ -16,6 +17,8 @@ FIRST = 3  # numbers of a list that is longer than that
 _PER_AXIS = ("target_model.", "controller.")  # fields with a number for each axis
 # a matrix of the target model as refusals name it, which may have the number of one of the paper's blocks
 _MATRIX = re.compile(r"\btarget_model\.([MBK]_[mf])([12]?)\b")
+# the field of which a refusal is, which stands first
+_FIELD = re.compile(r"[a-z_]+(?:\.\w+)+(?=: )")
 _BLOCKS = {"": "", "1": " of the pressed coordinates", "2": " of the free coordinates"}
 
 
@@ -56,5 +59,16 @@ def _listed(path: str, numbers: list[str], unit: str) -> str:
 
 
 def refusal_in_words(sentence: str) -> str:
-    """Reason of a refusal with the matrices of the target model called as on the page."""
-    return _MATRIX.sub(lambda found: f"{found[1]}{_BLOCKS[found[2]]}", sentence)
+    """Reason of a refusal with its field and the matrices of the target model called as on the page."""
+    sentence = _MATRIX.sub(lambda found: f"{found[1]}{_BLOCKS[found[2]]}", sentence)
+    return _FIELD.sub(lambda found: _label(found[0]), sentence, count=1) if _FIELD.match(sentence) else sentence
+
+
+def _label(path: str) -> str:
+    """Label of the row of the field at a dotted path, else its short title, as of a label that means nothing away from
+    its row, such as "from t ="; the path itself where it has neither."""
+    try:
+        shown = field_info(path).widget
+    except KeyError:
+        shown = None
+    return TITLES.get(path, path) if shown is None or shown.label.endswith("=") else shown.label

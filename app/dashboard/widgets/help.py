@@ -39,8 +39,8 @@ START = (
     "<b>Task</b>: choose a scenario or a mode. It begins at once; nothing has to be started.",
     "Hold a slider, there or in any tab: the plots show what its value would do. Let go to apply it, or press "
     "<kbd>Esc</kbd> to cancel. Or type a number and press Enter.",
-    "<b>Model</b>: choose the behaviour you want. The equation at the lower left shows its numbers; grey numbers are "
-    "fixed by the mode.",
+    "<b>Model</b>: choose the behaviour you want. The equation under <i>Target model</i> shows its numbers; grey "
+    "numbers are fixed by the mode.",
     "<b>Robot</b> and <b>World</b>: make the true arm differ from the controller's model, and watch whether ‖s‖ "
     "stays under its bound.",
 )
