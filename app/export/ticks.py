@@ -18,7 +18,15 @@ def plain_decades(axis: Axis) -> None:
     within_decades = high > 30 * low
     axis.set_major_locator(LogLocator(subs=(1.0,) if within_decades else (1.0, 2.0, 5.0), numticks=6))
     axis.set_minor_formatter(NullFormatter())
-    axis.set_major_formatter(plain_number)
+    # one form for all numbers of an axis: 10000 is not read beside 10⁵
+    axis.set_major_formatter(power_of_ten if high >= 1e5 or low < 1e-4 else plain_number)
+
+
+def power_of_ten(value: float, _: object) -> str:
+    """Label of a tick as plain text, with a power of ten also where the number is short: 2·10³."""
+    mantissa, exponent = f"{value:.6e}".split("e")
+    power = "10" + str(int(exponent)).translate(RAISED)
+    return power if float(mantissa) == 1.0 else f"{float(mantissa):g}·{power}".replace("-", "−")
 
 
 def plain_number(value: float, _: object) -> str:

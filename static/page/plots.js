@@ -60,6 +60,15 @@ const relight = (chart) => {
   for (const marker of chart.root.querySelectorAll(".u-legend .u-marker"))
     marker.style.borderColor = onWhite(marker.style.borderColor);
 };
+// A number as text. From a million on with a power of ten, since neither a legend nor an axis has room for more digits.
+const LONG = 1e6, RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+const power = (mantissa, exponent) => `${mantissa === 1 ? "" : `${mantissa}·`}10${[...`${exponent}`].map((digit) => RAISED[digit]).join("")}`;
+const plainNumber = (value) => {
+  if (!(Math.abs(value) >= LONG)) return `${value}`;
+  const [mantissa, exponent] = value.toExponential().split("e");
+  return power(+mantissa, +exponent);
+};
+window.vsmrcNumber = (value, digits) => plainNumber(+value.toPrecision(digits));
 // Three numbers on an axis at least, also of a low plot, as far as they stand apart.
 const room = (plot) => (1.05 * plot.axes[1].font[1]) / devicePixelRatio; // px
 const STEPS = [1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
@@ -87,7 +96,9 @@ const decades = (plot, at) => {
   const neat = [everyFew(AIRY), everyFew(1), ...NEAT.map(begun)];
   const apart = neat.find((some) => some.length > 2 && some.every((v, i) => free(v, some.slice(0, i))));
   const shown = apart ?? ROUND.flatMap(begun).reduce((some, v) => (free(v, some) ? [...some, v] : some), []);
-  return at.map((v) => (shown.includes(v) ? `${+v.toPrecision(9)}` : ""));
+  const long = shown.some((v) => v >= LONG), exponent = (v) => Math.floor(Math.log10(v) + 1e-9); // one form for all of an axis
+  const text = (v) => (long && v >= 1 ? power(+(v / 10 ** exponent(v)).toPrecision(9), exponent(v)) : `${+v.toPrecision(9)}`);
+  return at.map((v) => (shown.includes(v) ? text(v) : ""));
 };
 // uPlot knows null for what does not exist, and data arrive as numbers. A gap begins at the last value before it: a
 // logarithmic axis would draw nan as a fall to its foot.
@@ -125,10 +136,11 @@ const crowded = ({ axes, scales: { x, y }, bbox }) => [[axes[0], x, bbox.width, 
 // The numbers of an axis with as many decimals as its steps have. uPlot rounds to three: it writes 0 for what is below
 // 0.001, and neighbours far from zero look alike.
 const written = (at) => {
-  const step = at.length > 1 ? at[1] - at[0] : 0.001;
+  const most = Math.max(...at.map(Math.abs)), exponent = most >= LONG ? Math.floor(Math.log10(most)) : 0, unit = 10 ** exponent;
+  const scaled = at.map((v) => v / unit), step = at.length > 1 ? scaled[1] - scaled[0] : 0.001;
   let digits = 0;
   while (digits < 8 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6 * step * 10 ** digits) digits++;
-  return at.map((v) => `${+v.toFixed(digits)}`);
+  return scaled.map((v) => (exponent && v ? power(+v.toFixed(digits), exponent) : `${+v.toFixed(digits)}`));
 };
 // In the legend a pinned run has a piece of its line, and hides all its lines, which come behind the one that is listed.
 // A line of the shown run hides the same line of pinned runs with it, unless one of these stands alone.

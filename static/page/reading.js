@@ -6,7 +6,7 @@ values.className = "vs-values";
 values.hidden = true;
 document.body.append(values);
 // The legend has the values under the crosshair, and without one those of now, right of which lies what has not happened.
-const short = (value) => (Number.isFinite(value) ? `${+value.toPrecision(3)}` : "–");
+const short = (value) => (Number.isFinite(value) ? window.vsmrcNumber(value, 3) : "–");
 // no finer than a plot can show: half a thousandth of its axis, in round numbers
 const onAxis = (plot, value) => {
   const { min, max, distr } = plot.scales.y ?? {};
@@ -115,7 +115,7 @@ const takeOff = (plot) => {
 const row = (name, value, color) => {
   const line = document.createElement("div"), number = document.createElement("b");
   line.append(`${name} `, number);
-  number.textContent = `${+value.toPrecision(4)}`;
+  number.textContent = window.vsmrcNumber(value, 4);
   line.style.color = color;
   return line;
 };

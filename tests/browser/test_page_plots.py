@@ -307,4 +307,9 @@ def test_an_axis_has_three_numbers_that_stand_apart_however_low_its_plot(browser
         assert min(b - a for a, b in pairwise(places)) > 12.0, (asked, numbers)
         assert all(low - 1e-9 <= value <= high + 1e-9 for value, _, _ in numbers), (asked, numbers)
         assert all(abs(value - at) < 1e-6 * (high - low) for value, _, at in numbers), (asked, numbers)
+    # of a run that diverges
+    assert page.evaluate("written([0, 1.5e17, 3e17])") == ["0", "1.5·10¹⁷", "3·10¹⁷"]
+    assert page.evaluate("[3.18123e17, -2e6, 12345.678].map((value) => vsmrcNumber(value, 3))") == [
+        "3.18·10¹⁷", "-2·10⁶", "12300",
+    ]  # fmt: skip
     page.close()

@@ -121,6 +121,18 @@ def test_every_axis_has_three_numbers_at_least() -> None:
         assert sum(least <= tick <= most for tick in axes.get_yticks()) >= 3, (least, most)
 
 
+@pytest.mark.parametrize(
+    ("high", "numbers"), [(1e4, {"1", "100", "10000"}), (1e6, {"10⁰", "10²", "10⁴", "10⁶"}), (5e6, {"10⁰", "10²"})]
+)
+def test_numbers_of_a_logarithmic_axis_have_one_form(high: float, numbers: set[str]) -> None:
+    curve = Curve("a", (0, 0, 0), np.linspace(0.0, 1.0, 20), np.geomspace(1.0, high, 20))
+    axes = drawn(Figure((FigureChart("", "N", (curve,), logarithmic=True),), ""), FigureOptions()).axes[0]
+    low, top = axes.get_ylim()
+    shown = {axes.yaxis.get_major_formatter()(tick) for tick in axes.get_yticks() if low <= tick <= top}
+    assert numbers <= shown
+    assert len({bool(set(number) & set("⁰¹²³⁴⁵⁶⁷⁸⁹")) for number in shown}) == 1, shown
+
+
 def test_lines_of_a_chart_differ_in_grey(snapshot: Snapshot) -> None:
     figure = figure_of(plots_of([ALL_PLOTS]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.9)
     for chart in figure.charts:
