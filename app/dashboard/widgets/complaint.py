@@ -10,6 +10,7 @@ from app.dashboard.widgets.field_words import refusal_in_words
 from app.session.commands import DropWayOut
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
+from app.session.ways_out import WayOut
 
 log = structlog.get_logger()
 SHOWN = 12.0  # s
@@ -17,7 +18,7 @@ SHOWN = 12.0  # s
 
 class Complaint:
     """The last refusal, or failure of this program. It is shown until another edit is accepted, another run begins, or
-    SHOWN is over."""
+    SHOWN is over; a refusal stays as long as its way out is offered, which nobody would understand without it."""
 
     def __init__(self, runner: Runner) -> None:
         self._runner = runner
@@ -26,6 +27,7 @@ class Complaint:
         # revision and run after these commands, None until the runner has executed them: later ones end the complaint
         self._of: tuple[int, int] | None = None
         self._refusals = runner.snapshot.refusal_number
+        self._offered: WayOut | None = None  # with what is shown
 
     def refuse(self, sentence: str) -> None:
         """Show a refusal by the page."""
@@ -43,13 +45,15 @@ class Complaint:
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
             self._show(f"Refused: {refusal_in_words(snapshot.refusal or '')}")
+            self._offered = snapshot.way_out
         of = snapshot.revision, snapshot.run
         if self._of is None and snapshot.executed >= self._posted:
             self._of = of
-        if now > self._until or self._of not in (None, of):
+        offers = self._offered is not None and self._offered is snapshot.way_out
+        if (now > self._until and not offers) or self._of not in (None, of):
             self._text = ""
         return self._text
 
     def _show(self, text: str) -> None:
         self._text, self._until = text, time.monotonic() + SHOWN
-        self._posted, self._of = self._runner.posted, None
+        self._posted, self._of, self._offered = self._runner.posted, None, None

@@ -1,0 +1,43 @@
+"""Complaint over the scene: how long a refusal is shown."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import pytest
+
+from app.dashboard.widgets.complaint import SHOWN, Complaint
+from app.scenario.data import load
+from app.session.runner import Runner
+from app.session.snapshot import Snapshot, snapshot_of
+from app.session.ways_out import WayOut
+from app.simulation.closed_loop import ClosedLoop
+
+
+@pytest.fixture
+def complaint(monkeypatch: pytest.MonkeyPatch) -> tuple[Complaint, Snapshot]:
+    """A complaint, and a snapshot whose edit was refused just now."""
+    snapshot = snapshot_of(ClosedLoop.from_scenario(load("planar2r-semicircle")))
+    runner = Runner.__new__(Runner)  # of a run that stands still
+    monkeypatch.setattr(Runner, "snapshot", snapshot, raising=False)
+    monkeypatch.setattr(Runner, "posted", 0, raising=False)
+    return Complaint(runner), replace(snapshot, refusal="motion.radius: -1; allowed: a number >= 0", refusal_number=1)
+
+
+def test_a_refusal_is_shown_for_a_while_and_called_as_on_the_page(complaint: tuple[Complaint, Snapshot]) -> None:
+    shown, refused = complaint
+    now = time.monotonic()
+    assert shown.text(refused, now) == "Refused: radius: -1; allowed: a number >= 0"
+    assert shown.text(refused, now + 0.5 * SHOWN)
+    assert not shown.text(refused, now + 2.0 * SHOWN)
+
+
+def test_a_refusal_is_shown_as_long_as_its_way_out_is_offered(complaint: tuple[Complaint, Snapshot]) -> None:
+    shown, refused = complaint
+    offering = replace(refused, way_out=WayOut("Take 0, the smallest allowed", refused.scenario))
+    now = time.monotonic()
+    shown.text(offering, now)
+    assert shown.text(offering, now + 10.0 * SHOWN)
+    assert not shown.text(refused, now + 10.0 * SHOWN)  # it was dropped
+    assert not shown.text(replace(offering, way_out=None, revision=offering.revision + 1), now)  # another edit
