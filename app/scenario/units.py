@@ -55,7 +55,7 @@ class Units(NamedTuple):
         """Unit of a quantity of r. unit: where r is in metres."""
         return self.of_joints(ANGULAR.get(unit, unit)) if self.task == "joint" else unit
 
-    def told(self, number: float, unit: str) -> str:
+    def with_unit(self, number: float, unit: str) -> str:
         """Number of all joints with its unit. unit: of revolute joints."""
         return f"{number:.4g} {self.of_joints(unit)}".rstrip()
 

@@ -289,7 +289,7 @@ class PremiseWatch:
             sigma_min = f"{1.0 / evaluation.seen.task.J_q_inv_norm:.4g} {unit}".rstrip()
             self.left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min})")
         elif Alarm.FAST in alarms:
-            speed = self.system.units.told(float(np.linalg.norm(arm.q_dot)), "rad/s")
+            speed = self.system.units.with_unit(float(np.linalg.norm(arm.q_dot)), "rad/s")
             self.left(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {speed})")
         if Alarm.OVER_BOUND in alarms:
             rate, promise = self.system.units.rate, evaluation.promise_record

@@ -113,7 +113,7 @@ def beyond(found: TrueErrors, stated: Stated, least_inertia: float, units: Units
         ("‖f̃‖", found.f, ">", stated.delta_f, "N·m", found.f, stated.delta_f),
     )
     return tuple(
-        f"{what} = {units.told(value, unit)} {sign} declared {units.told(limit, unit)}"
+        f"{what} = {units.with_unit(value, unit)} {sign} declared {units.with_unit(limit, unit)}"
         for what, value, sign, limit, unit, smaller, larger in compared
         if smaller > larger * (1.0 + ROUNDING) + ROUNDING
     )
