@@ -160,9 +160,12 @@ class LessonCourse:
             self.outcomes = {**self.outcomes, run.number: outcome}
 
     def make_up(self, memory: Memory | None = None) -> None:
-        """Play the missing runs. Raises ScenarioError."""
+        """Play the missing runs, and score what was predicted of them where it is explained. Raises ScenarioError."""
         for run in self.missing:
             self.take(run, play(run, memory))
+        with self._lock:
+            if isinstance(self.step.block, Explain):
+                self._score()
 
     def reached_goal(self) -> None:
         """Note that the goal of the shown step is reached."""

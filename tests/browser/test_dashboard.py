@@ -167,7 +167,7 @@ def test_arrow_keys_move_a_slider_and_not_the_run(session: PageSession):
 def test_marks_that_a_slow_server_has_not_taken_off_do_not_count_for_the_next_turn(session: PageSession):
     """The server tells one turn from the next by whether the number of marks is even or odd."""
     turn = """(input, mark) => {
-      input.dispatchEvent(new CustomEvent("vsmrc-tell", { bubbles: true, detail: mark }));
+      input.dispatchEvent(new CustomEvent("vsmrc-mark", { bubbles: true, detail: mark }));
       return input.value.split(mark).length - 1;
     }"""
     three = f"(input, mark) => [0, 1, 2].map(() => ({turn})(input, mark))"

@@ -121,6 +121,22 @@ def test_progress_survives_a_restart_and_the_runs_are_played_again(tmp_path: Pat
     assert json.loads(json_of(later.progress))["test"]["answers"]["2"]["given"] == 3.0
 
 
+def test_a_run_that_was_left_out_is_played_for_its_explanation() -> None:
+    course = LessonCourse(lesson(), Notebook())
+    course.go(1)
+    course.give(27.5)
+    through(course, "explain")
+    assert course.measured == {}
+    worked: list[object] = []
+    panel = SimpleNamespace(_try=lambda act: act(), _make_up=worked.append, _enter=lambda: None)
+    course.go(-1)
+    LessonsPanel._go(cast(LessonsPanel, panel), course, 1)
+    assert worked == [course]
+    course.make_up()
+    assert course.measured == {"way": "27.9 mm"}
+    assert course.progress.answers[2].score == 1.0
+
+
 @pytest.mark.parametrize(
     "damaged", [b"{", b'{"\xff": {}}', b'{"test": {"more": ' + b"[" * 100_000], ids=["cut", "no UTF-8", "deep"]
 )

@@ -24,7 +24,7 @@ from app.export.formats import Format
 from app.lessons import blocks
 from app.lessons.answers import Answer
 from app.lessons.course import LessonCourse
-from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
+from app.lessons.lesson import NAMED, Lesson, LessonStep, shipped_lessons
 from app.lessons.markup import html_of, inline_html
 from app.lessons.playing import last_q, performance, play
 from app.scenario.data import field_of
@@ -140,6 +140,8 @@ class LessonsPanel:
         before = course.step.number
         self._try(lambda: course.go(by))
         if course.step.number != before:
+            if isinstance(course.step.block, blocks.Explain):  # which has the numbers of runs that were left out
+                self._make_up(course)
             self._enter()
         elif by > 0:
             self._close()
@@ -276,6 +278,8 @@ def _text(course: LessonCourse) -> str:
     if isinstance(step.block, blocks.Explain):
         parts += [_scored(of, answer, measured) for of, answer in course.explained()]
     parts.append(html_of(step.text, measured))
+    if course.missing and NAMED.search(step.text):
+        parts.append('<p class="vs-dim">The numbers that are missing are being computed.</p>')
     if isinstance(step.block, blocks.Explain) and step.block.equation:
         parts.append(f'<p class="vs-dim">equation {escape(step.block.equation)} of the paper</p>')
     if isinstance(step.block, blocks.ChoiceQuestion | blocks.NumberQuestion | blocks.CurveQuestion | blocks.Goal):
