@@ -108,6 +108,8 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: PageSession):
     choose(shipped_lessons()["03-wall"].head.title)
     expect(page.get_by_role("tab", name="Lessons", exact=True)).to_have_attribute("aria-selected", "true")
     page.locator(".vs-lesson[data-step='1']").wait_for()
+    page.get_by_role("button", name="Leave the lesson").click()  # all tests of this page share it
+    page.locator(".vs-lesson[data-step]").wait_for(state="detached")
 
 
 def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.dashboard.widgets.model_checks import judge_asked
+from app.dashboard.widgets.model_checks import judge_requested
 from app.dashboard.widgets.pole_drag import draggable, numbered_poles, others_of, pole_edit
 from app.scenario.data import edited, load
 from app.session.snapshot import Snapshot, snapshot_of
@@ -43,7 +43,7 @@ def test_the_model_then_has_the_pole_where_it_was_dropped(scenario: str, pole: c
     for number in numbers:
         others = others_of(snapshot, numbered_poles(snapshot)[number])
         edit, _, _ = pole_edit(snapshot, others, pole)
-        asked = judge_asked(snapshot, edit)
+        asked = judge_requested(snapshot, edit)
         near = np.abs(asked.poles - pole).min()
         if pole.real < 0.0:
             assert near <= 0.02 * abs(pole)  # omega and zeta have three digits

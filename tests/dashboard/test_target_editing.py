@@ -13,7 +13,7 @@ from app.dashboard.panels.model import matrix_note, oscillator_note
 from app.dashboard.widgets.equation import EquationLine, equation_html, lines
 from app.dashboard.widgets.matrix_editor import Draft, starts, with_entries
 from app.dashboard.widgets.matrix_text import read_back, read_matrix, require_point, written, written_rows
-from app.dashboard.widgets.model_checks import checks_html, judge_asked, judge_running
+from app.dashboard.widgets.model_checks import checks_html, judge_requested, judge_running
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, model_edit, oscillators_of
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem_table import facts_html
@@ -42,7 +42,7 @@ def hybrid() -> Snapshot:
 
 def applied(snapshot: Snapshot, edit: Edit) -> Snapshot:
     """The snapshot of a model that this edit has changed."""
-    judged = judge_asked(snapshot, edit)
+    judged = judge_requested(snapshot, edit)
     assert judged.refusal == ""
     system = replace(snapshot.system, controller=snapshot.system.controller.following(judged.model))
     return replace(snapshot, scenario=edited(snapshot.scenario, edit.path, edit.value), system=system)
@@ -246,7 +246,7 @@ def test_what_is_asked_for_is_judged_beside_what_runs(hybrid: Snapshot):
     assert judge_running(hybrid).slowest == pytest.approx(-20.0, rel=1e-3)
     indefinite = hybrid.matrices["K_m"].copy()
     indefinite[1, 2] = indefinite[2, 1] = 5000.0
-    asked = judge_asked(hybrid, model_edit(hybrid, {"K_m": indefinite}))
+    asked = judge_requested(hybrid, model_edit(hybrid, {"K_m": indefinite}))
     assert asked.refusal == "target_model.K_m2: smallest eigenvalue -1000; allowed: symmetric positive definite"
     assert asked.slowest > 0.0
     shown = checks_html(hybrid, model_edit(hybrid, {"K_m": indefinite}))
@@ -254,14 +254,14 @@ def test_what_is_asked_for_is_judged_beside_what_runs(hybrid: Snapshot):
     assert "-1000 … 9000" in shown
     for value in ([1.0, 2.0], [0.0] * 6):
         with pytest.raises((ScenarioError, InvalidGain)):
-            judge_asked(hybrid, Edit("target_model.M_m", value))
+            judge_requested(hybrid, Edit("target_model.M_m", value))
         assert 'vs-bad">M_m: ' in checks_html(hybrid, Edit("target_model.M_m", value))
 
 
 def test_an_entry_that_the_mode_fixes_is_named(hybrid: Snapshot):
     coupled = hybrid.matrices["K_m"].copy()
     coupled[0, 2] = 3.0
-    refusal = judge_asked(hybrid, model_edit(hybrid, {"K_m": coupled})).refusal
+    refusal = judge_requested(hybrid, model_edit(hybrid, {"K_m": coupled})).refusal
     assert "K_m: an entry that hybrid mode fixes at 0 (34) is 3, in row 1, column 3" in refusal
 
 

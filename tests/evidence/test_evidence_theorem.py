@@ -158,4 +158,4 @@ def test_orders_are_drawn_on_logarithmic_axes() -> None:
     chart = FigureChart("order", "rad", (curve,), x_label="step [s]", logarithmic=True, logarithmic_x=True)
     drawing = render(Figure((chart,), ""), "svg").decode()
     assert drawing.count(">10⁻⁶<") == 2
-    assert drawing.count(">0.01<") == 2
+    assert drawing.count(">10⁻²<") == 2
