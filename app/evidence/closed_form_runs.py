@@ -78,7 +78,7 @@ class Response:
 @dataclass(frozen=True)
 class MeasuredStart:
     """Start of a shipped scenario.
-    choice: of `CHOICES`: z(0) of Remark 2, or z(0) = 0.
+    choice: `controller.on_change`: "remove" for z(0) of Remark 2, "watch" for z(0) = 0.
     s_0: ||s(0)||, m/s.
     largest: largest ||s|| over the sampling band.
     reached: instant at which the band was reached, s, nan for never."""

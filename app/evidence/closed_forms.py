@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -45,7 +45,7 @@ PRESSING = tuple(product((1000.0, 4000.0, 10_000.0), (0.1, 0.3, 0.7)))  # K_e N/
 SCALES = (1.0, 0.125)  # of the usual control period and boundary layer
 FACTORS = (0.9, 0.5, -0.5, -0.9)  # of the sampled loop through the multiplier
 
-READINGS: tuple[Reading, ...] = ("solved", "one period late")  # of the multiplier
+READINGS: tuple[Reading, ...] = get_args(Reading)
 CHOICES = ("remove", "watch")  # `controller.on_change`: Remark 2, or z(0) = 0
 STEADY_CAPTION = "Lines: (37). Dots: where a UR5 and a planar 3R, both 15 % heavier than believed, come to rest."
 CAPTION = "Colour: simulated. Black and dashed: the closed form."

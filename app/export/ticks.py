@@ -24,15 +24,18 @@ def plain_decades(axis: Axis) -> None:
 
 def power_of_ten(value: float, _: object) -> str:
     """Label of a tick as plain text, with a power of ten also where the number is short: 2·10³."""
-    mantissa, exponent = f"{value:.6e}".split("e")
-    power = "10" + str(int(exponent)).translate(RAISED)
-    return power if float(mantissa) == 1.0 else f"{float(mantissa):g}·{power}".replace("-", "−")
+    return _with_power(f"{value:.5e}")
 
 
 def plain_number(value: float, _: object) -> str:
     """Label of a tick as plain text, such as 2·10⁻³."""
     short = f"{value:.0e}"
-    text = short if abs(value) >= 1e5 and float(short) == value else f"{value:.6g}"
+    return _with_power(short if abs(value) >= 1e5 and float(short) == value else f"{value:.6g}")
+
+
+def _with_power(text: str) -> str:
+    """A number as Python writes it, with its exponent as a power of ten: 10⁵ of 1e+05."""
     mantissa, _, exponent = text.partition("e")
+    mantissa = f"{float(mantissa):g}"
     power = "10" + str(int(exponent)).translate(RAISED) if exponent else ""
     return "·".join(part for part in (mantissa, power) if part and (part, bool(power)) != ("1", True)).replace("-", "−")

@@ -63,12 +63,10 @@ const relight = (chart) => {
 // A number as text. From a million on with a power of ten, since neither a legend nor an axis has room for more digits.
 const LONG = 1e6, RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 const power = (mantissa, exponent) => `${mantissa === 1 ? "" : `${mantissa}·`}10${[...`${exponent}`].map((digit) => RAISED[digit]).join("")}`;
-const plainNumber = (value) => {
-  if (!(Math.abs(value) >= LONG)) return `${value}`;
-  const [mantissa, exponent] = value.toExponential().split("e");
-  return power(+mantissa, +exponent);
+window.vsmrcNumber = (value, digits) => {
+  const short = +value.toPrecision(digits), [mantissa, exponent] = short.toExponential().split("e");
+  return Math.abs(short) >= LONG ? power(+mantissa, +exponent) : `${short}`;
 };
-window.vsmrcNumber = (value, digits) => plainNumber(+value.toPrecision(digits));
 // Three numbers on an axis at least, also of a low plot, as far as they stand apart.
 const room = (plot) => (1.05 * plot.axes[1].font[1]) / devicePixelRatio; // px
 const STEPS = [1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.evidence import baselines, practice, simulators
+from app.evidence import baselines, practice, simulator_runs, simulators
 from app.evidence.section import EvidenceSection
 
 pytestmark = pytest.mark.slow  # long or many simulations
@@ -21,19 +21,19 @@ def test_both_simulators_agree_and_what_differs_is_what_mujoco_leaves_out() -> N
     pytest.importorskip("mujoco")
     for result in found(simulators.SECTION, 20):
         match result:
-            case simulators.Free():
+            case simulator_runs.Free():
                 assert result.moved > 0.05
                 assert max(result.euler, result.rk4) < 1e-12
                 largest = np.array([rung.max() for rung in result.rungs])
                 np.testing.assert_allclose(largest[:-1] / largest[1:], 2.0, rtol=0.05)
-            case simulators.Steady():
+            case simulator_runs.Steady():
                 assert result.mujoco == pytest.approx(result.predicted, rel=1e-6)
                 assert result.ours == pytest.approx(result.mujoco, rel=1e-6)
-            case simulators.ContactCourse():
+            case simulator_runs.ContactCourse():
                 assert result.ours.max() > 15.0
                 assert result.without < 1e-9 < result.with_drift
                 assert result.apart < 2.0 * result.drift
-            case simulators.Constraint():
+            case simulator_runs.Constraint():
                 assert result.q_ddot < 1e-11 * result.largest[0]
                 assert result.multiplier < 1e-11 * result.largest[1]
                 assert len(result.by_slider) == (3 if len(result.kinds) == 1 else 0)

@@ -22,25 +22,13 @@ from app.scenario.caption import caption
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT
-from app.session import headless_run
-from app.session.snapshot import Snapshot, snapshot_of
+from app.session.snapshot import Snapshot
 from app.simulation.assembly import assemble
-from app.simulation.closed_loop import ClosedLoop
 from tests.support.svg import letters_of
 
 pytestmark = pytest.mark.slow  # processes of its own
 
 made = ExportJobs().made
-
-
-@pytest.fixture(scope="module")
-def loop() -> ClosedLoop:
-    return headless_run.simulate(edited(load("ur5-hybrid-moving"), "simulation.duration", 1.0))[0]
-
-
-@pytest.fixture(scope="module")
-def snapshot(loop: ClosedLoop) -> Snapshot:
-    return snapshot_of(loop)
 
 
 def test_svg_is_the_same_again_and_its_words_are_text(snapshot: Snapshot) -> None:

@@ -23,16 +23,9 @@ from app.export.printing import drawn, render
 from app.export.sheet import SMALL, TITLE, looks_of
 from app.scenario.data import edited, load
 from app.scenario.errors import ScenarioError
-from app.session import headless_run
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from tests.support.svg import letters_of
-
-
-@pytest.fixture(scope="module")
-def snapshot() -> Snapshot:
-    loop, _ = headless_run.simulate(edited(load("ur5-hybrid-moving"), "simulation.duration", 1.0))
-    return snapshot_of(loop)
 
 
 def size_of(svg: bytes) -> tuple[float, float]:

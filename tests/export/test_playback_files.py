@@ -17,8 +17,7 @@ from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.scene.standalone import snapshots, standalone_html
 from app.export.export_jobs import ExportJobs, PlaybackJob
 from app.export.playback_frames import FRAMES_PER_SECOND, PlaybackFrames, playback_frames
-from app.scenario.data import edited, load
-from app.session import headless_run
+from app.scenario.data import load
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.recording_files import TooLarge
@@ -27,16 +26,6 @@ from tests.support.svg import letters_of
 pytestmark = pytest.mark.slow  # processes of its own
 
 made = ExportJobs().made
-
-
-@pytest.fixture(scope="module")
-def loop() -> ClosedLoop:
-    return headless_run.simulate(edited(load("ur5-hybrid-moving"), "simulation.duration", 1.0))[0]
-
-
-@pytest.fixture(scope="module")
-def snapshot(loop: ClosedLoop) -> Snapshot:
-    return snapshot_of(loop)
 
 
 def test_film_has_a_row_for_each_thirtieth_of_a_second(loop: ClosedLoop) -> None:

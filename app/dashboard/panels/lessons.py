@@ -224,7 +224,7 @@ class LessonsPanel:
         self._shown = of
         busy = self._busy is not None
         self._head.content = _head(course)
-        self._text.content = _text(course)
+        self._text.content = _text(course, computing=busy)
         self._options.show(step, answer, course)
         self._number.show(step, answer, course)
         self._pad.show(step, answer, course)
@@ -268,8 +268,9 @@ def _head(course: LessonCourse) -> str:
     )
 
 
-def _text(course: LessonCourse) -> str:
-    """Text of the shown step as HTML; an explanation begins with the scores of the predictions."""
+def _text(course: LessonCourse, *, computing: bool) -> str:
+    """Text of the shown step as HTML; an explanation begins with the scores of the predictions. computing: whether the
+    missing runs are being computed."""
     step, measured = course.step, course.measured
     parts = []
     if step.number == 1:
@@ -278,7 +279,7 @@ def _text(course: LessonCourse) -> str:
     if isinstance(step.block, blocks.Explain):
         parts += [_scored(of, answer, measured) for of, answer in course.explained()]
     parts.append(html_of(step.text, measured))
-    if course.missing and NAMED.search(step.text):
+    if computing and course.missing and NAMED.search(step.text):
         parts.append('<p class="vs-dim">The numbers that are missing are being computed.</p>')
     if isinstance(step.block, blocks.Explain) and step.block.equation:
         parts.append(f'<p class="vs-dim">equation {escape(step.block.equation)} of the paper</p>')

@@ -18,7 +18,7 @@ _PER_AXIS = ("target_model.", "controller.")  # fields with a number for each ax
 # a matrix of the target model as refusals name it, which may have the number of one of the paper's blocks
 _MATRIX = re.compile(r"\btarget_model\.([MBK]_[mf])([12]?)\b")
 # the field of which a refusal is, which stands first
-_FIELD = re.compile(r"[a-z_]+(?:\.\w+)+(?=: )")
+_FIELD = re.compile(r"^[a-z_]+(?:\.\w+)+(?=: )")
 _BLOCKS = {"": "", "1": " of the pressed coordinates", "2": " of the free coordinates"}
 
 
@@ -61,7 +61,7 @@ def _listed(path: str, numbers: list[str], unit: str) -> str:
 def refusal_in_words(sentence: str) -> str:
     """Reason of a refusal with its field and the matrices of the target model called as on the page."""
     sentence = _MATRIX.sub(lambda found: f"{found[1]}{_BLOCKS[found[2]]}", sentence)
-    return _FIELD.sub(lambda found: _label(found[0]), sentence, count=1) if _FIELD.match(sentence) else sentence
+    return _FIELD.sub(lambda found: _label(found[0]), sentence)
 
 
 def _label(path: str) -> str:
