@@ -66,6 +66,8 @@ document.addEventListener("keydown", (e) => {
   pulled.add(edge.dataset.dockRegionResize);
   pull(edge, e.key === "ArrowLeft" ? -STEP : STEP);
 }, true);
-// viser's tabs hear a pointer that does not move, and the key Enter, but no click
-window.vsmrcOpenTab = (tab) =>
+// viser's tabs hear a pointer that does not move, and the key Enter, but no click; on a phone they are buttons, which do.
+window.vsmrcOpenTab = (tab) => {
   tab?.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true, cancelable: true }));
+  if (tab?.matches(".mantine-Tabs-tab")) tab.click();
+};

@@ -134,6 +134,11 @@ def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):
     layers = "(parts) => parts.map((part) => Number(getComputedStyle(document.querySelector(part)).zIndex))"
     status, ticks = page.evaluate(layers, ["div:has(> .vs-status)", ".vs-ticks"])
     assert ticks < status
+    # the tabs of a phone are other elements than those beside the scene
+    page.keyboard.press("Control+k")
+    page.get_by_placeholder("Search commands").fill("Controls: World")
+    page.locator(".mantine-Spotlight-action", has_text="Controls: World").tap()
+    expect(page.get_by_role("tab", name="World", exact=True)).to_have_attribute("aria-selected", "true")
     page.get_by_role("button", name="play / pause").tap()
     page.locator(".vs-chip", has_text="paused").wait_for()
 
