@@ -96,7 +96,7 @@ class Standing:
             return self._promise("nothing promised", "a premise failed a control period ago")
         return self._promise(
             "holds",
-            f"all premises hold, and ‖s‖ is under (20) plus the band, since t = {self.promise_record.since:.4g} s",
+            f"all premises hold, and ‖s‖ is under (20) plus the band, since {self._since}",
         )
 
     @property
@@ -104,7 +104,7 @@ class Standing:
         """Reason of the verdict on this instant, in a few words."""
         if self.stopped is not None:
             return "stopped"
-        usual = f"all premises hold since t = {self.promise_record.since:.4g} s" if self.promise_record.promised else ""
+        usual = f"all premises hold since {self._since}" if self.promise_record.promised else ""
         if self.waiting:
             usual = "judged in the next control period"
         return next((f"premise not met: {STATEMENTS[p].title}" for p in Premise if self.table.failing[p]), usual)
@@ -127,6 +127,13 @@ class Standing:
         if not self.promise_record.periods:
             return self._promise("nothing promised", "no control period has been computed")
         return self._promise("holds", "all premises held, and ‖s‖ stayed under (20) plus the band")
+
+    @property
+    def _since(self) -> str:
+        """Words on the instant at which the present promise began: an edit, a push or its end begins it anew."""
+        record = self.promise_record
+        change = "the change at " if record.since == record.begun > 0.0 else ""
+        return f"{change}t = {record.since:.4g} s"
 
     def _broken(self) -> str:
         return f"at t = {self.promise_record.broken:.4g} s ‖s‖ was over (20) plus the band, though all premises held"

@@ -8,3 +8,20 @@ document.addEventListener("click", (e) => {
   if (!title) return;
   window.vsmrcOpenTab([...document.querySelectorAll("[role=tab]")].find((tab) => tab.textContent.trim() === title));
 }, true);
+// Keys typed before the palette has its field are its text, and no commands of the page. PATIENCE: ms, in case it never opens.
+const PATIENCE = 2000;
+let called = -Infinity, early = "";
+document.addEventListener("keydown", (e) => {
+  if (window.vsmrcTyping(e)) return;
+  if (/^k$/i.test(e.key) && (e.ctrlKey || e.metaKey)) [called, early] = [e.timeStamp, ""];
+  else if (e.timeStamp - called < PATIENCE && e.key.length === 1 && !e.ctrlKey && !e.metaKey && !e.altKey) {
+    early += e.key;
+    e.preventDefault();
+    e.stopPropagation();
+  }
+}, true);
+document.addEventListener("focusin", (e) => {
+  if (!(e.target instanceof Element && e.target.matches(".mantine-Spotlight-search"))) return;
+  if (early) window.vsmrcEnter(e.target, early);
+  [called, early] = [-Infinity, ""];
+});

@@ -111,6 +111,16 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: PageSession):
     page.get_by_role("button", name="Leave the lesson").click()  # all tests of this page share it
     page.locator(".vs-lesson[data-step]").wait_for(state="detached")
 
+    # "h" would open the help, had the palette not been called just before
+    page.evaluate(
+        """() => [{ key: "k", code: "KeyK", ctrlKey: true }, { key: "h", code: "KeyH" }].forEach((key) =>
+          document.body.dispatchEvent(new KeyboardEvent("keydown", { ...key, bubbles: true, cancelable: true })))"""
+    )
+    expect(page.get_by_placeholder("Search commands")).to_have_value("h")
+    expect(page.locator(".vs-help")).to_have_count(0)
+    page.keyboard.press("Escape")
+    expect(page.get_by_placeholder("Search commands")).to_have_count(0)
+
 
 def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):
     dashboard, runner = served

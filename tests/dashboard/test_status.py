@@ -58,8 +58,11 @@ def test_what_only_the_next_period_can_judge_is_not_said_to_be_unpromised() -> N
     assert words() == fresh
     loop.step()
     assert words() == [("good", "promise holds"), ("good", "now: holds")]
+    assert "all premises hold since t = 0 s" in status_html(snapshot_of(loop), "")
     loop.edit(edited(SHIPPED, "force.value", 21.0))
     assert words() == [*fresh, ("good", "this run: holds")]
+    loop.step()
+    assert "all premises hold since the change at t = 0.001 s" in status_html(snapshot_of(loop), "")
     loop.edit(edited(SHIPPED, "controller.law", "pd-gravity"))
     assert words()[:2] == [("warn", "nothing promised"), ("warn", "now: nothing promised")]
 
