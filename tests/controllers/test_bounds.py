@@ -15,7 +15,7 @@ from app.scenario.data import edited
 from app.scenario.declared_bounds import symmetric
 from app.scenario.departures import Departure
 from app.simulation.system import System
-from controllers.bounds import Equivalent, InertiaRange, Uncertainty, required_gain
+from controllers.bounds import Equivalent, InertiaRange, Uncertainty, coriolis_rate, required_gain
 from controllers.controller import Controller
 from controllers.estimate_rates import SYMMETRIC_BASIS, LinkRates, Steepness
 from controllers.nominal_model import ON_LINE, Estimate
@@ -364,6 +364,24 @@ def test_errors_of_the_links_change_the_christoffel_matrix_as_pinocchio_says(rob
             for number, K in enumerate(SYMMETRIC_BASIS):
                 grown = C(np.zeros(3), round_ + R.T @ K @ R, joint) - C(np.zeros(3), round_, joint)
                 np.testing.assert_allclose(by_inertia[link, joint, :, :, number], grown, atol=1e-12)
+
+
+@pytest.mark.parametrize("robot", ["ur5", "panda"])
+def test_christoffel_matrix_of_centres_that_are_far_away_is_within_its_bound(robot: str) -> None:
+    """Centres moved by metres, as no arm's are: there what grows with the square of the shift counts, which nothing
+    shows where they move by centimetres."""
+    system, random = charted(robot, CHART), np.random.default_rng(10)
+    model, steepness, shares, by_square = system.robot.model, Steepness(system.robot.model), [], 0
+    for _ in range(30):
+        q, q_dot, _ = draw_state(system, random)
+        u = CERTAIN._replace(rho_centre=10.0, rates=steepness.links(q))
+        arm = draw(u, random, system.robot.n).truth.model(system.robot)
+        C, C_hat = (pin.computeCoriolisMatrix(each, each.createData(), q, q_dot) for each in (arm, model))
+        rate = np.linalg.norm(C - C_hat, 2) / np.linalg.norm(q_dot)
+        shares.append(rate / coriolis_rate.py_func(u))
+        by_square += rate > u.rho_centre * u.rates.k_centre
+    assert max(shares) <= 1.0
+    assert by_square > 0
 
 
 @pytest.mark.parametrize("bounds", ["tight", "paper"])
