@@ -29,8 +29,9 @@ nobody looks at is given away after <span id="rest"></span> s.</p></div>
 """
 _CLASS = """
 <link rel="stylesheet" href="../../assets/class.css">
-<div id="class" aria-live="polite"><p class="dim">Waiting for the first question…</p></div>
+<div id="class"><p class="dim">Waiting for the first question…</p></div>
 <p id="message" role="status"></p>
+<p id="news" role="status" class="unseen"></p>
 <script src="../../assets/class.js"></script>
 """
 ASSETS = {

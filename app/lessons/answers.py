@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -144,18 +145,21 @@ def json_of(progress: Mapping[str, LessonProgress]) -> str:
 
 
 class Notebook:
-    """Progress in all lessons, kept in a folder if there is one."""
+    """Progress in all lessons, kept in a folder if there is one. Safe to use from several threads."""
 
     def __init__(self) -> None:
         self._file: KeptFile[dict[str, LessonProgress]] | None = None
+        self._lock = threading.Lock()
         self.progress: dict[str, LessonProgress] = {}
 
     def keep_in(self, folder: Path) -> str:
         """Read the progress that a folder holds, and write it there from now on. Returns a sentence where the file
         cannot be read, else ""."""
-        self._file = KeptFile(folder / FILE, dict[str, LessonProgress], "the progress in lessons")
-        kept, problem = self._file.read()
-        self.progress = (kept or {}) | self.progress
+        file = KeptFile(folder / FILE, dict[str, LessonProgress], "the progress in lessons")
+        with self._lock:
+            kept, problem = file.read()
+            self.progress = (kept or {}) | self.progress
+            self._file = file
         return problem
 
     def of(self, lesson: str) -> LessonProgress:
@@ -163,8 +167,12 @@ class Notebook:
         return self.progress.get(lesson, LessonProgress())
 
     def note(self, lesson: str, progress: LessonProgress) -> None:
-        """Replace the progress in a lesson. Raises OSError where it cannot be written; in memory it is replaced all the
-        same."""
-        self.progress = {**self.progress, lesson: progress}
-        if self._file is not None:
-            self._file.write(self.progress)
+        """Replace the progress in a lesson, in memory."""
+        with self._lock:
+            self.progress = {**self.progress, lesson: progress}
+
+    def save(self) -> None:
+        """Write the progress to the folder, if there is one. Raises OSError where it cannot be written."""
+        with self._lock:
+            if self._file is not None:
+                self._file.write(self.progress)

@@ -66,7 +66,7 @@ class ClassDesk:
         kept, problem = self._file.read()
         with self._lock:
             if kept is not None and not self.asked:
-                self.asked, self._asks = kept.asked, kept.asks
+                self.asked, self._asks = kept.asked, kept.asks and bool(kept.asked)
             self._keep()
         return problem
 

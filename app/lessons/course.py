@@ -28,7 +28,8 @@ from app.simulation.search_memory import Memory
 class LessonCourse:
     """Course of one session through one lesson. Safe to use from several threads.
 
-    A prediction can be given once, before its run; it is scored at the next explanation.
+    A prediction can be given once, before its run; it is scored at the next explanation. Where the progress cannot be
+    written, a method raises OSError after all else is done.
     """
 
     def __init__(self, lesson: Lesson, notebook: Notebook) -> None:
@@ -153,6 +154,7 @@ class LessonCourse:
             if not self.open:
                 raise ScenarioError("answer: it is locked, as the run has been seen; allowed: before it")
             self._answer(self.step, Answer(admitted(question, given)))
+        self._notebook.save()
 
     def take(self, run: LessonStep, outcome: LessonOutcome) -> None:
         """Keep the outcome of a run."""
@@ -166,12 +168,15 @@ class LessonCourse:
         with self._lock:
             if isinstance(self.step.block, Explain):
                 self._score()
+        self._notebook.save()
 
     def reached_goal(self) -> None:
         """Note that the goal of the shown step is reached."""
         with self._lock:
-            if self.step.number not in self.progress.goals:
-                self._note(goals=(*self.progress.goals, self.step.number))
+            if self.step.number in self.progress.goals:
+                return
+            self._note(goals=(*self.progress.goals, self.step.number))
+        self._notebook.save()
 
     def go(self, by: int) -> None:
         """Show another step. by: steps further on, negative for back."""
@@ -180,6 +185,7 @@ class LessonCourse:
             self._note(step=number, finished=self.progress.finished or number == len(self.lesson.steps))
             if isinstance(self.step.block, Explain):
                 self._score()
+        self._notebook.save()
 
     def _fits(self, number: int, answer: Answer) -> bool:
         """Whether the step of this number asks a question to which this is an answer."""

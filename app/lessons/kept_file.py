@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -9,7 +11,7 @@ import msgspec
 
 from app.process.atomic_write import write_whole
 
-LARGEST = 16_000_000  # bytes of a file
+LARGEST = 64_000_000  # bytes of a file: 800 curves drawn by a hundred students
 _PRIVATE = 0o600
 
 T = TypeVar("T")
@@ -28,7 +30,7 @@ class KeptFile(Generic[T]):
         with faults is renamed, so that it is not overwritten. Raises OSError where it cannot be renamed."""
         try:
             with self._path.open("rb") as file:
-                return msgspec.json.decode(file.read(LARGEST), type=self._kind), ""
+                return msgspec.json.decode(file.read(LARGEST + 1), type=self._kind), ""
         except FileNotFoundError:
             return None, ""
         except OSError as error:
@@ -39,6 +41,8 @@ class KeptFile(Generic[T]):
             return None, f"{self._what} cannot be read: {error}; it is kept as {aside}"
 
     def write(self, value: T) -> None:
-        """Write the value to the file. Raises OSError where it cannot be written."""
+        """Write the value to the file. Raises OSError where it cannot be written, or would be too large to be read."""
         text = msgspec.json.format(msgspec.json.encode(value)) + b"\n"
+        if len(text) > LARGEST:
+            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
         write_whole(self._path, lambda file: file.write(text), _PRIVATE)

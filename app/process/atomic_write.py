@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
@@ -11,12 +12,12 @@ from typing import BinaryIO
 def write_whole(path: Path, write: Callable[[BinaryIO], object], mode: int = 0o666, *, synced: bool = True) -> None:
     """Write a file atomically: the file at `path` becomes what `write` writes. Until then the old file stays, also when
     `write` fails, the process is killed or the machine stops. A process that is killed can leave ".NAME.NUMBER" beside
-    the file. Raises OSError, and what `write` raises.
+    the file, with the number of its thread. Raises OSError, and what `write` raises.
 
     mode: permissions, of which the user's umask may take some away.
     synced: whether it is on the disk on return; else a power cut may lose the file, and nothing waits for the disk.
     """
-    being_written = path.with_name(f".{path.name}.{os.getpid()}")
+    being_written = path.with_name(f".{path.name}.{threading.get_native_id()}")
     try:
         with open(being_written, "wb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
             write(file)

@@ -6,15 +6,24 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+import structlog
+
 from app.process import launcher
 from app.process.kernel_cache import cache_folder
 
+log = structlog.get_logger()
+
 
 def start() -> subprocess.Popen[bytes] | None:
-    """Start the precompilation, unless it has been done before. The process ends with this one."""
+    """Start the precompilation, unless it has been done before. The process ends with this one; where it cannot be
+    started, kernels are compiled when a session needs them."""
     if mark().exists():
         return None
-    return launcher.start("app.workers.precompile", stdin=subprocess.PIPE)
+    try:
+        return launcher.start("app.workers.precompile", stdin=subprocess.PIPE)
+    except OSError as error:
+        log.warning("no precompilation", reason=error.strerror)
+        return None
 
 
 def mark() -> Path:

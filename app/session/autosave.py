@@ -41,6 +41,7 @@ log = structlog.get_logger()
 ASIDE = "set-aside-"
 EVERY = 0.5  # s, between two looks at the run; a change is saved when no other one follows within that time,
 LATEST = 5.0  # s, or else this long after the first unsaved change
+REMINDER = 60.0  # s, until a change that cannot be saved either is complained of again
 _PRIVATE = 0o600
 _RUN_FILE = re.compile(r"run-[0-9a-f]{32}\.npz")
 
@@ -204,7 +205,7 @@ class Autosave:
         self._seen = _subject(look())
         self._saved: _Subject | None = None if begun else self._seen
         self._since = 0.0
-        self._failing = False
+        self._failing, self._complained = False, 0.0
         self._closing = threading.Event()
         self._using = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="state", daemon=True)
@@ -249,7 +250,8 @@ class Autosave:
             full = isinstance(error, OSError)
             reason = error.strerror if full else f"{type(error).__name__}: {error}"
             log.warning("session not saved", reason=reason, exc_info=None if full else error)
-            if not self._failing:
+            if not self._failing or time.monotonic() - self._complained > REMINDER:
+                self._complained = time.monotonic()
                 self._complain(f"the session cannot be saved in {self._folder.path}: {reason}; the run goes on")
             self._failing = True
         else:

@@ -37,7 +37,8 @@ LAG = 0.1  # s of wall time that the loop may fall behind, besides its rest, bef
 MEASURE = 0.25  # s, between two measurements of the pace, each over the last `WATCHED` s
 WATCHED = 2.0
 ENDING = 1.0  # s to wait for the end of the thread
-SILENCE = 10.0  # s without a round of the thread: it hangs
+SILENCE = 10.0  # s without a round of the thread: it hangs,
+PREPARATION = 600.0  # s, or with an arm that is being prepared, whose kernels may have to be compiled
 
 
 class Runner:
@@ -91,7 +92,8 @@ class Runner:
     def hang(self) -> str:
         """Sentence that the loop's thread hangs; "" while it lives, or prepares another arm and has said so."""
         silent = time.perf_counter() - self._came_round
-        if silent < SILENCE or not self._thread.is_alive() or self._newest.notice == PREPARING:
+        patience = PREPARATION if self._newest.notice == PREPARING else SILENCE
+        if silent < patience or not self._thread.is_alive():
             return ""
         return f"The loop has given no sign of life for {silent:.0f} s: it hangs, or is being compiled"
 

@@ -105,6 +105,7 @@ class Background:
         except OSError as error:
             self._fail(error.strerror or str(error))
         finally:
+            self.waiting = False
             if process is not None:
                 try:  # its connection is closed: it ends by itself, with all of its pool
                     process.wait(LINGER)

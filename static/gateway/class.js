@@ -1,10 +1,11 @@
 // Page of one of a class (app/gateway/pages.py): asks once a second what the lecturer asks, and sends the answer.
 const place = document.getElementById("class"), message = document.getElementById("message");
+const news = document.getElementById("news"); // for screen readers: only what is new
 // what a lesson writes comes as HTML made of its Markdown (app/lessons/markup.py); everything else is text
 const make = (tag, name, html) => Object.assign(document.createElement(tag), { className: name ?? "", innerHTML: html ?? "" });
 const text = (tag, name, textContent) => Object.assign(document.createElement(tag), { className: name, textContent });
 const COUNT = 25, WIDE = 320, HIGH = 200, LEFT = 8, RIGHT = 312, TOP = 10, BOTTOM = 180;
-let shown = "", question = null, own = null;
+let shown = "", question = null, own = null, drawn = null; // drawn: number of the question on the page
 
 const send = async (given) => {
   const { number } = question;
@@ -55,7 +56,7 @@ const curve = () => {
   const y = (v) => BOTTOM - ((BOTTOM - TOP) * (v - question.low)) / (question.high - question.low);
   svg.append(part("rect", { x: LEFT, y: TOP, width: RIGHT - LEFT, height: BOTTOM - TOP }));
   if (question.low < 0 && question.high > 0) svg.append(part("line", { x1: LEFT, x2: RIGHT, y1: y(0), y2: y(0) }));
-  const path = svg.appendChild(part("path", {}));
+  const path = svg.appendChild(part("path", {})), pen = svg.appendChild(part("circle", { r: 5 }));
   const ends = text("p", "ends dim", `${question.axis}: ${question.low} … ${question.high}, over ${question.start} … ${question.end} s`);
   const values = Array.isArray(own) ? [...own] : Array(COUNT).fill(null);
   const filled = () => {
@@ -67,8 +68,15 @@ const curve = () => {
       return before[1] + ((after[1] - before[1]) * (k - before[0])) / (after[0] - before[0]);
     }) : null;
   };
-  const show = () => path.setAttribute("d", (filled() ?? []).map((v, k) => `${k ? "L" : "M"} ${x(k)} ${y(v)}`).join(" "));
-  let drawing = false, last = null, at = 0;
+  let drawing = false, last = null, at = 0; // at: instant that the arrow keys change
+  const show = () => {
+    const line = filled();
+    path.setAttribute("d", (line ?? []).map((v, k) => `${k ? "L" : "M"} ${x(k)} ${y(v)}`).join(" "));
+    pen.setAttribute("cx", x(at));
+    pen.setAttribute("cy", y(line?.[at] ?? (question.low + question.high) / 2));
+    pen.setAttribute("visibility", document.activeElement === svg && question.open ? "visible" : "hidden");
+  };
+  for (const kind of ["focus", "blur"]) svg.addEventListener(kind, show);
   const take = (e) => {
     const box = svg.getBoundingClientRect();
     const across = ((e.clientX - box.left) / box.width) * WIDE, down = ((e.clientY - box.top) / box.height) * HIGH;
@@ -105,13 +113,18 @@ const curve = () => {
   return [svg, ends, button];
 };
 
+const controls = () => [...place.querySelectorAll("button, input, svg")];
 const draw = () => {
+  const focused = drawn === question?.number ? controls().indexOf(document.activeElement) : -1; // it is replaced
+  drawn = question?.number;
   place.replaceChildren();
   if (!question) return place.append(make("p", "dim", "Waiting for the next question…"));
   place.append(make("h1", "", question.ask));
   place.append(...{ choice: options, number, curve }[question.kind]());
   if (question.told) place.append(make("div", "result", question.told));
   else if (own !== null) place.append(make("p", "dim", "Answered. You may change it until the answers are shown."));
+  controls()[focused]?.focus();
+  news.textContent = place.querySelector(question.told ? ".result" : own === null ? "h1" : "p.dim:last-child").textContent;
 };
 
 const ask = async () => {

@@ -33,6 +33,18 @@ def test_a_refusal_is_shown_for_a_while_and_called_as_on_the_page(complaint: tup
     assert not shown.text(refused, now + 2.0 * SHOWN)
 
 
+def test_a_failure_that_no_page_has_drawn_waits_for_one(complaint: tuple[Complaint, Snapshot]) -> None:
+    """Nobody looked when the session could not be saved: who comes later is told."""
+    shown, refused = complaint
+    now = time.monotonic()
+    shown.text(refused, now)
+    shown.fail("the session cannot be saved")
+    later = now + 100.0 * SHOWN
+    assert shown.text(refused, later) == "Failed: the session cannot be saved"
+    assert shown.text(refused, later + 0.5 * SHOWN)
+    assert not shown.text(refused, later + 1.5 * SHOWN)
+
+
 def test_a_refusal_is_shown_as_long_as_its_way_out_is_offered(complaint: tuple[Complaint, Snapshot]) -> None:
     shown, refused = complaint
     offering = replace(refused, way_out=WayOut("Take 0, the smallest allowed", refused.scenario))

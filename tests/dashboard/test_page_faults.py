@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from app.dashboard.widgets import playback
 from app.scenario.data import load
 from app.session.commands import Edit, SetSpeed
 from app.session.runner import Runner
+from app.session.snapshot import PREPARING
 from drivers.waiting import PATIENCE, until
 from tests.gateway.test_gateway import ask
 from tests.support.drawn import drawn
@@ -82,6 +83,11 @@ def test_a_loop_that_hangs_is_said_and_is_not_healthy(server: Server, monkeypatc
             until(lambda: "no sign of life" in server.status_text())
             status, sentence = health()
             assert (status, sentence.partition(" for ")[0]) == (503, "The loop has given no sign of life")
+            # an arm that is being prepared takes its time, but not for ever
+            patched.setattr(server.runner, "_newest", replace(server.runner.snapshot, notice=PREPARING))
+            assert health() == healthy
+            patched.setattr("app.session.runner.PREPARATION", 0.5)
+            assert health()[0] == 503
     finally:
         goes_on.set()
     until(lambda: health() == healthy)

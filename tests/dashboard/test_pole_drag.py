@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import io
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
+import viser
 
+from app.dashboard.transport.page_values import PageEvent
+from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.model_checks import judge_requested
-from app.dashboard.widgets.pole_drag import draggable, numbered_poles, others_of, pole_edit
+from app.dashboard.widgets.pole_drag import PoleDrag, draggable, numbered_poles, others_of, pole_edit
+from app.dashboard.widgets.whatif import HeldControl
 from app.scenario.data import edited, load
+from app.session.commands import Command
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from controllers.second_order import moved, poles_of
@@ -53,6 +64,39 @@ def test_the_model_then_has_the_pole_where_it_was_dropped(scenario: str, pole: c
             diagonal = np.diag(getattr(asked.model, name))
             assert diagonal[kept] == pytest.approx(np.diag(snapshot.matrices[name])[kept])
         assert np.diag(asked.model.M_m) == pytest.approx(np.diag(snapshot.matrices["M_m"]))
+
+
+def test_a_drag_that_never_ended_spoils_none_of_another_model() -> None:
+    """The page vanished with the pole held, and another arm with fewer coordinates runs now."""
+    runs = seen("ur5-impedance"), seen("planar3r-hybrid")
+    number = min(draggable(runs[0]) & draggable(runs[1]))
+    shown = [runs[0]]
+    held, posted = list[HeldControl](), list[Command]()
+    whatif = SimpleNamespace(on=True, hold=held.append, let_go=lambda _: None, remember=lambda *_: None)
+
+    def post(command: Command) -> bool:
+        posted.append(command)
+        return True
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        desk = SimpleNamespace(gui=server.gui, post=post, snapshot=lambda: shown[-1], whatif=whatif)
+        drag = PoleDrag(cast(Desk, desk))
+
+        def report(phase: str, page: int) -> None:
+            drag._field.value = f"{number} -6 8 {phase}"
+            asyncio.run(drag._on_report(cast(PageEvent, SimpleNamespace(client=SimpleNamespace(client_id=page)))))
+
+        report("held", 1)
+        shown.append(runs[1])
+        report("held", 2)
+        report("dropped", 2)
+    finally:
+        server.stop()
+    others = others_of(runs[1], numbered_poles(runs[1])[number])
+    assert posted == [pole_edit(runs[1], others, -6.0 + 8.0j)[0]]
+    assert [control.client for control in held] == [1, 2]
 
 
 def test_poles_of_coupled_or_fixed_coordinates_cannot_be_dragged() -> None:

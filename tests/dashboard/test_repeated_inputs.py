@@ -2,36 +2,82 @@
 
 import contextlib
 import io
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
 
+import pytest
 import viser
 
 from app.dashboard.theme.style import COMMIT, RELEASED
-from app.dashboard.transport.repeated_inputs import RepeatedInputs
-from drivers.visitors import visiting
+from app.dashboard.transport.repeated_inputs import REPEATS, RepeatedInputs
+from drivers.visitors import VisitingPage, visiting
 from drivers.waiting import until
 
 
-def test_what_a_page_says_again_takes_effect_once() -> None:
+class Field(NamedTuple):
+    """A text field on a server's page.
+    received: values that took effect. now: s, the one entry is the instant. numbers: of texts that end a batch."""
+
+    server: viser.ViserServer
+    uuid: str
+    received: list[str]
+    now: list[float]
+    numbers: Iterator[int]
+
+    def send(self, page: VisitingPage, *values: str) -> None:
+        for value in values:
+            page.send({"type": "GuiUpdateMessage", "uuid": self.uuid, "updates": {"value": value}})
+
+    def send_and_wait(self, page: VisitingPage, *values: str) -> None:
+        end = f"over {next(self.numbers)}"
+        self.send(page, *values, end)
+        until(lambda: end in self.received, "not heard")
+        self.received.remove(end)
+
+
+@pytest.fixture
+def field() -> Iterator[Field]:
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    received = list[str]()
-    RepeatedInputs(server)
-    field = server.gui.add_text("mass", "")
+    received, now = list[str](), [0.0]
+    RepeatedInputs(server, lambda: now[0])
+    text = server.gui.add_text("mass", "")
 
-    @field.on_update
+    @text.on_update
     async def _(_event: viser.GuiEvent) -> None:
-        received.append(field.value)
+        received.append(text.value)
 
+    yield Field(server, text._impl.uuid, received, now, itertools.count())
+    server.stop()
+
+
+def test_what_a_page_says_again_takes_effect_once(field: Field) -> None:
     values = ["1", "1" + COMMIT, "1" + 3 * COMMIT, "1" + 5 * COMMIT, "1" + 2 * COMMIT, "1" + 4 * COMMIT]
-    values += ["1" + 2 * RELEASED, "2" + 2 * RELEASED, "2" + RELEASED, "over"]
-    try:
-        with visiting(f"http://127.0.0.1:{server.get_port()}") as page:
-            until(lambda: server.get_clients(), "no page")
-            for value in values:
-                page.send({"type": "GuiUpdateMessage", "uuid": field._impl.uuid, "updates": {"value": value}})
-            until(lambda: "over" in received, "not heard")
-    finally:
-        server.stop()
-    assert received == [
-        value for value in values if value not in ("1" + 3 * COMMIT, "1" + 5 * COMMIT, "1" + 4 * COMMIT)
-    ]
+    values += ["1" + 2 * RELEASED, "2" + 2 * RELEASED, "2" + RELEASED]
+    with visiting(f"http://127.0.0.1:{field.server.get_port()}") as page:
+        until(lambda: field.server.get_clients(), "no page")
+        field.send_and_wait(page, *values)
+    again = ("1" + 3 * COMMIT, "1" + 5 * COMMIT, "1" + 4 * COMMIT)
+    assert field.received == [value for value in values if value not in again]
+
+
+def test_a_field_that_was_hidden_meanwhile_counts_anew(field: Field) -> None:
+    with visiting(f"http://127.0.0.1:{field.server.get_port()}") as page:
+        until(lambda: field.server.get_clients(), "no page")
+        for _ in range(3):  # as long as it is said again it is the same, however long that takes
+            field.send_and_wait(page, "30" + 2 * COMMIT)
+            field.now[0] += 0.9 * REPEATS
+        field.now[0] += REPEATS
+        field.send_and_wait(page, "30", "30" + 2 * COMMIT, "30" + 4 * COMMIT)
+    assert field.received == ["30" + 2 * COMMIT, "30", "30" + 2 * COMMIT]
+
+
+def test_what_one_page_says_again_undoes_nothing_of_another(field: Field) -> None:
+    url = f"http://127.0.0.1:{field.server.get_port()}"
+    with visiting(url) as one, visiting(url) as other:
+        until(lambda: len(field.server.get_clients()) == 2, "no pages")
+        field.send_and_wait(one, "5" + COMMIT)
+        field.send_and_wait(other, "6" + COMMIT)
+        field.send_and_wait(one, "5" + 3 * COMMIT)
+    assert field.received == ["5" + COMMIT, "6" + COMMIT]

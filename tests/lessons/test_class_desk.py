@@ -11,6 +11,7 @@ import pytest
 
 from app.access.classroom import POINTS, ClassQuestion
 from app.dashboard.widgets.class_panel import answers_html
+from app.lessons import kept_file
 from app.lessons.class_desk import FILE, ClassDesk
 from app.lessons.lesson import LessonStep
 from tests.lessons.test_lessons import lesson
@@ -125,6 +126,29 @@ def test_a_class_survives_its_process_and_a_question_that_nobody_is_asked_any_mo
     ask(third, CHOICE)
     assert third.present is not None
     assert third.present.question.number == 3
+
+
+def test_a_file_that_asks_none_of_its_questions_opens(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_text('{"asked": [], "asks": true}')
+    made, _ = desk()
+    assert made.keep_in(tmp_path, pytest.fail) == ""
+    made.open(lambda _: None, 1)
+    assert made.present is None
+
+
+def test_answers_that_would_be_too_many_to_read_leave_the_file_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, _ = desk()
+    complaints: list[str] = []
+    made.keep_in(tmp_path, complaints.append)
+    ask(made, CHOICE)
+    before = (tmp_path / FILE).read_bytes()
+    monkeypatch.setattr(kept_file, "LARGEST", len(before))
+    made.take(1, (1, 2, 1))
+    assert complaints == ["the class's answers cannot be saved: File too large; the class goes on"]
+    assert (tmp_path / FILE).read_bytes() == before
+    assert "1,choice,2" in made.csv()
 
 
 def test_a_class_that_cannot_be_read_is_set_aside_and_one_that_cannot_be_written_is_said(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import io
 import json
 import re
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -150,6 +151,34 @@ def test_a_damaged_file_of_progress_is_set_aside_and_lessons_go_on(damaged: byte
     assert json.loads((tmp_path / FILE).read_text(encoding="utf-8"))["test"]["step"] == 2
 
 
+def test_a_full_disk_loses_no_score(tmp_path: Path) -> None:
+    """What cannot be written is said at each step, and in memory everything goes on."""
+    notebook = Notebook()
+    notebook.keep_in(tmp_path / "gone")
+    course = LessonCourse(lesson(), notebook)
+
+    given: dict[type, object] = {NumberQuestion: 27.5, ChoiceQuestion: 1, CurveQuestion: [(0.0, 0.0), (1.0, 30.0)]}
+
+    def fails(act: Callable[[Any], None], argument: object) -> None:
+        with pytest.raises(OSError, match="No such file"):
+            act(argument)
+
+    while course.step.kind != "explain":
+        if course.step.kind == "run":
+            course.take(course.step, play(course.step))
+        elif course.step.question is not None and course.answer is None and course.open:
+            fails(course.give, given[type(course.step.question)])
+        fails(course.go, 1)
+    scores = [answer.score for _, answer in course.explained()]
+    assert len(scores) == 4
+    assert None not in scores
+    (tmp_path / "gone").mkdir()
+    course.go(1)
+    later = Notebook()
+    later.keep_in(tmp_path / "gone")
+    assert later.of("test") == course.progress
+
+
 @pytest.mark.parametrize("step", [-2, 0, 9])
 def test_of_progress_in_another_version_of_the_lesson_stays_what_fits(step: int) -> None:
     kept = {1: 2, 2: 27.5, 3: 1.75e308, 4: 5, 6: 1, 40: 1}
@@ -225,7 +254,7 @@ def test_a_time_is_measured_and_predicted_in_its_own_unit_and_no_length_is_a_tim
 
 
 def test_a_lesson_that_was_left_does_not_unlock_the_one_that_computes_now() -> None:
-    panel = SimpleNamespace(_busy=None)
+    panel = SimpleNamespace(_busy=None, _try=lambda act: act())
     first, second = threading.Event(), threading.Event()
     threads: list[threading.Thread] = []
     for goes_on in (first, second):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
-from app.process import precompile
+from app.process import launcher, precompile
 from app.simulation.assembly import assemble
 from app.workers.precompile import to_compile
 from environments.robots import CATALOGUE
@@ -29,6 +31,15 @@ def test_it_ends_with_the_program_that_began_it(tmp_path: Path, monkeypatch: pyt
     process.stdin.close()
     assert process.wait(timeout=60) == 0
     assert not (tmp_path / "complete").exists()
+
+
+def test_without_room_for_a_process_the_server_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> NoReturn:
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(precompile, "mark", lambda: tmp_path / "complete")
+    monkeypatch.setattr(launcher, "start", full)
+    assert precompile.start() is None
 
 
 def test_it_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import resource
@@ -10,6 +11,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -289,9 +291,35 @@ def test_what_could_not_be_saved_is_saved_at_the_end_when_there_is_room_again(tm
     folder.close()
 
 
+def test_what_cannot_be_saved_is_said_again_after_a_while(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who opens the session later has not seen the first sentence."""
+    runner, messages, tries = Runner(SCENARIO), list[str](), list[Scenario]()
+    runner.start()
+    folder = StateFolder(tmp_path)
+
+    def full(scenario: Scenario, _: tuple[Pinned, ...]) -> NoReturn:
+        tries.append(scenario)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    autosave = Autosave(folder, lambda: runner.snapshot, messages.append)
+    with monkeypatch.context() as patched:
+        patched.setattr(folder, "save", full)
+        for number, layer in enumerate((0.02, 0.03), start=1):
+            runner.post(Edit("controller.layer", layer))
+            until(lambda number=number: len(tries) == number)
+        until(lambda: messages)
+        patched.setattr("app.session.autosave.REMINDER", 0.0)
+        runner.post(Edit("controller.layer", 0.04))
+        until(lambda: len(messages) == 2)
+    assert messages == 2 * [f"the session cannot be saved in {tmp_path}: No space left on device; the run goes on"]
+    runner.close()
+    autosave.close()
+
+
 KILLED = """
 import os, random, signal, sys, time
 from pathlib import Path
+from typing import NoReturn
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.recording_files import read_npz
 from app.session.autosave import StateFolder

@@ -122,6 +122,7 @@ def test_a_shared_machine_has_one_question_of_each_session_and_so_many_of_all() 
     theirs.close()
     until(lambda: not second.going)
     assert not second.rows
+    assert not second.waiting
     release.set()
     holder.join()
     until(lambda: first.complete, lambda: first.problem)

@@ -91,10 +91,10 @@ class LessonsPanel:
     # what the user does
 
     def _open(self, lesson: Lesson) -> None:
-        self._course = LessonCourse(lesson, self._desk.notebook)
-        if self._course.progress.finished and self._course.progress.step == len(lesson.steps):
-            self._course.go(1 - len(lesson.steps))
-        self._make_up(self._course)
+        course = self._course = LessonCourse(lesson, self._desk.notebook)
+        if course.progress.finished and course.progress.step == len(lesson.steps):
+            self._try(lambda: course.go(1 - len(lesson.steps)))
+        self._make_up(course)
         self._enter()
 
     async def _on_leave(self, _: object) -> None:
@@ -169,9 +169,7 @@ class LessonsPanel:
 
         def work() -> None:
             try:
-                act()
-            except ScenarioError as error:
-                self._desk.complain(str(error))
+                self._try(act)
             except Exception as error:
                 log.error("fault", stage="a lesson", exc_info=error)
                 self._desk.complain(f"the run of the lesson failed ({type(error).__name__}: {error})")

@@ -74,7 +74,7 @@ class Setup:
             twisted=snapshot.system.mode.feedback == "all" or any(snapshot.scenario.truth.push_moment),
             tilts=tuple(range(snapshot.system.pressed, snapshot.system.m)),
             robust=snapshot.system.controller.law.robust,
-            bounded=any(law_of(epoch.scenario).robust for epoch in snapshot.recording.epochs),
+            bounded=any(law_of(epoch.scenario).robust for epoch in tuple(snapshot.recording.epochs)),
             units=snapshot.system.units,
             coordinate=coordinate if coordinate < len(coordinates) else 0,
             joint=joint if joint < len(joints) else 0,

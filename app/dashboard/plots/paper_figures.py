@@ -96,7 +96,7 @@ def figure_of(
     angles = [i for i, each in enumerate(snapshot.coordinates) if each.metres_per_radian is not None]
     system, span = snapshot.system, (float(t[0]), float(t[-1]))
     text = caption(snapshot.scenario, system.controller, snapshot.matrices, system.units, *span, angles)
-    changed = _changes(snapshot.recording.epochs, float(t[0]), float(t[-1]))
+    changed = _changes(tuple(snapshot.recording.epochs), float(t[0]), float(t[-1]))
     drawn = {curve.name for chart in charts for curve in chart.curves if curve.dashes and curve.listed}
     behind = "".join(_pinned_sentence(run, snapshot) for run, _ in there if run.look.name in drawn)
     return Figure(charts, f"{text} {changed}{behind}{promised(rows)}")

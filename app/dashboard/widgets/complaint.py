@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import structlog
 
 from app.dashboard.widgets.field_words import refusal_in_words
@@ -18,11 +16,13 @@ SHOWN = 12.0  # s
 
 class Complaint:
     """The last refusal, or failure of this program. It is shown until another edit is accepted, another run begins, or
-    SHOWN is over; a refusal stays as long as its way out is offered, which nobody would understand without it."""
+    SHOWN is over since a page was first drawn with it; a refusal stays as long as its way out is offered, which nobody
+    would understand without it."""
 
     def __init__(self, runner: Runner) -> None:
         self._runner = runner
-        self._text, self._until = "", 0.0
+        self._text = ""
+        self._until: float | None = None  # s, monotonic; None as long as no page has been drawn with it
         self._posted = 0  # number of commands that had been posted before
         # revision and run after these commands, None until the runner has executed them: later ones end the complaint
         self._of: tuple[int, int] | None = None
@@ -49,11 +49,13 @@ class Complaint:
         of = snapshot.revision, snapshot.run
         if self._of is None and snapshot.executed >= self._posted:
             self._of = of
+        if self._until is None:
+            self._until = now + SHOWN
         offers = self._offered is not None and self._offered is snapshot.way_out
         if (now > self._until and not offers) or self._of not in (None, of):
             self._text = ""
         return self._text
 
     def _show(self, text: str) -> None:
-        self._text, self._until = text, time.monotonic() + SHOWN
+        self._text, self._until = text, None
         self._posted, self._of, self._offered = self._runner.posted, None, None

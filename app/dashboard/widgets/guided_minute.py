@@ -77,8 +77,9 @@ class GuidedMinute:
         self._close.on_click(self._toggle)
 
     async def _toggle(self, _: object) -> None:
-        self._folder.visible = not self._folder.visible
         if self._folder.visible:
+            self._folder.visible = False
+        else:
             self._enter(0)
 
     async def _go_on(self, _: viser.GuiEvent) -> None:
@@ -88,9 +89,12 @@ class GuidedMinute:
             self._folder.visible = False
 
     def _enter(self, at: int) -> None:
-        self._at, step = at, self._steps[at]
-        self._desk.post(Load(step.scenario))
+        """Begin a step and show it; nothing where the page refuses it, as while a lesson's goal is open."""
+        step = self._steps[at]
+        if not self._desk.post(Load(step.scenario)):
+            return
         self._desk.post(Play())
+        self._at, self._folder.visible = at, True
         self._text.content = (
             f'<div class="vs-minute"><b>{step.title}</b> <span class="vs-dim">{at + 1} of {len(self._steps)}</span>'
             f"<p>{step.look}</p></div>"

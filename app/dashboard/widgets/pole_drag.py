@@ -7,8 +7,6 @@ The page's script (static/page/poles.js) writes into a hidden text field: number
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
@@ -29,16 +27,6 @@ REAL = 0.12  # share of a pole's size: imaginary parts below it count as zero, s
 LEAST_ZETA, SLOWEST, FASTEST = 0.02, 0.1, 2000.0  # 1; 1/s
 
 
-@dataclass(frozen=True)
-class _Drag:
-    """Drag of a pole that is going on.
-    number: of the pole in the pole map.
-    others: for each coordinate, by number, that has the pole, its other pole (1/s)."""
-
-    number: int
-    others: dict[int, complex]
-
-
 def draggable(snapshot: Snapshot) -> frozenset[int]:
     """Numbers, in the pole map, of the poles that belong to coordinates that swing alone."""
     poles = numbered_poles(snapshot)
@@ -47,7 +35,7 @@ def draggable(snapshot: Snapshot) -> frozenset[int]:
 
 def pole_edit(snapshot: Snapshot, others: dict[int, complex], pole: complex) -> tuple[Edit, float, float]:
     """Command that moves a pole of some coordinates, and omega (rad/s) and zeta of the first of them afterwards.
-    others: see `_Drag`. pole: to which it is moved, 1/s."""
+    others: their other poles, see `others_of`. pole: to which it is moved, 1/s."""
     wanted = {}
     for i, other in others.items():
         omega, zeta = moved(_admitted(pole), other)
@@ -61,7 +49,6 @@ class PoleDrag:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        self._drag: _Drag | None = None
         desk.gui.add_html('<i class="vs-pole-field"></i>')
         self._field = desk.gui.add_text("", "")
         self._field.on_update(from_pages(self._on_report))
@@ -73,30 +60,19 @@ class PoleDrag:
         except (IndexError, ValueError):
             return  # not written by the page's script
         snapshot = self._desk.snapshot()
-        if not np.isfinite(pole) or (drag := self._dragged(snapshot, number)) is None or phase == "left":
-            self._let_go()
+        poles = numbered_poles(snapshot)  # those of the running model, which a pole that is held does not change
+        others = others_of(snapshot, poles[number]) if 0 <= number < len(poles) else {}
+        if not np.isfinite(pole) or not others or phase == "left":
+            self._desk.whatif.let_go(self)
             return
-        edit, omega, zeta = pole_edit(snapshot, drag.others, pole)
+        edit, omega, zeta = pole_edit(snapshot, others, pole)
         if phase == "held" and self._desk.whatif.on:
             value = f"ω = {written(omega)} rad/s, ζ = {written(zeta)}"
             self._desk.whatif.hold(HeldControl(edit, "pole", value, self, event.client.client_id))
         elif phase == "dropped":
             if self._desk.post(edit):
                 self._desk.whatif.remember(snapshot, edit)
-            self._let_go()
-
-    def _dragged(self, snapshot: Snapshot, number: int) -> _Drag | None:
-        """Drag of the pole of this number: the one that goes on, or a new one; None where no coordinate has the
-        pole."""
-        if self._drag is None or self._drag.number != number:
-            poles = numbered_poles(snapshot)
-            others = others_of(snapshot, poles[number]) if 0 <= number < len(poles) else {}
-            self._drag = _Drag(number, others) if others else None
-        return self._drag
-
-    def _let_go(self) -> None:
-        self._drag = None
-        self._desk.whatif.let_go(self)
+            self._desk.whatif.let_go(self)
 
 
 def numbered_poles(snapshot: Snapshot) -> list[complex]:
