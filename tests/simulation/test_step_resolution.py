@@ -12,6 +12,7 @@ from scipy.linalg import expm
 
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System
@@ -189,17 +190,20 @@ def test_a_third_surface_beside_the_first_is_refused_by_its_own_name() -> None:
 
 
 def test_stiffness_check_is_independent_of_the_previous_system() -> None:
-    light = edited(edited(shipped()["ur5-hybrid"], "controller.period", 0.002), "truth.link_scaling", [0.5] + [1.0] * 5)
+    believed = edited(edited(shipped()["ur5-hybrid"], "controller.period", 0.002), "truth.link_scaling", 1.0)
+    light = edited(believed, "truth.link_scaling", [0.5] + [1.0] * 5)
 
-    def outcome(K_e: float, previous: System | None = None) -> tuple[str, System | None]:
+    def outcome(K_e: float, previous: System | None = None, arm: Scenario = light) -> tuple[str, System | None]:
         try:
-            return "accepted", assemble(edited(light, "contact.K_e", K_e), previous)
+            return "accepted", assemble(edited(arm, "contact.K_e", K_e), previous)
         except ScenarioError as error:
             return str(error), previous
 
     values = np.geomspace(1e6, 1e7, 12).tolist()
     afresh = [outcome(K_e)[0] for K_e in values]
-    assert "accepted" in afresh[3:]  # where the estimate from the believed arm alone would refuse
+    # half of the first link changes the mobility by a hundred-thousandth; the estimate from the believed arm doubles it
+    assert afresh == [outcome(K_e, arm=believed)[0] for K_e in values]
+    assert afresh[0] == "accepted"
     assert afresh[-1].startswith("contact.K_e")
     for order in (values, values[::-1]):
         system, found = assemble(light), dict[float, str]()
