@@ -21,9 +21,9 @@ class Lipschitz(NamedTuple):
     k_Cq: float
     k_G: float
 
-    def deviation(self, q: np.ndarray, q_dot: np.ndarray, q_d: np.ndarray, q_d_dot: np.ndarray) -> Deviation:
-        """Bounds of the differences between estimates taken at (q_d, q_d_dot) and those at (q, q_dot), Remark 3."""
-        away = float(np.linalg.norm(q - q_d))
+    def deviation(self, away: float, q_dot: np.ndarray, q_d_dot: np.ndarray) -> Deviation:
+        """Bounds of the differences between estimates taken at (q_d, q_d_dot) and those at (q, q_dot), Remark 3.
+        away: rad, length of a way from q to q_d within Omega, over which the constants hold."""
         slower = float(np.linalg.norm(q_dot - q_d_dot))
         speed = float(np.linalg.norm(q_d_dot))
         return Deviation(self.k_M * away, self.k_C * slower + self.k_Cq * away * speed, self.k_G * away)

@@ -306,7 +306,8 @@ def judge(table, t):
             table.failing[i] = 0.0
             continue
         margin = value - limit if i == REGULAR else limit - value
-        fails = not margin >= -ROUNDING * max(1.0, abs(limit))  # a value that is not a number fails
+        # those from LAYER on must be below their limits; a value that is not a number fails
+        fails = not (margin > 0.0 if LAYER <= i < CONTACT else margin >= -ROUNDING * max(1.0, abs(limit)))
         table.failing[i] = 1.0 if fails else 0.0
         if fails:
             all_hold = False

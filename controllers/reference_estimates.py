@@ -48,6 +48,7 @@ class Start(NamedTuple):
 class ReferenceEstimates:
     """Estimates M_hat, C_hat, G_hat at (q_d, q_d_dot)(t), one entry per control period, a block at a time.
 
+    way: (q (n,), q_d (n,)) -> length of a way between them within Omega, rad.
     posture: (q guess (n,), t) -> q_d, q_d_dot, solving r(q_d, t) = r_d(t).
     start: where the block in use begins; a table that is made from there is the same to the last bit.
     """
@@ -56,12 +57,13 @@ class ReferenceEstimates:
         self,
         model: NominalModel,
         lipschitz: Lipschitz,
+        way: Callable[[np.ndarray, np.ndarray], float],
         posture: Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]],
         period: float,
         start: Start,
         block: int = 20,
     ) -> None:
-        self._model, self._lipschitz, self._posture = model, lipschitz, posture
+        self._model, self._lipschitz, self._way, self._posture = model, lipschitz, way, posture
         self._period, self._size = period, block
         self.start = start
         self._block: list[tuple[np.ndarray, np.ndarray, Estimate]] = []
@@ -73,7 +75,7 @@ class ReferenceEstimates:
         while k >= self.start.k + len(self._block):
             self._go_on()
         q_d, q_d_dot, along = self._block[k - self.start.k]
-        deviation = self._lipschitz.deviation(q, q_dot, q_d, q_d_dot)
+        deviation = self._lipschitz.deviation(self._way(q, q_d), q_dot, q_d_dot)
         return FeedforwardModel(along.M_hat, along.C_hat, along.G_hat, deviation)
 
     def _go_on(self) -> None:

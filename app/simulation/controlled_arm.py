@@ -70,8 +70,8 @@ class ControlledArm:
         self._centres, self._h = system.constants.centres, system.scenario.controller.period
         self.along = None
         if state.along is not None:
-            lipschitz = system.constants.lipschitz
-            self.along = ReferenceEstimates(system.nominal, lipschitz, system.posture_at, self._h, state.along)
+            lipschitz, way = system.constants.lipschitz, system.constants.omega.way
+            self.along = ReferenceEstimates(system.nominal, lipschitz, way, system.posture_at, self._h, state.along)
         arm, evaluation = state.arm, state.evaluation
         self._q, self._q_dot, self._force = arm.views.q, arm.views.q_dot, arm.views.load.wrench
         self.ideal = system.scenario.sensor.ideal and system.plant.kind.heavy

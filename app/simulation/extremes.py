@@ -67,6 +67,17 @@ class Omega:
         nearest = int(squares.argmin())
         return Nearest(nearest, float(np.sqrt(squares[nearest])))
 
+    def way(self, q: np.ndarray, q_d: np.ndarray) -> float:
+        """Length (rad) of a way from q to q_d (n,) rad that stays in Omega as long as these do: the straight one in the
+        ball around the centre near q_d; from farther away that may lead out of Omega, and centre by centre is used."""
+        there = self.centre_near(q_d)
+        if np.linalg.norm(q - self.centres[there.number]) <= self.radius:
+            return float(np.linalg.norm(q - q_d))
+        here = self.centre_near(q)
+        first, last = sorted((here.number, there.number))
+        steps = np.diff(self.centres[first : last + 1], axis=0)
+        return here.distance + float(np.linalg.norm(steps, axis=1).sum()) + there.distance
+
     def depth(self, q: np.ndarray) -> float:
         """Depth of q (n,) rad in Omega: 1 at a centre, 0 on the boundary, negative outside."""
         return 1.0 - (self.centre_near(q).distance / self.radius) ** 2

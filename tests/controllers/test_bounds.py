@@ -187,7 +187,7 @@ def test_gain_covers_estimates_taken_along_the_reference(robot: str, bounds: Bou
         q_d = state.q + 10 ** random.uniform(-4.0, -1.0) * direction(random, n)
         q_d_dot = state.q_dot + 10 ** random.uniform(-3.0, 0.0) * direction(random, n)
         there: Estimate = system.nominal.evaluate(q_d, q_d_dot)
-        deviation = system.constants.lipschitz.deviation(state.q, state.q_dot, q_d, q_d_dot)
+        deviation = system.constants.lipschitz.deviation(float(np.linalg.norm(state.q - q_d)), state.q_dot, q_d_dot)
         override = FeedforwardModel(there.M_hat, there.C_hat, there.G_hat, deviation)
         (need,) = compare(system, [law], plant, state, seed, override)
         assert need.needed <= need.offered

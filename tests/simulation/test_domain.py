@@ -259,6 +259,25 @@ def test_search_finds_the_known_extreme_and_nothing_outside(span: float, cut: fl
     assert highest * (1 - 1e-3) <= found <= highest * (1 + 1e-12)
 
 
+def test_a_way_between_postures_stays_in_omega_and_a_function_with_its_slope_there_keeps_to_it() -> None:
+    """Omega like a horseshoe, with a wall in its opening: the angle along it changes by no more than its rate within
+    Omega times the way, but from tip to tip by far more than that times the straight distance."""
+    angles, random = np.linspace(0.5, 2.0 * np.pi - 0.5, 200), np.random.default_rng(0)
+    omega = Omega(np.array([np.cos(angles), np.sin(angles)]).T, 0.4)
+    steepest = 1.0 / (1.0 - omega.radius)  # rad per rad, at the inner edge
+    assert omega.way(omega.centres[0], omega.centres[-1]) == pytest.approx(2.0 * np.pi - 1.0, rel=1e-3)
+    straight = 0
+    for _ in range(500):
+        q, q_d = (omega.centres[k] + random.uniform(-0.2, 0.2, 2) for k in random.integers(200, size=2))
+        way = omega.way(q, q_d)
+        away = float(np.linalg.norm(q - q_d))
+        assert way >= away - 1e-12
+        straight += way == away
+        apart = abs(np.subtract(*(np.arctan2(y, x) % (2.0 * np.pi) for x, y in (q, q_d))))
+        assert apart <= steepest * way
+    assert 20 < straight < 480
+
+
 def test_constants_are_reproducible_and_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = shipped()["planar3r-hybrid"]
 

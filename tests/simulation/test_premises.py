@@ -22,7 +22,7 @@ from app.simulation.compiled_run import CompiledRun
 from app.simulation.premise_watch import GainFeedbackShares
 from controllers.bounds import inertia_spread
 from controllers.premise_statements import STATEMENTS
-from controllers.premises import Premise, periods_between_checks
+from controllers.premises import Premise, PremiseTable, judge, periods_between_checks
 from tests.support.arms import random_spd
 from tests.support.cases import short
 
@@ -73,6 +73,15 @@ def test_shipped_runs_hold_with_all_premises(name: str) -> None:
     assert metrics.envelope_violation == 0.0
     rows = loop.recording.signals(("s_norm", "s_bound", "s_band", "V_band"))
     assert np.isfinite(rows["s_band"]).all()
+
+
+def test_what_must_be_below_its_limit_fails_at_it() -> None:
+    """At a factor of 1 a loop does not come to rest; a gain that is just what (17) requires is enough."""
+    table, most = PremiseTable.fresh(), np.full(len(Premise), 2.0)
+    table = table._replace(value=most.copy(), limit=most.copy())
+    assert not judge.py_func(table, 0.5)
+    failing = {premise for premise in Premise if table.failing[premise]}
+    assert failing == {premise for premise, statement in STATEMENTS.items() if statement.sign == "<"}
 
 
 def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:

@@ -134,7 +134,7 @@ def test_estimates_along_the_reference_stay_within_their_deviation() -> None:
         q_d = q + 10 ** random.uniform(-4, -1.5) * random.standard_normal(6)
         q_dot = random.standard_normal(6)
         q_d_dot = q_dot + 10 ** random.uniform(-3, -0.5) * random.standard_normal(6)
-        d = system.constants.lipschitz.deviation(q, q_dot, q_d, q_d_dot)
+        d = system.constants.lipschitz.deviation(float(np.linalg.norm(q - q_d)), q_dot, q_d_dot)
         here, there = system.nominal.evaluate(q, q_dot), system.nominal.evaluate(q_d, q_d_dot)
         assert np.linalg.norm(here.M_hat - there.M_hat, 2) <= d.delta_M
         assert np.linalg.norm(here.C_hat - there.C_hat, 2) <= d.delta_C
