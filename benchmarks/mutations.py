@@ -13,8 +13,9 @@ docs/mutations.md is written: a row without a verdict, or whose text has changed
 A row is caught when a test fails, and survives when the tests of its own file and all of `TESTS` pass; `--tests` names
 others. There is a copy for each core, with a cache of compiled kernels of its own; in it every test file is tried
 without any mistake before it judges one. A row begins with the kernels of those modules that do not import the changed
-one, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some survived, 2 a row does not fit
-the sources, or the document does not fit the rows.
+one, since numba looks only at a function's own file. A row whose tests fail without it, too, gets no verdict. Exit
+status: 0 all caught, 1 some survived or got no verdict, 2 a row does not fit the sources, or the document does not fit
+the rows.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ from app.process.markdown import Table
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("app", "controllers", "environments", "kernels", "parameters")
-FOLDERS = (*PACKAGES, "static", "tests", "benchmarks", "drivers")
+FOLDERS = (*PACKAGES, "static", "tests", "benchmarks", "drivers", "docs")
 # quick tests, those that detect most come first: a row takes as long as the tests up to the first that fails
 TESTS = (
     "tests/simulation/test_independent.py",
@@ -223,17 +224,30 @@ class Copy:
         )
 
 
-def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> Iterator[Verdict]:
+@dataclass(frozen=True)
+class Unjudged:
+    """Mutation without a verdict: its tests fail without it, too. why: what they printed."""
+
+    mutation: Mutation
+    why: str
+
+    def __str__(self) -> str:
+        return f"not judged {self.mutation.file}: {self.mutation.meaning}: {self.why}"
+
+
+def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> Iterator[Verdict | Unjudged]:
     """Verdicts in the order of the rows, as they become known."""
     with tempfile.TemporaryDirectory(prefix="mutations-") as folder, ThreadPoolExecutor(jobs) as pool:
         idle: SimpleQueue[Copy] = SimpleQueue()
         for number in range(jobs):
             idle.put(Copy(Path(folder) / str(number), tests))
 
-        def judged(mutation: Mutation) -> Verdict:
+        def judged(mutation: Mutation) -> Verdict | Unjudged:
             copy = idle.get()
             try:
                 return copy.judge(mutation)
+            except RuntimeError as error:
+                return Unjudged(mutation, str(error))
             finally:
                 idle.put(copy)
 
@@ -303,14 +317,18 @@ def main(
     known = kept_verdicts()
     rows = tuple(m for m in table() if not only or any(o in m.file or o in m.meaning for o in only))
     rows = tuple(m for m in rows if not (missing and m in known))
-    survived = 0
+    survived = unjudged = 0
     for number, verdict in enumerate(verdicts(rows, tests, jobs), start=1):
-        survived += verdict.result == SURVIVED
         print(f"{number:3d}/{len(rows)}  {verdict}", flush=True)
+        if isinstance(verdict, Unjudged):
+            unjudged += 1
+            continue
+        survived += verdict.result == SURVIVED
         if tests == TESTS:
             keep(verdict)
-    print(f"{len(rows) - survived} of {len(rows)} caught, {survived} survived")
-    return 1 if survived else 0
+    caught = len(rows) - survived - unjudged
+    print(f"{caught} of {len(rows)} caught, {survived} survived, {unjudged} not judged")
+    return 1 if survived or unjudged else 0
 
 
 if __name__ == "__main__":
