@@ -29,6 +29,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -76,7 +77,7 @@ PATIENCE = 1200.0  # s for one row
 SECOND = 10**9  # ns
 PAGE = ROOT / "docs" / "mutations.md"
 KEPT = Path(__file__).with_suffix(".jsonl")
-CAUGHT, SURVIVED, NOT_RUN = "caught", "SURVIVED", "not run yet"
+CAUGHT, SURVIVED, UNJUDGED, NOT_RUN = "caught", "SURVIVED", "not judged", "not run yet"
 
 
 class Mutation(NamedTuple):
@@ -112,8 +113,8 @@ class Verdict:
     """Verdict on a mutation."""
 
     mutation: Mutation
-    result: str  # CAUGHT, SURVIVED
-    by: str  # test that failed, or the end of the test run
+    result: str  # CAUGHT, SURVIVED, UNJUDGED
+    by: str  # test that failed, or the end of the test run, or what tests printed that fail without the mutation
     day: datetime.date
 
     def __str__(self) -> str:
@@ -224,30 +225,19 @@ class Copy:
         )
 
 
-@dataclass(frozen=True)
-class Unjudged:
-    """Mutation without a verdict: its tests fail without it, too. why: what they printed."""
-
-    mutation: Mutation
-    why: str
-
-    def __str__(self) -> str:
-        return f"not judged {self.mutation.file}: {self.mutation.meaning}: {self.why}"
-
-
-def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> Iterator[Verdict | Unjudged]:
-    """Verdicts in the order of the rows, as they become known."""
+def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> Iterator[Verdict]:
+    """Verdicts in the order of the rows, as they become known; UNJUDGED for a row whose tests fail without it, too."""
     with tempfile.TemporaryDirectory(prefix="mutations-") as folder, ThreadPoolExecutor(jobs) as pool:
         idle: SimpleQueue[Copy] = SimpleQueue()
         for number in range(jobs):
             idle.put(Copy(Path(folder) / str(number), tests))
 
-        def judged(mutation: Mutation) -> Verdict | Unjudged:
+        def judged(mutation: Mutation) -> Verdict:
             copy = idle.get()
             try:
                 return copy.judge(mutation)
             except RuntimeError as error:
-                return Unjudged(mutation, str(error))
+                return Verdict(mutation, UNJUDGED, str(error), datetime.date.today())
             finally:
                 idle.put(copy)
 
@@ -317,18 +307,15 @@ def main(
     known = kept_verdicts()
     rows = tuple(m for m in table() if not only or any(o in m.file or o in m.meaning for o in only))
     rows = tuple(m for m in rows if not (missing and m in known))
-    survived = unjudged = 0
+    results = Counter[str]()
     for number, verdict in enumerate(verdicts(rows, tests, jobs), start=1):
         print(f"{number:3d}/{len(rows)}  {verdict}", flush=True)
-        if isinstance(verdict, Unjudged):
-            unjudged += 1
-            continue
-        survived += verdict.result == SURVIVED
-        if tests == TESTS:
+        results[verdict.result] += 1
+        if tests == TESTS and verdict.result != UNJUDGED:
             keep(verdict)
-    caught = len(rows) - survived - unjudged
+    caught, survived, unjudged = (results[each] for each in (CAUGHT, SURVIVED, UNJUDGED))
     print(f"{caught} of {len(rows)} caught, {survived} survived, {unjudged} not judged")
-    return 1 if survived or unjudged else 0
+    return 0 if caught == len(rows) else 1
 
 
 if __name__ == "__main__":

@@ -205,7 +205,7 @@ class Autosave:
         self._seen = _subject(look())
         self._saved: _Subject | None = None if begun else self._seen
         self._since = 0.0
-        self._failing, self._complained = False, 0.0
+        self._complained: float | None = None  # s, monotonic: of a failure to save, None since the last success
         self._closing = threading.Event()
         self._using = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="state", daemon=True)
@@ -225,7 +225,7 @@ class Autosave:
         """Save what has not been saved yet, and leave the folder."""
         self._closing.set()
         self._thread.join()
-        if self._failing:  # there may be room on the disk again
+        if self._complained is not None:  # there may be room on the disk again
             self._saved = None
         self._keep(_subject(self._look()))
         self._folder.close()
@@ -250,12 +250,11 @@ class Autosave:
             full = isinstance(error, OSError)
             reason = error.strerror if full else f"{type(error).__name__}: {error}"
             log.warning("session not saved", reason=reason, exc_info=None if full else error)
-            if not self._failing or time.monotonic() - self._complained > REMINDER:
+            if self._complained is None or time.monotonic() - self._complained > REMINDER:
                 self._complained = time.monotonic()
                 self._complain(f"the session cannot be saved in {self._folder.path}: {reason}; the run goes on")
-            self._failing = True
         else:
-            self._failing = False
+            self._complained = None
             log.debug("session saved", scenario=subject[0].name, pinned=len(subject[1]))
         # a failure is tried again at the next change
         self._saved, self._since = subject, time.monotonic()
