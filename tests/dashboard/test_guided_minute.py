@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import io
 from types import SimpleNamespace
 from typing import cast
 
@@ -24,25 +22,20 @@ from app.simulation.environment_builder import robot_of
 from controllers.modes import MODES
 
 
-def test_a_lesson_with_an_open_goal_does_not_begin_it() -> None:
+def test_a_lesson_with_an_open_goal_does_not_begin_it(viser_server: viser.ViserServer) -> None:
     """What is refused neither opens the folder nor lets a paused attempt at the goal run on."""
     posted, complaints = list[Command](), list[str]()
     lock = EditLock(posted.append, complaints.append)
-    with contextlib.redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    try:
-        minute = GuidedMinute(cast(Desk, SimpleNamespace(gui=server.gui, post=lock.post)))
-        lock.fields = frozenset({"controller.layer"})
-        asyncio.run(minute._toggle(None))
-        assert (posted, minute._folder.visible, len(complaints)) == ([], False, 1)
-        lock.fields = None
-        asyncio.run(minute._toggle(None))
-        assert posted == [Load(steps()[0].scenario), Play()]
-        assert minute._folder.visible
-        asyncio.run(minute._toggle(None))
-        assert not minute._folder.visible
-    finally:
-        server.stop()
+    minute = GuidedMinute(cast(Desk, SimpleNamespace(gui=viser_server.gui, post=lock.post)))
+    lock.fields = frozenset({"controller.layer"})
+    asyncio.run(minute._toggle(None))
+    assert (posted, minute._folder.visible, len(complaints)) == ([], False, 1)
+    lock.fields = None
+    asyncio.run(minute._toggle(None))
+    assert posted == [Load(steps()[0].scenario), Play()]
+    assert minute._folder.visible
+    asyncio.run(minute._toggle(None))
+    assert not minute._folder.visible
 
 
 def ran(scenario: Scenario, to: float) -> dict[str, np.ndarray]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import io
 from types import SimpleNamespace
 from typing import cast
 
@@ -66,7 +64,7 @@ def test_the_model_then_has_the_pole_where_it_was_dropped(scenario: str, pole: c
         assert np.diag(asked.model.M_m) == pytest.approx(np.diag(snapshot.matrices["M_m"]))
 
 
-def test_a_drag_that_never_ended_spoils_none_of_another_model() -> None:
+def test_a_drag_that_never_ended_spoils_none_of_another_model(viser_server: viser.ViserServer) -> None:
     """The page vanished with the pole held, and another arm with fewer coordinates runs now."""
     runs = seen("ur5-impedance"), seen("planar3r-hybrid")
     number = min(draggable(runs[0]) & draggable(runs[1]))
@@ -78,22 +76,17 @@ def test_a_drag_that_never_ended_spoils_none_of_another_model() -> None:
         posted.append(command)
         return True
 
-    with contextlib.redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    try:
-        desk = SimpleNamespace(gui=server.gui, post=post, snapshot=lambda: shown[-1], whatif=whatif)
-        drag = PoleDrag(cast(Desk, desk))
+    desk = SimpleNamespace(gui=viser_server.gui, post=post, snapshot=lambda: shown[-1], whatif=whatif)
+    drag = PoleDrag(cast(Desk, desk))
 
-        def report(phase: str, page: int) -> None:
-            drag._field.value = f"{number} -6 8 {phase}"
-            asyncio.run(drag._on_report(cast(PageEvent, SimpleNamespace(client=SimpleNamespace(client_id=page)))))
+    def report(phase: str, page: int) -> None:
+        drag._field.value = f"{number} -6 8 {phase}"
+        asyncio.run(drag._on_report(cast(PageEvent, SimpleNamespace(client=SimpleNamespace(client_id=page)))))
 
-        report("held", 1)
-        shown.append(runs[1])
-        report("held", 2)
-        report("dropped", 2)
-    finally:
-        server.stop()
+    report("held", 1)
+    shown.append(runs[1])
+    report("held", 2)
+    report("dropped", 2)
     others = others_of(runs[1], numbered_poles(runs[1])[number])
     assert posted == [pole_edit(runs[1], others, -6.0 + 8.0j)[0]]
     assert [control.client for control in held] == [1, 2]

@@ -1,7 +1,5 @@
 """An input whose end is said again takes effect once."""
 
-import contextlib
-import io
 import itertools
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -37,19 +35,16 @@ class Field(NamedTuple):
 
 
 @pytest.fixture
-def field() -> Iterator[Field]:
-    with contextlib.redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+def field(viser_server: viser.ViserServer) -> Field:
     received, now = list[str](), [0.0]
-    RepeatedInputs(server, lambda: now[0])
-    text = server.gui.add_text("mass", "")
+    RepeatedInputs(viser_server, lambda: now[0])
+    text = viser_server.gui.add_text("mass", "")
 
     @text.on_update
     async def _(_event: viser.GuiEvent) -> None:
         received.append(text.value)
 
-    yield Field(server, text._impl.uuid, received, now, itertools.count())
-    server.stop()
+    return Field(viser_server, text._impl.uuid, received, now, itertools.count())
 
 
 def test_what_a_page_says_again_takes_effect_once(field: Field) -> None:
