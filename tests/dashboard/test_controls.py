@@ -13,7 +13,7 @@ import viser
 from app.dashboard.panels import runs
 from app.dashboard.panels.robot import UNSTATED, StatedBounds
 from app.dashboard.panels.runs import RunsPanel, _note
-from app.dashboard.panels.task import _EDITED, Shift, TaskPanel
+from app.dashboard.panels.task import Shift, TaskPanel
 from app.dashboard.theme.style import COMMIT, RELEASED
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.controls import Desk, NumberField
@@ -22,7 +22,7 @@ from app.dashboard.widgets.field_place import FieldPlace, log_scale
 from app.dashboard.widgets.text_field import TextField
 from app.dashboard.widgets.whatif import WhatIf
 from app.scenario.data import edited, shipped
-from app.session.commands import Command, Edit, Load, Pause, Pin, StepOnce, Unpin
+from app.session.commands import Command, Edit, EditAll, Load, Pause, Pin, StepOnce, Unpin
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -161,12 +161,21 @@ def test_a_scenario_that_is_chosen_begins_at_zero_and_runs() -> None:
     panel = TaskPanel(page.desk)
     menu, own = page.widgets[0], shipped()["ur5-hybrid"]
     panel.show(page.snapshot())
-    assert _EDITED not in menu.options
+    titles = menu.options
     page.desk.post(Pause())
     page.desk.post(StepOnce())
     page.desk.post(Edit("force.value", 25.0))
     panel.show(page.snapshot())
-    assert menu.value == _EDITED == menu.options[-1]  # there while it is so, since to choose it would do nothing
+    # there while it is so, since to choose it would do nothing
+    assert menu.value == f"{own.title}, edited"
+    assert menu.options == (*titles, menu.value)
+    page.desk.post(Edit("mode", "impedance"))
+    panel.show(page.snapshot())
+    assert menu.value == "Universal Robots UR5: impedance, plane, edited"
+    assert menu.options == (*titles, menu.value)
+    page.desk.post(EditAll({"name": "mine", "title": own.title}))
+    panel.show(page.snapshot())
+    assert menu.value == f"{own.title}, edited"
     before = page.snapshot()
     page.give(menu, own.title)
     now = page.snapshot()
@@ -174,7 +183,7 @@ def test_a_scenario_that_is_chosen_begins_at_zero_and_runs() -> None:
     assert now.run > before.run
     panel.show(now)
     assert menu.value == own.title
-    assert _EDITED not in menu.options
+    assert menu.options == titles
 
 
 def test_a_hint_says_the_bounds_in_words() -> None:

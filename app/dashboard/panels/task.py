@@ -11,6 +11,7 @@ from app.dashboard.widgets.equation import mode_summary
 from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, log_scale
 from app.dashboard.widgets.matrix_text import written
 from app.dashboard.widgets.section_controls import field_controls, kind_choice
+from app.scenario.caption import title_of
 from app.scenario.data import shipped
 from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario, TruthSection
@@ -20,7 +21,6 @@ from controllers.modes import MODES
 from environments.force_profiles.table import FORCE_PROFILES
 from environments.trajectories.table import ROTATIONS, TRAJECTORIES
 
-_EDITED = "edited, or one of your own"
 _MODE = (
     "In which directions the tool follows a path and in which it presses with a force, and how it yields: one of the "
     "five applications of section IV, each with its own target model. Keys: 1 to 5"
@@ -121,18 +121,11 @@ class TaskPanel:
             self._controls += field_controls(desk, "truth", [TruthSection], {})
 
     async def _load(self, _: PageEvent) -> None:
-        if self._scenario.value != _EDITED:
-            self._desk.post(BeginScenario(self._scenarios[self._titles[self._scenario.value]]))
+        if (name := self._titles.get(self._scenario.value)) is not None:
+            self._desk.post(BeginScenario(self._scenarios[name]))
 
     def show(self, snapshot: Snapshot) -> None:
-        scenario = snapshot.scenario
-        shipped = self._scenarios.get(scenario.name) == scenario
-        # the entry for any other scenario is there only while it is the one that runs: to choose it would do nothing
-        if not shipped and _EDITED not in self._scenario.options:
-            self._scenario.options = (*self._titles, _EDITED)
-        self._scenario.value = (scenario.title or scenario.name) if shipped else _EDITED
-        if shipped and _EDITED in self._scenario.options:
-            self._scenario.options = tuple(self._titles)
+        self._show_scenario(snapshot.scenario)
         mode = MODES[snapshot.scenario.mode]
         if self._force.visible != mode.on_surface:
             self._force.visible = mode.on_surface
@@ -142,3 +135,20 @@ class TaskPanel:
         self._note.content = f'<div class="vs-note">{mode.title}, {mode.equation}. {summary}</div>'
         for control in self._controls:
             control.show(snapshot)
+
+    def _show_scenario(self, scenario: Scenario) -> None:
+        """Show which scenario runs. The entry for one that is not shipped is there only while it runs: to choose it
+        would do nothing."""
+        begun_from = self._scenarios.get(scenario.name)
+        if begun_from == scenario:
+            title, options = scenario.title or scenario.name, tuple(self._titles)
+        else:
+            own = title_of(scenario, begun_from)
+            title = f"{own.text}, edited" if own.edited or own.text in self._titles else own.text
+            options = (*self._titles, title)
+        # viser chooses the first entry where the chosen one goes
+        if title not in self._scenario.options:
+            self._scenario.options = (*self._scenario.options, title)
+        self._scenario.value = title
+        if self._scenario.options != options:
+            self._scenario.options = options
