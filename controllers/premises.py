@@ -91,7 +91,8 @@ class PostureCheck(NamedTuple):
     layer_width: m/s, of the boundary layer.
     radius: m/s, V falls while ||s|| is beyond it.
     V_band: J, once V is below this it stays so.
-    held_limit: N, limit of `Premise.HELD` where s = 0."""
+    held_limit: N, limit of `Premise.HELD` where s = 0.
+    periods: number of periods of the run until then."""
 
     H_min: float
     H_max: float
@@ -100,6 +101,7 @@ class PostureCheck(NamedTuple):
     radius: float
     V_band: float
     held_limit: float
+    periods: int
 
 
 class PromiseRecord(NamedTuple):
@@ -257,10 +259,10 @@ def gain_on_surface(given, output, scratch):
 
 
 @inline
-def check_posture(given, output, reaching, period, scratch, table, check):
+def check_posture(given, output, record, period, scratch, table, check):
     """Compute the `PostureCheck` of the present state, and the premises in the table that depend on it.
     given, output: the `LawInput` and the `ControlOutput` of the period.
-    reaching: the present `ReachingBound`.
+    record: the present `PromiseRecord`.
     period: s, of control."""
     gains, work, estimate, task = given.gains, scratch.work, given.estimate, given.task
     u = gains.uncertainty
@@ -285,7 +287,8 @@ def check_posture(given, output, reaching, period, scratch, table, check):
     heaviest = max(check.H_max, 4.0 * check.H_min) if chatter > 0.5 * check.layer_width else check.H_max
     V = 0.5 * heaviest * check.radius**2
     before = check.V_band if np.isfinite(check.V_band) else 0.0  # infinite only where nothing was promised
-    check.V_band = max(V, before * np.exp(-reaching.c_1 * period * periods_between_checks(period)))
+    check.V_band = max(V, before * np.exp(-record.reaching.c_1 * period * (record.periods - check.periods)))
+    check.periods = record.periods
 
     check.held_limit = SAMPLING_SHARE * gains.epsilon
     if u.force_error > 0.0:

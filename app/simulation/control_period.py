@@ -112,7 +112,7 @@ class Evaluation(NamedTuple):
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
         feedforward = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(6)
-        check = PostureCheck(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        check = PostureCheck(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
         law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, False, 0, UNKNOWN)
         return cls(*law, PremiseTable.fresh(), check, Held.zeros(n), PromiseRecord.fresh(), PremiseScratch.zeros(n))
 
@@ -312,7 +312,7 @@ def check_present_posture(setting, evaluation, centres):
         setting,
         evaluation,
         no_parameters(setting.gains),
-        evaluation.promise_record.reaching,
+        evaluation.promise_record,
         setting.period,
         evaluation.scratch,
         evaluation.table,

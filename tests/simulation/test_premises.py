@@ -104,6 +104,19 @@ def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:
     assert 0.6 < loop.standing.run.share < 0.7
 
 
+def test_the_band_falls_no_faster_than_the_theorem_while_a_push_makes_it_be_found_anew_in_every_period() -> None:
+    """The gain of a discontinuous law, and with it the band, follows a push that swings by 0.75 N in a period."""
+    push = {"truth__push": [40.0, 0.0, 0.0], "truth__push_frequency": 3.0, "truth__push_start": 0.0}
+    loop, _ = simulate(short("ur5-impedance", controller__switching="discontinuous", **push))
+    V_band = loop.recording.signals(("V_band",))["V_band"]
+    changes = np.diff(V_band)
+    found_anew = (changes[1:] != 0.0) & (changes[:-1] != 0.0)  # then the period before was looked at, too
+    falls = (V_band[2:] / V_band[1:-1])[found_anew & (changes[1:] < 0.0)]
+    c_1 = loop.state.evaluation.views.promise_record.reaching.c_1
+    assert len(falls) > 20
+    assert falls.min() >= math.exp(-c_1 * loop.period) * (1.0 - 1e-12)
+
+
 def test_the_band_does_not_grow_with_the_gain_that_it_bounds() -> None:
     """While s is reached d is a quarter above what it is at rest; the band keeps to H and the layer."""
     loop, _ = simulate(short("ur5-hybrid-reaching"))
