@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from app.simulation.contact_model import model_poles
@@ -25,6 +26,7 @@ from app.simulation.system import System
 from controllers.force_loop import LONGEST_LINE
 from controllers.premises import Premise
 from controllers.switching import Switching
+from environments.sensors import ForceSensor
 from environments.step_resolution import ROUNDING
 
 NOISE = 1e-6  # of an eigenvalue
@@ -100,11 +102,16 @@ class SampledLoops:
         self.system = system
         self._maps: dict[tuple[bool, bool], PeriodMap] = {}  # by whether the arm touches, and whether moments are read
         self._sliding: PeriodMap | None = None
+        self._prompt: SampledLoops | None = None
+        if system.sensor.late > LONGEST_LINE and not _reads_contact(system):
+            self._prompt = SampledLoops(replace(system, sensor=_prompt_sensor(system)))
 
     def at(self, q: np.ndarray, t: float) -> SampledLoop:
         """The sampled loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,)
         rad at time t (s)."""
         system = self.system
+        if self._prompt is not None:  # a reading on which the arm does not act may be as late as it likes
+            return replace(self._prompt.at(q, t), A=None, C=None)
         try:
             at = Posture.of(system, q, t)
             loads = unit_loads(system, at)
@@ -112,7 +119,7 @@ class SampledLoops:
             force_loop = worst_force_loop(system, at, loads, tuple(each.added for each in feedback))
             growth, A, C = math.nan, None, None
             if system.sensor.late > LONGEST_LINE:
-                growth = math.inf if _reads_contact(system) else math.nan
+                growth = math.inf
             elif _chatters(system):
                 growth = self._growth_while_sliding(at) if _reads_contact(system) else math.nan
             else:
@@ -185,6 +192,14 @@ def _poles(system: System, at: Posture, A: np.ndarray) -> tuple[np.ndarray, np.n
     apart = np.abs(model[:, None] - poles[None, :]) / np.maximum(np.abs(model), 1e-6)[:, None]
     rows, columns = linear_sum_assignment(apart)
     return model[rows], poles[columns]
+
+
+def _prompt_sensor(system: System) -> ForceSensor:
+    """The system's force sensor without its delay."""
+    scenario = system.scenario
+    return ForceSensor(
+        msgspec.structs.replace(scenario.sensor, delay=0.0, moment_delay=0.0), scenario.controller.period
+    )
 
 
 def _chatters(system: System) -> bool:

@@ -171,6 +171,26 @@ def test_the_motion_on_the_sliding_surface_is_judged_where_it_reads_a_contact(sw
     assert math.isnan(growth_per_period(assemble(shipped()["ur5-motion-discontinuous"])))
 
 
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("ur5-motion", {"target_model.B_m": [25000.0] * 6}),  # B_m T / M_m = 2.5
+        ("ur5-motion", {}),
+        ("ur5-constrained", {"sensor.ideal": True}),
+    ],
+)
+def test_a_delay_of_a_reading_that_does_not_tell_of_the_arm_changes_nothing_of_the_judgement(
+    name: str, fields: dict[str, object]
+) -> None:
+    prompt = shipped()[name]
+    for path, value in fields.items():
+        prompt = edited(prompt, path, value)
+    late = edited(prompt, "sensor.delay", 0.2)
+    growths = [growth_per_period(assemble(each)) for each in (prompt, late)]
+    assert growths[0] == growths[1]
+    assert (growths[0] > 1.0) == ("target_model.B_m" in fields)
+
+
 @pytest.mark.parametrize(("name", "arms"), [("ur5-motion", "ur10"), ("ur5-motion", "ur5")])
 def test_a_layer_too_thin_swings_up_in_free_motion_too(name: str, arms: str) -> None:
     """Layer factors of 11 and 3.3 gave no warning where nothing was touched."""
