@@ -186,10 +186,9 @@ class ClosedLoop:
         old, new, state = self.system.scenario, system.scenario, self.state.copy()
         if old.sensor != new.sensor:
             state.reader = ForceReader(system.sensor, new.simulation.seed)
-        changed = ClosedLoop._at_new_epoch(system, state, self.recording)
         if meets_another_load(old, new):
             system.plant.find_load(state.arm, state.t)
-        return changed
+        return ClosedLoop._at_new_epoch(system, state, self.recording)
 
     def _become(self, other: ClosedLoop) -> None:
         self.system, self.state, self.recording = other.system, other.state, other.recording
