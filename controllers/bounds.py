@@ -322,24 +322,33 @@ def _spread_alone(u, estimate, E, least):
 
 @dataclass(frozen=True)
 class InertiaRange:
-    """Bounds of the inertia H_low <= H(r, t) <= H_high (n, n) kg for every arm inside the declared set, at one
-    state."""
+    """Bounds of the inertia H_low <= H(r, t) <= H_high (..., n, n) kg for every arm inside the declared set, at one
+    state or several."""
 
     H_low: np.ndarray
     H_high: np.ndarray
 
     @classmethod
     def at(cls, u: Uncertainty, estimate: Estimate, task: TaskSpace) -> InertiaRange:
-        """Bounds from the estimate M_hat at that state; the payload adds at most its whole mass."""
-        J_inv, n = task.J_q_inv, len(estimate.M_hat)
-        E, least = np.empty((n, n)), np.empty((n, n))
-        _spread_alone(Record(u).data, Record(estimate).data, E, least)
-        low = J_inv.T @ least @ J_inv
-        high = J_inv.T @ (estimate.M_hat + E) @ J_inv
-        carried, turned = estimate.J_v @ J_inv, estimate.J_w @ J_inv
-        load = u.payload_mass if np.isnan(estimate.stated.delta_M) else 0.0
+        """Bounds at one state."""
+        found = cls.over(u, Record(estimate).data, Record(task).data)
+        return cls(found.H_low[0], found.H_high[0])
+
+    @classmethod
+    def over(cls, u: Uncertainty, estimates: np.ndarray, tasks: np.ndarray) -> InertiaRange:
+        """Bounds at N states from the estimates M_hat there, records (N,) with the fields of `Estimate` and
+        `TaskSpace`; the payload adds at most its whole mass."""
+        J_inv, M_hat, declared = tasks["J_q_inv"], estimates["M_hat"], Record(u).data
+        E, least = np.empty(M_hat.shape), np.empty(M_hat.shape)
+        for k in range(len(M_hat)):
+            _spread_alone(declared, estimates[k : k + 1], E[k], least[k])
+        low = J_inv.swapaxes(1, 2) @ least @ J_inv
+        high = J_inv.swapaxes(1, 2) @ (M_hat + E) @ J_inv
+        carried, turned = estimates["J_v"] @ J_inv, estimates["J_w"] @ J_inv
+        load = np.where(np.isnan(estimates["stated"]["delta_M"]), u.payload_mass, 0.0)[:, None, None]
+        carried = carried.swapaxes(1, 2) @ carried
         if u.payload_offset > 0.0:  # (a + b)^2 <= 2 a^2 + 2 b^2
-            high = high + 2 * load * (carried.T @ carried + u.payload_offset**2 * turned.T @ turned)
+            high = high + 2 * load * (carried + u.payload_offset**2 * turned.swapaxes(1, 2) @ turned)
         else:
-            high = high + load * carried.T @ carried
+            high = high + load * carried
         return cls(low, high)

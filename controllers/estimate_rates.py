@@ -57,8 +57,8 @@ for _row, (_a, _b) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 class Steepness:
-    """Rates of change of the estimates at one posture q (n,) rad, bounded from above over all directions: the constants
-    of `Lipschitz` at that posture, by the same names."""
+    """Rates of change of the estimates at postures q (N, n) rad, bounded from above over all directions: the constants
+    of `Lipschitz` at these postures, each (N,), by the same names."""
 
     def __init__(self, model: pin.Model) -> None:
         self._whole = (model, model.createData())
@@ -71,29 +71,36 @@ class Steepness:
             self._links.append((alone, alone.createData()))
         self._units = np.eye(model.nv)
 
-    def _coriolis(self, arm: tuple[pin.Model, pin.Data], q: np.ndarray) -> np.ndarray:
-        """C for each joint at 1 rad/s, (n, n, n); C is linear in q_dot."""
-        return np.array([pin.computeCoriolisMatrix(*arm, q, one) for one in self._units])
+    def _coriolis(self, q: np.ndarray) -> np.ndarray:
+        """C_hat for each joint at 1 rad/s, (N, n, n, n); C_hat is linear in q_dot."""
+        return np.array([[pin.computeCoriolisMatrix(*self._whole, each, one) for one in self._units] for each in q])
 
-    def k_C(self, q: np.ndarray) -> float:
+    def k_C(self, q: np.ndarray) -> np.ndarray:
         """Bound of C_hat over ||q_dot||, link by link, kg m^2/rad."""
-        return float(_largest(np.array([self._coriolis(link, q) for link in self._links])).sum())
+        n = q.shape[1]
+        C = np.zeros((len(q), n, n, n, n))
+        for own, each in zip(C, q, strict=True):
+            for link, arm in enumerate(self._links):
+                for joint in range(link + 1):  # the others do not move the link
+                    own[link, joint] = pin.computeCoriolisMatrix(*arm, each, self._units[joint])
+        return _largest(C.reshape(-1, n, n, n)).reshape(-1, n).sum(axis=1)
 
-    def k_M(self, q: np.ndarray) -> float:
+    def k_M(self, q: np.ndarray) -> np.ndarray:
         """Bound of the change of M_hat, kg m^2/rad; M_dot = C + C^T."""
-        C = self._coriolis(self._whole, q)
-        return float(_largest((C + C.swapaxes(1, 2))[None])[0])
+        C = self._coriolis(q)
+        return _largest(C + C.swapaxes(2, 3))
 
-    def links(self, q: np.ndarray) -> LinkRates:
-        """Bounds of what errors of the links do to C over ||q_dot||.
+    def links(self, q: np.ndarray) -> np.ndarray:
+        """Bounds of what errors of the links do to C over ||q_dot||, (N, 3): the numbers of `LinkRates`.
 
         The Christoffel matrix of a body is m J_c^T J_c_dot + J_w^T (I J_w_dot - [w] (tr(I)/2 - I) J_w), docs/theory.md.
         """
-        first, turned = self.by_centre(q), _largest(self.by_inertia(q))
+        first = np.array([_largest(self.by_centre(each)).sum() for each in q])
+        turned = np.array([_largest(self.by_inertia(each)) for each in q])
         links = list(self._whole[0].inertias)[1:]
         masses = np.array([link.mass for link in links])
         sizes = np.array([np.linalg.norm(link.inertia) for link in links])
-        return LinkRates(float(_largest(first).sum()), float(np.sqrt(2.0) * masses @ turned), float(sizes @ turned))
+        return np.array([first, np.sqrt(2.0) * turned @ masses, turned @ sizes]).T
 
     def by_centre(self, q: np.ndarray) -> np.ndarray:
         """Change of C per m of each link's centre of mass along the world's axes, to first order, (links, n, n, n, 3):
@@ -131,13 +138,12 @@ class Steepness:
         dJ_w = earlier * np.cross(J_w[:, None, :, :], J_w[:, :, None, :])
         return J_c, J_w, dJ_c.swapaxes(1, 2), dJ_w.swapaxes(1, 2)
 
-    def k_Cq(self, q: np.ndarray) -> float:
+    def k_Cq(self, q: np.ndarray) -> np.ndarray:
         """Bound of the change of C_hat / ||q_dot||, kg m^2/rad^2."""
-        step = 1e-5
-        here = self._coriolis(self._whole, q)
-        beside = np.array([self._coriolis(self._whole, q + h) for h in step * self._units])
-        return float(_largest((beside - here)[None] / step)[0])
+        step, here = 1e-5, self._coriolis(q)
+        beside = np.array([self._coriolis(each + step * self._units) for each in q])
+        return _largest((beside - here[:, None]) / step)
 
-    def k_G(self, q: np.ndarray) -> float:
+    def k_G(self, q: np.ndarray) -> np.ndarray:
         """Bound of the change of G_hat, N m/rad."""
-        return float(_largest(pin.computeGeneralizedGravityDerivatives(*self._whole, q)[None])[0])
+        return _largest(np.array([pin.computeGeneralizedGravityDerivatives(*self._whole, each).copy() for each in q]))

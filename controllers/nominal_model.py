@@ -315,3 +315,10 @@ class NominalModel:
         estimate = self._blank.copy()
         _estimates_alone(self._links.data, *self.update(q, q_dot), q_dot, estimate.data)
         return estimate.read()
+
+    def at_rest(self, q: np.ndarray) -> np.ndarray:
+        """Estimates at q (N, n) rad with the arm at rest: records (N,) with the fields of `Estimate`."""
+        found, still = np.repeat(self._blank.data, len(q)), np.zeros(q.shape[1])
+        for k in range(len(q)):
+            _estimates_alone(self._links.data, *self.update(q[k], still), still, found[k : k + 1])
+        return found

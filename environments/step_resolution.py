@@ -37,14 +37,7 @@ class Mobility(NamedTuple):
     def largest(cls, M: np.ndarray, J_v: np.ndarray, normal: np.ndarray) -> Mobility:
         """Largest mobility over N states: M (N, n, n) kg m^2 of the true arm, J_v (N, 3, n) of its tool, normal (N, 3):
         grad(phi)."""
-        compliance = J_v @ np.linalg.solve(M, J_v.swapaxes(1, 2))
-        along = normal[:, :, None] * normal[:, None, :]
-        across = np.eye(3) - along / np.square(normal).sum(axis=1)[:, None, None]
-        return cls(
-            float((compliance * along).sum(axis=(1, 2)).max()),
-            float(np.linalg.eigvalsh(across @ compliance @ across).max()),
-            1.0 / float(np.linalg.eigvalsh(M).min()),
-        )
+        return cls(*mobilities(M, J_v, normal[:, None]).max(axis=0).tolist())
 
     def at_most_for(self, true: pin.Model, believed: pin.Model) -> Mobility | None:
         """Upper bound of the true arm's mobility, where this is the believed arm's; None where there is none.
@@ -57,6 +50,16 @@ class Mobility(NamedTuple):
         for a, b in zip(list(true.inertias)[1:], list(believed.inertias)[1:], strict=True):
             least = min(least, _least_factor(a.matrix(), b.matrix()))
         return Mobility(*(value / least for value in self)) if least > 0.0 else None
+
+
+def mobilities(M: np.ndarray, J_v: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Numbers of `Mobility` in N states, (N, 3): as `Mobility.largest`, for several surfaces with normals (N, S, 3)."""
+    compliance = (J_v @ np.linalg.solve(M, J_v.swapaxes(1, 2)))[:, None]
+    along = normals[..., :, None] * normals[..., None, :]
+    across = np.eye(3) - along / np.square(normals).sum(axis=-1)[..., None, None]
+    tangential = np.linalg.eigvalsh(across @ compliance @ across)[..., -1].max(axis=1)
+    joints = 1.0 / np.linalg.eigvalsh(M)[:, 0]
+    return np.array([(compliance * along).sum(axis=(2, 3)).max(axis=1), tangential, joints]).T
 
 
 def _least_factor(I: np.ndarray, of: np.ndarray) -> float:

@@ -94,8 +94,8 @@ def rough_constants(monkeypatch: pytest.MonkeyPatch, roughly_known: object) -> N
     many arms on many surfaces; for tests of what does not depend on them. The search has tests of its own."""
 
     def sampled(omega: Omega, objectives: Objectives, _effort: Effort) -> tuple[float, ...]:
-        seen = [objectives(place) for place in omega.places(8)[::3]]
-        return tuple(max((v[k].value for v in seen if v[k].room >= 0.0), default=0.0) for k in range(len(seen[0])))
+        few = type(places := omega.places(8))(*(each[::3] for each in places))
+        return tuple(float(seen.value[seen.room >= 0.0].max(initial=0.0)) for seen in objectives(few))
 
     monkeypatch.setattr("app.simulation.domain.largest", sampled)
     monkeypatch.setattr("app.simulation.assembly.Memory", lambda: roughly_known)

@@ -226,18 +226,19 @@ def _constants(
         return domain_key(previous.scenario) == domain_key(scenario) and np.array_equal(previous.q_0, q_0)
 
     def build() -> Constants:
+        along_reference = scenario.controller.estimates == "along-reference"
         # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
-        on_it = plan if scenario.controller.estimates == "along-reference" else plan.stiff()
+        on_it = plan if along_reference else plan.stiff()
         shift, rules = plan.shift.end, scenario.simulation
         unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
         if mode.on_surface:
             require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
         require_derivatives(scenario, unshifted)
-        along = centres(observer.at, unshifted, shift, q_0, rules.duration)
+        along = centres(observer.record_at, unshifted, shift, q_0, rules.duration)
         span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
         omega = Omega(along, rules.domain_radius, span)
         uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
-        return constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
+        return constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory, along_reference)
 
     return _reused(previous, same, lambda p: p.constants, build)
 

@@ -69,8 +69,8 @@ class ControlledArm:
         self._state, self._nominal, self._plant = state, system.nominal, system.plant
         self._centres, self._h = system.constants.centres, system.scenario.controller.period
         self.along = None
-        if state.along is not None:
-            lipschitz, way = system.constants.lipschitz, system.constants.omega.way
+        lipschitz, way = system.constants.lipschitz, system.constants.omega.way
+        if state.along is not None and lipschitz is not None:  # both by `controller.estimates`
             self.along = ReferenceEstimates(system.nominal, lipschitz, way, system.posture_at, self._h, state.along)
         arm, evaluation = state.arm, state.evaluation
         self._q, self._q_dot, self._force = arm.views.q, arm.views.q_dot, arm.views.load.wrench

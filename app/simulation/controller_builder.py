@@ -298,7 +298,7 @@ def controller_of(scenario: Scenario, robot: Robot, mode: Mode, layout: TaskLayo
         bounds=c.bounds,
         switching=Switching[c.switching.upper()],
         layer=c.layer,
-        uncertainty=uncertainty_of(scenario, robot, constants.lipschitz.k_C, constants.rates),
+        uncertainty=uncertainty_of(scenario, robot, constants.k_C, constants.rates),
         controlled=mode.controlled(n),
         surfaces=mode.normals,
     )

@@ -10,16 +10,17 @@ import numpy as np
 import pinocchio as pin
 
 from app.scenario.errors import PathOutOfReach, ScenarioError
-from app.simulation.extremes import OUTSIDE, Effort, Objectives, ObjectiveValue, Omega, Place, largest
-from app.simulation.observation import Observed, Observer
+from app.simulation.extremes import Effort, Objectives, ObjectiveValues, Omega, Places, largest
+from app.simulation.observation import Observation, Observer
 from app.simulation.planned_reference import Planned
 from app.simulation.search_memory import Memory, Numbers, key_of
 from controllers.bounds import InertiaRange, Uncertainty
 from controllers.control_law import Reference
 from controllers.estimate_rates import NO_RATES, LinkRates, Lipschitz, Steepness
 from controllers.nominal_model import NominalModel
-from environments.step_resolution import Mobility
+from environments.step_resolution import Mobility, mobilities
 from environments.surfaces.table import Surface
+from kernels.records import Record
 
 CENTRES = 192  # postures along the reference, around which Omega lies
 NEAR = 1.0  # rad, between two of them that follow each other, and from the scenario's posture to the first
@@ -28,7 +29,7 @@ INERTIA, OTHERS = Effort(120, 3), Effort(40, 2)  # of the search; the other func
 MARGIN = 1.02  # factor on all results of searches; longer searches by another method find less than this above them
 SLOWEST = 1e-3  # Hz: for a surface that moves more slowly, only the first 1000 s count
 
-Observe = Callable[[np.ndarray, np.ndarray, float], Observed]
+Observe = Callable[[np.ndarray, np.ndarray, float], Record[Observation]]
 
 
 class DesiredPosture(NamedTuple):
@@ -43,12 +44,14 @@ class DesiredPosture(NamedTuple):
 class Constants:
     """Constants over Omega, as far as J_q is regular there.
     k_r_low, k_r_high: kg, of Property 1, for every arm inside the declared set.
-    lipschitz: constants of the estimates.
+    k_C: as in `bounds.Uncertainty`.
+    lipschitz: constants of the estimates, known where these are taken along the reference; nothing else needs them.
     rates: of the links' errors, zero where none are declared."""
 
     k_r_low: float
     k_r_high: float
-    lipschitz: Lipschitz
+    k_C: float
+    lipschitz: Lipschitz | None
     rates: LinkRates
     omega: Omega
 
@@ -65,13 +68,14 @@ class Constants:
 
 def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> DesiredPosture:
     """Posture with r(q_d, t) = r_d and the rate of both, by Newton's method from q (n,) rad."""
-    task = observe(q, np.zeros_like(q), t).task
+    still = np.zeros_like(q)
+    task = observe(q, still, t).views.task
     for _ in range(8):
         away = task.J_q_inv @ (reference.r_d - task.r)
         if np.abs(away).max() < 1e-9:
             break
         q = q + away
-        task = observe(q, np.zeros_like(q), t).task
+        task = observe(q, still, t).views.task
     return DesiredPosture(q, task.J_q_inv @ (reference.r_d_dot - task.v_t))
 
 
@@ -112,9 +116,16 @@ def span_of(surfaces: Sequence[Surface], duration: float) -> float:
 
 
 def constants_over(
-    omega: Omega, sigma_min: float, uncertainty: Uncertainty, nominal: NominalModel, observer: Observer, memory: Memory
+    omega: Omega,
+    sigma_min: float,
+    uncertainty: Uncertainty,
+    nominal: NominalModel,
+    observer: Observer,
+    memory: Memory,
+    along_reference: bool,
 ) -> Constants:
     """Constants over Omega, where J_q's smallest singular value is at least `sigma_min` m.
+    along_reference: whether estimates are taken along the reference.
 
     Raises ScenarioError where J_q is singular.
     """
@@ -127,28 +138,34 @@ def constants_over(
             raise ScenarioError(_nowhere(omega, sigma_min, uncertainty, observer))
         return 1.0 / (MARGIN * lightness), MARGIN * heaviness
 
+    def steepest(rate: Callable[[np.ndarray], np.ndarray]) -> float:
+        return MARGIN * largest(Omega(*where), lambda places: (ObjectiveValues.uncut(rate(places.q)),), OTHERS)[0]
+
     def find_lipschitz() -> Numbers:
-        each = (steepness.k_C, steepness.k_M, steepness.k_Cq, steepness.k_G)
-        still = Omega(*where)
-        return tuple(MARGIN * largest(still, lambda p, k=k: (ObjectiveValue(k(p.q)),), OTHERS)[0] for k in each)
+        return tuple(steepest(rate) for rate in (steepness.k_M, steepness.k_Cq, steepness.k_G))
 
     def find_rates() -> Numbers:
-        found = largest(Omega(*where), lambda p: tuple(ObjectiveValue(k) for k in steepness.links(p.q)), OTHERS)
+        found = largest(
+            Omega(*where), lambda p: tuple(ObjectiveValues.uncut(k) for k in steepness.links(p.q).T), OTHERS
+        )
         return tuple(MARGIN * k for k in found)
 
     seen = ("inertia", arm, observer.fingerprint, *where, omega.span, sigma_min, repr(uncertainty))
     k_r_low, k_r_high = memory.recall(key_of(*seen), 2, find_inertia)
-    lipschitz = Lipschitz(*memory.recall(key_of("lipschitz", arm, *where), 4, find_lipschitz))
+    (k_C,) = memory.recall(key_of("k_C", arm, *where), 1, lambda: (steepest(steepness.k_C),))
+    lipschitz = None
+    if along_reference:
+        lipschitz = Lipschitz(k_C, *memory.recall(key_of("lipschitz", arm, *where), 3, find_lipschitz))
     in_doubt = uncertainty.rho_centre > 0.0 or uncertainty.rho_shape > 0.0
     rates = LinkRates(*memory.recall(key_of("rates", arm, *where), 3, find_rates)) if in_doubt else NO_RATES
-    return Constants(k_r_low, k_r_high, lipschitz, rates, omega)
+    return Constants(k_r_low, k_r_high, k_C, lipschitz, rates, omega)
 
 
 def _nowhere(omega: Omega, sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> str:
     """Sentence on an Omega in which no place has the inertia that Property 1 needs."""
     certain = uncertainty._replace(rho=0.0, rho_rotor=0.0, rho_centre=0.0, rho_shape=0.0)
-    values = _inertia_objectives(sigma_min, certain, observer)
-    if any(values(place)[0].room >= 0.0 for place in omega.places(INERTIA.draws)):
+    lightness, _ = _inertia_objectives(sigma_min, certain, observer)(omega.places(INERTIA.draws))
+    if (lightness.room >= 0.0).any():
         return (
             "declared.link_centre: with the other declared errors of the links, some arm would have no inertia left "
             "(k_r′ ≤ 0); allowed: a smaller link_centre, link_shape or link_scaling"
@@ -159,21 +176,18 @@ def _nowhere(omega: Omega, sigma_min: float, uncertainty: Uncertainty, observer:
 def _inertia_objectives(sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> Objectives:
     """Objectives for 1/lambda_min(H_low) and lambda_max(H_high), for the whole declared set."""
 
-    def values(place: Place) -> tuple[ObjectiveValue, ObjectiveValue]:
-        try:
-            estimate, task = observer.at(place.q, np.zeros_like(place.q), place.t)
-        except ValueError:
-            return OUTSIDE, OUTSIDE  # J_q exactly singular
-        inertia, J_inv = InertiaRange.at(uncertainty, estimate, task), task.J_q_inv
-        matrices = np.array([inertia.H_low, inertia.H_high, J_inv.T @ J_inv])
-        if not np.isfinite(matrices).all():
-            return OUTSIDE, OUTSIDE
-        eigenvalues = np.linalg.eigvalsh(matrices)
-        low, high, sigma = eigenvalues[0, 0], eigenvalues[1, -1], 1.0 / np.sqrt(eigenvalues[2, -1])
-        if not low > 0.0:
-            return OUTSIDE, OUTSIDE
-        room = sigma / sigma_min - 1.0 if sigma_min > 0.0 else np.inf
-        return ObjectiveValue(1.0 / low, room), ObjectiveValue(high, room)
+    def values(places: Places) -> tuple[ObjectiveValues, ObjectiveValues]:
+        seen = observer.at_rest(*places)
+        inertia, J_inv = InertiaRange.over(uncertainty, seen["estimate"], seen["task"]), seen["task"]["J_q_inv"]
+        matrices = np.array([inertia.H_low, inertia.H_high, J_inv.swapaxes(1, 2) @ J_inv])
+        known = np.all(np.isfinite(matrices), axis=(0, 2, 3))
+        eigenvalues = np.linalg.eigvalsh(np.where(known[:, None, None], matrices, np.eye(places.q.shape[1])))
+        low, high, sigma = eigenvalues[0, :, 0], eigenvalues[1, :, -1], 1.0 / np.sqrt(eigenvalues[2, :, -1])
+        inside = known & (low > 0.0)
+        room = sigma / sigma_min - 1.0 if sigma_min > 0.0 else np.full(len(low), np.inf)
+        room = np.where(inside, room, -1.0)
+        lightness = np.divide(1.0, low, out=np.zeros_like(low), where=inside)
+        return ObjectiveValues(lightness, room), ObjectiveValues(np.where(inside, high, 0.0), room)
 
     return values
 
@@ -185,12 +199,11 @@ def mobility_over(
     singularities."""
     data = model.createData()
 
-    def values(place: Place) -> tuple[ObjectiveValue, ...]:
-        tool = nominal.evaluate(place.q, np.zeros_like(place.q))
-        normals = np.array([each.chart(tool.p, place.t).G[0] for each in surfaces])
-        M = pin.crba(model, data, place.q)
-        mobility = Mobility.largest(M[None], tool.J_v[None], normals)
-        return tuple(ObjectiveValue(value) if np.isfinite(value) else OUTSIDE for value in mobility)
+    def values(places: Places) -> tuple[ObjectiveValues, ...]:
+        tool = nominal.at_rest(places.q)
+        normals = [[each.chart(p, t).G[0] for each in surfaces] for p, t in zip(tool["p"], places.t, strict=True)]
+        M = np.array([pin.crba(model, data, q) for q in places.q])
+        return tuple(ObjectiveValues.uncut(each) for each in mobilities(M, tool["J_v"], np.array(normals)).T)
 
     def find() -> Numbers:
         return tuple(MARGIN * value for value in largest(omega, values, OTHERS))

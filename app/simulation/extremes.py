@@ -23,25 +23,30 @@ STEP = 1e-5  # of finite differences, in radii and in spans of time
 HALVINGS = 12  # on the way back into Omega
 
 
-class Place(NamedTuple):
-    """A posture q (n,) rad at a time t (s)."""
+class Places(NamedTuple):
+    """Postures q (N, n) rad at times t (N,) s."""
 
     q: np.ndarray
-    t: float
+    t: np.ndarray
 
 
-class ObjectiveValue(NamedTuple):
-    """Value of an objective function at a place.
-    value: to be maximized, > 0.
-    room: margin to the cut of Omega, >= 0 within Omega."""
+class ObjectiveValues(NamedTuple):
+    """Values of an objective function at N places: several at once, since a call costs more than what it computes.
+    value: (N,), to be maximized, > 0; 0 where nothing can be computed.
+    room: (N,), margin to the cut of Omega, >= 0 within Omega."""
 
-    value: float
-    room: float = np.inf
+    value: np.ndarray
+    room: np.ndarray
+
+    @classmethod
+    def uncut(cls, value: np.ndarray) -> ObjectiveValues:
+        """Values (N,) of a function that cuts nothing off; places without a finite one are outside."""
+        finite = np.isfinite(value)
+        return cls(np.where(finite, value, 0.0), np.where(finite, np.inf, -1.0))
 
 
-OUTSIDE = ObjectiveValue(0.0, -1.0)  # also where nothing can be computed
-Objective = Callable[[Place], ObjectiveValue]
-Objectives = Callable[[Place], tuple[ObjectiveValue, ...]]
+Objective = Callable[[Places], ObjectiveValues]
+Objectives = Callable[[Places], tuple[ObjectiveValues, ...]]
 
 
 class Nearest(NamedTuple):
@@ -78,32 +83,37 @@ class Omega:
         steps = np.diff(self.centres[first : last + 1], axis=0)
         return here.distance + float(np.linalg.norm(steps, axis=1).sum()) + there.distance
 
-    def depth(self, q: np.ndarray) -> float:
-        """Depth of q (n,) rad in Omega: 1 at a centre, 0 on the boundary, negative outside."""
-        return 1.0 - (self.centre_near(q).distance / self.radius) ** 2
+    def depth(self, q: np.ndarray) -> np.ndarray:
+        """Depth (N,) of q (N, n) rad in Omega: 1 at a centre, 0 on the boundary, negative outside."""
+        squares = np.square(q[:, None] - self.centres).sum(axis=2).min(axis=1)
+        return 1.0 - squares / self.radius**2
 
-    def nearest(self, place: Place) -> Place:
-        """The place in Omega nearest to a place."""
-        number, away = self.centre_near(place.q)
-        centre, q = self.centres[number], place.q
+    def nearest(self, q: np.ndarray, t: float) -> Places:
+        """The place in Omega nearest to q (n,) rad, t (s)."""
+        number, away = self.centre_near(q)
+        centre = self.centres[number]
         if away > self.radius:
             q = centre + (q - centre) * (self.radius * (1.0 - 1e-12) / away)  # a little inside, for rounding
-        return Place(q, min(max(place.t, 0.0), self.span))
+        return Places(q[None], np.clip([t], 0.0, self.span))
 
-    def places(self, count: int) -> list[Place]:
+    def places(self, count: int) -> Places:
         """Places in Omega, always the same: some of the centres, and `count` drawn around them."""
         random, n = np.random.default_rng(1), self.centres.shape[1]
         directions = random.standard_normal((count, n))
         directions *= self.radius / np.linalg.norm(directions, axis=1, keepdims=True)
         spread = np.linspace(0, len(self.centres) - 1, count).astype(int)
         around = self.centres[spread] + directions * random.uniform(size=(count, 1)) ** (1 / n)
-        postures = [*self.centres[::8], *around]
-        return [Place(q, t) for q, t in zip(postures, self.span * random.uniform(size=len(postures)), strict=True)]
+        postures = np.concatenate([self.centres[::8], around])
+        return Places(postures, self.span * random.uniform(size=len(postures)))
 
 
 class _Sample(NamedTuple):
-    place: Place
-    seen: ObjectiveValue
+    """Sample: a posture q (n,) rad at a time t (s), and the objective's value there."""
+
+    q: np.ndarray
+    t: float
+    value: float
+    room: float
 
 
 class Effort(NamedTuple):
@@ -117,19 +127,17 @@ class Effort(NamedTuple):
 
 def largest(omega: Omega, objectives: Objectives, effort: Effort) -> tuple[float, ...]:
     """Largest value within Omega of each value of the objectives, 0 where no sample lies within Omega."""
-    seen = [(place, objectives(place)) for place in omega.places(effort.draws)]
-    count = len(seen[0][1])
-    found: list[float] = []
-    for k in range(count):
-        samples = [_Sample(place, values[k]) for place, values in seen]
-        found.append(_climbed(omega, lambda place, k=k: objectives(place)[k], samples, effort.searches))
+    places, found = omega.places(effort.draws), []
+    for k, values in enumerate(objectives(places)):
+        samples = [_Sample(*each) for each in zip(places.q, *np.array([places.t, *values]).tolist(), strict=True)]
+        found.append(_climbed(omega, lambda some, k=k: objectives(some)[k], samples, effort.searches))
     return tuple(found)
 
 
 def _climbed(omega: Omega, objective: Objective, samples: list[_Sample], patience: int) -> float:
     """Largest value found by climbs from one sample after the other. patience: see `Effort.searches`."""
     best, idle = 0.0, 0
-    for start in _starts(omega, [s for s in samples if s.seen.room >= 0.0 and s.seen.value > 0.0]):
+    for start in _starts(omega, [s for s in samples if s.room >= 0.0 and s.value > 0.0]):
         found = _Climb(omega, objective, start).best
         idle = 1 if found > best * (1.0 + GAIN) else idle + 1
         best = max(best, found)
@@ -140,12 +148,12 @@ def _climbed(omega: Omega, objective: Objective, samples: list[_Sample], patienc
 
 def _starts(omega: Omega, samples: list[_Sample]) -> Iterator[_Sample]:
     """Samples to search from: the best ones, some way from each other, and one near the cut of Omega."""
-    edge = min(samples, key=lambda s: s.seen.room, default=None)
-    if edge is not None and edge.seen.room < NEAR - 1.0:
+    edge = min(samples, key=lambda s: s.room, default=None)
+    if edge is not None and edge.room < NEAR - 1.0:
         yield edge
     begun: list[_Sample] = []
-    for sample in sorted(samples, key=lambda s: -s.seen.value):
-        if all(np.linalg.norm(sample.place.q - other.place.q) > APART * omega.radius for other in begun):
+    for sample in sorted(samples, key=lambda s: -s.value):
+        if all(np.linalg.norm(sample.q - other.q) > APART * omega.radius for other in begun):
             begun.append(sample)
             yield sample
         if len(begun) == MOST:
@@ -160,10 +168,10 @@ class _Climb:
     """
 
     def __init__(self, omega: Omega, objective: Objective, start: _Sample) -> None:
-        self._omega, self._objective, self._start = omega, objective, start.place
+        self._omega, self._objective, self._start = omega, objective, start
         self._timed = omega.span > 0.0
-        self.best = start.seen.value
-        self._at, self._rows, self._slopes = np.empty(0), np.empty(0), np.empty(0)
+        self.best = start.value
+        self._at, self._row, self._slopes = np.empty(0), np.empty(0), np.empty(0)
         self._run()
 
     def _run(self) -> None:
@@ -183,25 +191,28 @@ class _Climb:
         ).x
         # it may end a little outside: only places within Omega count, the farthest one on the way there
         for fraction in 1.0 - np.append(0.0, 0.5 ** np.arange(HALVINGS, 0, -1)):
-            value, room = self._objective(self._omega.nearest(self._place(x_0 + fraction * (end - x_0))))
-            if room >= 0.0:
-                self.best = max(self.best, value)
+            (q,), (t,) = self._places((x_0 + fraction * (end - x_0))[None])
+            value, room = self._objective(self._omega.nearest(q, t))
+            if room[0] >= 0.0:
+                self.best = max(self.best, float(value[0]))
                 break
 
-    def _place(self, x: np.ndarray) -> Place:
+    def _places(self, x: np.ndarray) -> Places:
         n = len(self._start.q)
-        return Place(self._start.q + self._omega.radius * x[:n], self._omega.span * x[n] if self._timed else 0.0)
+        times = self._omega.span * x[:, n] if self._timed else np.zeros(len(x))
+        return Places(self._start.q + self._omega.radius * x[:, :n], times)
 
-    def _row(self, x: np.ndarray) -> np.ndarray:
-        """Row (3,): -log(value), to be minimized, then room and depth, not to be negative."""
-        place = self._place(x)
-        value, room = self._objective(place)
-        return np.array([-np.log(value) if value > 0.0 else 0.0, min(room, 1e3), self._omega.depth(place.q)])
+    def _rows_at(self, x: np.ndarray) -> np.ndarray:
+        """Rows (N, 3) at N variables: -log(value), to be minimized, then room and depth, not to be negative."""
+        places = self._places(x)
+        value, room = self._objective(places)
+        known = np.where(value > 0.0, value, 1.0)
+        return np.array([-np.log(known), np.minimum(room, 1e3), self._omega.depth(places.q)]).T
 
     def _seen(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The row (3,) at x and its slopes (3, len(x)); copies, since SLSQP writes over what it is given."""
         if not np.array_equal(x, self._at):
-            self._at, self._rows = x.copy(), self._row(x)
-            beside = np.array([self._row(x + h) for h in STEP * np.eye(len(x))])
-            self._slopes = (beside - self._rows).T / STEP
-        return self._rows.copy(), self._slopes.copy()
+            self._at = x.copy()
+            self._row, *beside = self._rows_at(x + STEP * np.eye(len(x) + 1, len(x), -1))  # first x itself
+            self._slopes = (np.array(beside) - self._row).T / STEP
+        return self._row.copy(), self._slopes.copy()

@@ -89,7 +89,24 @@ class Observer:
 
         Raises ValueError where J_q is exactly singular.
         """
+        seen = self.record_at(q, q_dot, t)
+        return Observed(seen.part("estimate"), seen.part("task"))
+
+    def record_at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Record[Observation]:
+        """Record of the observation, as `at`, for who reads little of it: to make named tuples of it takes longer."""
         seen = self._blank.copy()
         seen.data["q"], seen.data["q_dot"] = q, q_dot
         _observe_alone(self._record.data, *self.model.update(q, q_dot), t, seen.data)
-        return Observed(seen.part("estimate"), seen.part("task"))
+        return seen
+
+    def at_rest(self, q: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Observations of the arm at rest at q (N, n) rad, t (N,) s: records (N,) with the fields of `Observation`.
+        J_q^-1 is NaN where J_q is exactly singular."""
+        seen, still = np.repeat(self._blank.data, len(q)), np.zeros(q.shape[1])
+        seen["q"] = q
+        for k in range(len(q)):
+            try:
+                _observe_alone(self._record.data, *self.model.update(q[k], still), t[k], seen[k : k + 1])
+            except ValueError:
+                seen["task"]["J_q_inv"][k] = np.nan
+        return seen

@@ -41,7 +41,7 @@ def require_within_reach(
     tool."""
     estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
     try:
-        q = posture_at(observer.at, q_0, reference, 0.0).q
+        q = posture_at(observer.record_at, q_0, reference, 0.0).q
         away = float(np.abs(observer.at(q, np.zeros_like(q), 0.0).task.r - reference.r_d).max())
         turn = float(np.linalg.norm(q - q_0))
     except ValueError:  # J_q exactly singular on the way

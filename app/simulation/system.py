@@ -136,7 +136,7 @@ class System:
 
     def posture_at(self, q: np.ndarray, t: float) -> DesiredPosture:
         """Posture on the reference at t (s), by Newton's method from q (n,) rad."""
-        return posture_at(self.observe, q, self.reference(t), t)
+        return posture_at(self.observer.record_at, q, self.reference(t), t)
 
     def after(self, previous: System, t: float) -> System:
         """The system with a shift that continues from that of `previous` at time t (s)."""

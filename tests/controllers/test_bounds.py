@@ -23,7 +23,7 @@ from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
 from environments.truth import Truth
-from tests.support.arms import CERTAIN, ROBOTS, State, charted, random_law, random_reference
+from tests.support.arms import CERTAIN, ROBOTS, State, charted, lipschitz_of, random_law, random_reference
 
 CHART = "sphere outside"  # moves, and is curved
 PLANTS = 100  # per arm: 600 in all
@@ -86,7 +86,7 @@ def law_for(system: System, u: Uncertainty, bounds: Bounds) -> Controller:
     n = system.robot.n
     law = random_law(np.random.default_rng(1), n, Switching.SATURATION, np.zeros(n))
     mass = sum(link.mass for link in list(system.robot.model.inertias)[1:])
-    known = u._replace(k_C=system.constants.lipschitz.k_C, rates=rates_of(system.robot.name), mass=mass)
+    known = u._replace(k_C=system.constants.k_C, rates=rates_of(system.robot.name), mass=mass)
     return replace(law, d=None, bounds=bounds, uncertainty=known)
 
 
@@ -95,7 +95,7 @@ def rates_of(robot: str) -> LinkRates:
     """Largest rates that a few postures around the working one have, with half as much again for the others."""
     system, random = charted(robot, CHART), np.random.default_rng(8)
     steepness = Steepness(system.robot.model)
-    seen = [steepness.links(draw_state(system, random).q) for _ in range(30)]
+    seen = steepness.links(np.array([draw_state(system, random).q for _ in range(30)]))
     return LinkRates(*(1.5 * np.max(seen, axis=0)).tolist())
 
 
@@ -181,13 +181,13 @@ def test_gain_covers_every_arm_of_the_declared_set(robot: str) -> None:
 def test_gain_covers_estimates_taken_along_the_reference(robot: str, bounds: Bounds) -> None:
     """Remark 3: M_hat, C_hat, G_hat from a posture and rate nearby."""
     system, random = doubted(robot), np.random.default_rng(3)
-    law, n = law_for(system, DECLARED, bounds), system.robot.n
+    law, n, lipschitz = law_for(system, DECLARED, bounds), system.robot.n, lipschitz_of(system)
     for seed in range(60):
         plant, state = draw(DECLARED, random, n), draw_state(system, random)
         q_d = state.q + 10 ** random.uniform(-4.0, -1.0) * direction(random, n)
         q_d_dot = state.q_dot + 10 ** random.uniform(-3.0, 0.0) * direction(random, n)
         there: Estimate = system.nominal.evaluate(q_d, q_d_dot)
-        deviation = system.constants.lipschitz.deviation(float(np.linalg.norm(state.q - q_d)), state.q_dot, q_d_dot)
+        deviation = lipschitz.deviation(float(np.linalg.norm(state.q - q_d)), state.q_dot, q_d_dot)
         override = FeedforwardModel(there.M_hat, there.C_hat, there.G_hat, deviation)
         (need,) = compare(system, [law], plant, state, seed, override)
         assert need.needed <= need.offered
@@ -374,7 +374,7 @@ def test_christoffel_matrix_of_centres_that_are_far_away_is_within_its_bound(rob
     model, steepness, shares, by_square = system.robot.model, Steepness(system.robot.model), [], 0
     for _ in range(30):
         q, q_dot, _ = draw_state(system, random)
-        u = CERTAIN._replace(rho_centre=10.0, rates=steepness.links(q))
+        u = CERTAIN._replace(rho_centre=10.0, rates=LinkRates(*steepness.links(q[None])[0]))
         arm = draw(u, random, system.robot.n).truth.model(system.robot)
         C, C_hat = (pin.computeCoriolisMatrix(each, each.createData(), q, q_dot) for each in (arm, model))
         rate = np.linalg.norm(C - C_hat, 2) / np.linalg.norm(q_dot)

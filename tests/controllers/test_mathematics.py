@@ -31,6 +31,7 @@ from tests.support.arms import (
     ROBOTS,
     arm,
     charted,
+    lipschitz_of,
     random_law,
     random_reference,
     random_spd,
@@ -179,7 +180,7 @@ def test_constants_over_omega_hold(robot: str) -> None:
     """k_C, k_M, k_Cq, k_G over postures and directions of which none was used to find them."""
     system, random = arm(robot), np.random.default_rng(9)
     constants, n = system.constants, system.robot.n
-    u = constants.lipschitz
+    u = lipschitz_of(system)
     links = [system.robot.model.copy() for _ in range(n)]
     for link, model in enumerate(links, start=1):
         for other in set(range(1, n + 1)) - {link}:

@@ -22,7 +22,7 @@ from app.session.changes import on_robot
 from app.simulation.assembly import assemble
 from app.simulation.domain import MARGIN, mobility_over, span_of
 from app.simulation.environment_builder import truth_of
-from app.simulation.extremes import OUTSIDE, Effort, ObjectiveValue, Omega, Place, largest
+from app.simulation.extremes import Effort, ObjectiveValues, Omega, Places, largest
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import KEPT, ConstantsStore
@@ -30,6 +30,7 @@ from controllers.bounds import InertiaRange
 from controllers.estimate_rates import Steepness
 from environments.robots import CATALOGUE
 from environments.step_resolution import Mobility
+from tests.support.arms import lipschitz_of
 from tests.support.cases import scenario_of
 
 pytestmark = pytest.mark.slow  # long searches
@@ -157,8 +158,10 @@ def steepness(system: System) -> dict[str, Value]:
 @pytest.mark.parametrize("robot", CATALOGUE)
 def test_a_harder_search_finds_nothing_beyond_the_lipschitz_constants(robot: str) -> None:
     system = system_of(f"{robot} on a plane")
+    lipschitz = lipschitz_of(system)
+    assert lipschitz.k_C == system.constants.k_C
     for name, value in steepness(system).items():
-        known = getattr(system.constants.lipschitz, name)
+        known = getattr(lipschitz, name)
         found = Walk(system.constants.omega, value, 7).highest(30, 1, 100)
         assert known / (MARGIN * 1.05) <= found <= known / HARDER, name
 
@@ -205,7 +208,7 @@ def test_the_mobility_of_an_arm_with_other_centres_and_shapes_is_bounded_by_the_
     for number in range(20):
         drawn = (Departure.inside, Departure.edge)[number % 2](random, model.nv).truth(wide)
         truth = truth_of(msgspec.structs.replace(system.scenario, truth=drawn), system.robot)
-        true, q = truth.model(system.robot), omega.places(1)[number].q
+        true, q = truth.model(system.robot), omega.places(1).q[number]
         M = np.array([pin.crba(each, each.createData(), q) for each in (true, model)])
         tool = system.nominal.evaluate(q, np.zeros_like(q))
         real, believed = (Mobility.largest(each[None], tool.J_v[None], np.eye(3)[:1]) for each in M)
@@ -218,7 +221,7 @@ def test_a_harder_search_finds_nothing_beyond_the_rates_of_the_links_errors() ->
     system = assemble(edited(system_of("planar3r on a plane").scenario, "declared.link_centre", 0.01))
     steepness = Steepness(system.robot.model)
     for k, known in enumerate(system.constants.rates[:1]):
-        found = Walk(system.constants.omega, lambda q, _, k=k: steepness.links(q)[k], 7).highest(30, 1, 100)
+        found = Walk(system.constants.omega, lambda q, _, k=k: steepness.links(q[None])[0, k], 7).highest(30, 1, 100)
         assert known / (MARGIN * 1.05) <= found <= known / HARDER
 
 
@@ -242,14 +245,11 @@ def test_search_finds_the_known_extreme_and_nothing_outside(span: float, cut: fl
     """exp(slope q) (1 + t (span - t)) over two balls that overlap, without the half-plane q_1 > cut."""
     omega = Omega(np.array([[0.0, 0.0], [0.1, 0.05]]), 0.2, span)
 
-    def values(place: Place) -> tuple[ObjectiveValue, ...]:
-        if place.q[0] < -0.15:
-            return (OUTSIDE,)
-        return (
-            ObjectiveValue(
-                float(np.exp(SLOPE @ place.q)) * (1.0 + place.t * (span - place.t)), 1.0 - (place.q[0] / cut) ** 3
-            ),
-        )
+    def values(places: Places) -> tuple[ObjectiveValues, ...]:
+        q, t = places
+        value, room = np.exp(q @ SLOPE) * (1.0 + t * (span - t)), 1.0 - (q[:, 0] / cut) ** 3
+        known = q[:, 0] >= -0.15
+        return (ObjectiveValues(np.where(known, value, 0.0), np.where(known, room, -1.0)),)
 
     top = np.array([0.1, 0.05]) + 0.2 * SLOPE / np.linalg.norm(SLOPE)
     if top[0] > cut:
@@ -283,7 +283,7 @@ def test_constants_are_reproducible_and_cached(tmp_path: Path, monkeypatch: pyte
 
     def numbers(system: System) -> list[float]:
         c = system.constants
-        return [c.k_r_low, c.k_r_high, *c.lipschitz, *system.mobility]
+        return [c.k_r_low, c.k_r_high, c.k_C, *(c.lipschitz or ()), *system.mobility]
 
     first = numbers(assemble(scenario, memory=Memory()))
     assert numbers(assemble(scenario, memory=Memory())) == first
@@ -366,4 +366,4 @@ def test_constants_are_those_of_the_scenario_whatever_was_before(name: str) -> N
     heavier = edited(before, "truth.link_scaling", 1.1)
     fresh, after = (assemble(heavier, previous).constants for previous in (None, assemble(before)))
     np.testing.assert_array_equal(after.centres, fresh.centres)
-    assert (after.k_r_low, after.k_r_high, after.lipschitz) == (fresh.k_r_low, fresh.k_r_high, fresh.lipschitz)
+    assert (after.k_r_low, after.k_r_high, after.k_C) == (fresh.k_r_low, fresh.k_r_high, fresh.k_C)

@@ -19,6 +19,7 @@ from controllers.bounds import Equivalent, InertiaRange, required_gain
 from controllers.nominal_model import ON_LINE
 from controllers.reaching import ReachingCertificate, lyapunov_bound
 from environments.truth import Truth
+from tests.support.arms import lipschitz_of
 from tests.support.cases import scenario_of
 
 pytestmark = pytest.mark.slow  # long or many simulations
@@ -129,12 +130,13 @@ def test_an_arm_outside_the_declared_set_does_exceed_them() -> None:
 def test_estimates_along_the_reference_stay_within_their_deviation() -> None:
     """Remark 3: M_hat, C_hat, G_hat at (q_d, q_d_dot) differ from those at (q, q_dot) by no more than is declared."""
     system, random = declared_system("ur5"), np.random.default_rng(3)
+    lipschitz = lipschitz_of(system)
     for _ in range(200):
         q = system.q_0 + random.uniform(-0.05, 0.05, 6)
         q_d = q + 10 ** random.uniform(-4, -1.5) * random.standard_normal(6)
         q_dot = random.standard_normal(6)
         q_d_dot = q_dot + 10 ** random.uniform(-3, -0.5) * random.standard_normal(6)
-        d = system.constants.lipschitz.deviation(float(np.linalg.norm(q - q_d)), q_dot, q_d_dot)
+        d = lipschitz.deviation(float(np.linalg.norm(q - q_d)), q_dot, q_d_dot)
         here, there = system.nominal.evaluate(q, q_dot), system.nominal.evaluate(q_d, q_d_dot)
         assert np.linalg.norm(here.M_hat - there.M_hat, 2) <= d.delta_M
         assert np.linalg.norm(here.C_hat - there.C_hat, 2) <= d.delta_C

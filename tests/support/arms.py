@@ -11,11 +11,14 @@ import msgspec
 import numpy as np
 
 from app.evidence.twins import arm, random_spd
+from app.scenario.data import edited
+from app.simulation.assembly import assemble
 from app.simulation.system import System
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
 from controllers.control_law import Reference
 from controllers.controller import Controller
+from controllers.estimate_rates import Lipschitz
 from controllers.laws.table import LAWS
 from controllers.switching import Switching
 from controllers.target_model import TargetModel
@@ -39,6 +42,13 @@ class State(NamedTuple):
     q: np.ndarray
     q_dot: np.ndarray
     t: float
+
+
+def lipschitz_of(system: System) -> Lipschitz:
+    """Lipschitz constants over the system's Omega, which only estimates along the reference need."""
+    found = assemble(edited(system.scenario, "controller.estimates", "along-reference")).constants.lipschitz
+    assert found is not None
+    return found
 
 
 @cache

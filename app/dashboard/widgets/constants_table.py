@@ -55,30 +55,29 @@ def _declared(snapshot: Snapshot) -> list[tuple[str, ...]]:
 
 def _searched(snapshot: Snapshot) -> list[tuple[str, ...]]:
     """Rows of the constants that a search over Omega finds."""
-    constants, along = snapshot.system.constants, snapshot.scenario.controller.estimates == "along-reference"
+    constants = snapshot.system.constants
     declared, rates = snapshot.scenario.declared, constants.rates
     in_doubt = declared.link_centre > 0.0 or declared.link_shape > 0.0
     units = snapshot.system.units
     lipschitz, mass = constants.lipschitz, units.of_model["M_m"]
-    only = "for estimates along r_d (Remark 3) only"
     rows = [
-        ("k_r′", "least eigenvalue of H", constants.k_r_low * MARGIN, constants.k_r_low, True, mass),
-        ("k_r″", "largest eigenvalue of H", constants.k_r_high / MARGIN, constants.k_r_high, True, mass),
-        ("k_C", "‖C‖ per rad/s, summed over the links", lipschitz.k_C / MARGIN, lipschitz.k_C, True, "kg·m²/rad"),
-        *(
-            (name, about, found / MARGIN, found, True, unit)
-            for name, about, found, unit in (
-                ("k_Cc", "‖ΔC‖ per rad/s and m of the links' centres of mass", rates.k_centre, "kg·m/rad"),
-                ("k_Ccc", "‖ΔC‖ per rad/s and m² of the links' centres of mass", rates.k_swing, "kg/rad"),
-                ("k_CI", "‖ΔC‖ per rad/s and share of the links' inertias", rates.k_shape, "kg·m²/rad"),
-            )
-            if in_doubt
-        ),
-        ("k_M", f"change of M_hat per rad, {only}", lipschitz.k_M / MARGIN, lipschitz.k_M, along, "kg·m²/rad"),
-        ("k_Cq", f"change of C_hat per rad/s and rad, {only}", lipschitz.k_Cq / MARGIN, lipschitz.k_Cq, along, "kg·m²"),
-        ("k_G", f"change of G_hat per rad, {only}", lipschitz.k_G / MARGIN, lipschitz.k_G, along, "N·m/rad"),
+        ("k_r″", "largest eigenvalue of H", constants.k_r_high, mass),
+        ("k_C", "‖C‖ per rad/s, summed over the links", constants.k_C, "kg·m²/rad"),
     ]
-    return [
-        (name, about, "—", f"{found:.4g}", f"{used:.4g}" if uses else "—", units.of_joints(unit))
-        for name, about, found, used, uses, unit in rows
+    if in_doubt:
+        rows += [
+            ("k_Cc", "‖ΔC‖ per rad/s and m of the links' centres of mass", rates.k_centre, "kg·m/rad"),
+            ("k_Ccc", "‖ΔC‖ per rad/s and m² of the links' centres of mass", rates.k_swing, "kg/rad"),
+            ("k_CI", "‖ΔC‖ per rad/s and share of the links' inertias", rates.k_shape, "kg·m²/rad"),
+        ]
+    if lipschitz is not None:
+        rows += [
+            ("k_M", "change of M_hat per rad, for estimates along r_d (Remark 3)", lipschitz.k_M, "kg·m²/rad"),
+            ("k_Cq", "change of C_hat per rad/s and rad, for these", lipschitz.k_Cq, "kg·m²"),
+            ("k_G", "change of G_hat per rad, for these", lipschitz.k_G, "N·m/rad"),
+        ]
+    low = constants.k_r_low
+    return [("k_r′", "least eigenvalue of H", "—", f"{low * MARGIN:.4g}", f"{low:.4g}", units.of_joints(mass))] + [
+        (name, about, "—", f"{used / MARGIN:.4g}", f"{used:.4g}", units.of_joints(unit))
+        for name, about, used, unit in rows
     ]
