@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,23 @@ LOOK = 0.001  # s between two readings of the loop's time
 FEW, MANY = 16, 64  # true arms behind a preview
 RESTS = 5.0  # s at rest, for the band of MANY arms
 EARLY = 0.6  # s after the last movement, at which the length of that band is read
+
+
+class Slider(NamedTuple):
+    """Slider that is dragged to and fro: field, label, middle of its way and half its length."""
+
+    path: str
+    label: str
+    middle: float
+    swing: float
+
+    def at(self, t: float) -> float:
+        """Value after t s of the drag."""
+        return self.middle + self.swing * math.sin(2.0 * t)
+
+
+FORCE = Slider("force.value", "F_d", 30.0, 10.0)
+RADIUS = Slider("motion.radius", "radius", 0.05, 0.02)  # moves Omega: the constants over it are searched for anew
 
 
 class Pace(NamedTuple):
@@ -110,9 +128,8 @@ class _Page:
     viewing: Viewing
     awake: threading.Event
 
-    def watch(self, seconds: float, *, drag: bool) -> tuple[Pace, list[Drawn]]:
-        """Draw frames for `seconds`. Returns the loop's pace, and the drawn previews. drag: whether the slider
-        moves."""
+    def watch(self, seconds: float, drag: Slider | None = None) -> tuple[Pace, list[Drawn]]:
+        """Draw frames for `seconds`. Returns the loop's pace, and the drawn previews. drag: the slider that moves."""
         recording, period = self.runner.snapshot.recording, self.runner.snapshot.scenario.controller.period
         began = time.perf_counter()
         framed = refreshed = -math.inf
@@ -120,11 +137,11 @@ class _Page:
         ages, previews, moves = [], [], dict[float, float]()
         while (now := time.perf_counter() - began) < seconds:
             ages.append(now - len(recording) * period)
-            if drag and now >= moving:
+            if drag is not None and now >= moving:
                 moving += MOVEMENT
-                value = 30.0 + 10.0 * math.sin(2.0 * now)
+                value = drag.at(now)
                 moves[value] = now
-                self.whatif.hold(HeldControl(Edit("force.value", value), "F_d", f"{value:.3g}", self, CLIENT))
+                self.whatif.hold(HeldControl(Edit(drag.path, value), drag.label, f"{value:.3g}", self, CLIENT))
             if now - framed >= 1.0 / FPS or (self.awake.is_set() and now - framed >= SOONEST):
                 framed = now
                 self.awake.clear()
@@ -137,7 +154,8 @@ class _Page:
                     self.plots.show(snapshot, shown, ("Overview",))
                 if foreseen and self.whatif.outlook is not None:
                     outlook = self.whatif.outlook
-                    previews.append(_drawn(now, outlook, now - moves.get(outlook.scenario.force.value, math.nan)))
+                    moved = math.nan if drag is None else moves.get(attrgetter(drag.path)(outlook.scenario), math.nan)
+                    previews.append(_drawn(now, outlook, now - moved))
             time.sleep(LOOK)
         late = 1e3 * (np.array(ages) - min(ages))
         rate = 1.0 - float(np.mean(ages[-20:]) - np.mean(ages[:20])) / seconds
@@ -152,7 +170,8 @@ def _drawn(t: float, outlook: Outlook, delay: float) -> Drawn:
 
 def measure(effort: Effort) -> Table:
     """Table of previews."""
-    metrics = [dragged(scenario, effort.drag) for scenario in SCENARIOS]
+    metrics = [dragged(scenario, FORCE, effort.drag) for scenario in SCENARIOS]
+    moved = [dragged(scenario, RADIUS, effort.drag) for scenario in SCENARIOS]
     rows = [
         ("redraws per s while dragging", *(f"{f.redraws:.1f}" for f in metrics)),
         ("first drawing after the first movement, s", *(f"{f.first:.2f}" for f in metrics)),
@@ -160,6 +179,11 @@ def measure(effort: Effort) -> Table:
         ("from a movement to its whole horizon, median, ms", *(f"{1e3 * f.delay:.0f}" for f in metrics)),
         ("whole horizon after the last movement, s", *(f"{f.settled:.2f}" for f in metrics)),
         ("real-time factor, alone / dragging", *(f"{f.alone.rate:.3f} / {f.dragging.rate:.3f}" for f in metrics)),
+    ]
+    rows += [
+        ("the path's radius is dragged: redraws per s", *(f"{f.redraws:.1f}" for f in moved)),
+        ("from a movement to its whole horizon, median, ms", *(f"{1e3 * f.delay:.0f}" for f in moved)),
+        ("real-time factor meanwhile", *(f"{f.dragging.rate:.3f}" for f in moved)),
     ]
     for title, name in (("median", "late_median"), ("p99", "late_p99"), ("max", "late_worst")):
         pairs = (f"{getattr(f.alone, name):.2f} / {getattr(f.dragging, name):.2f}" for f in metrics)
@@ -183,11 +207,11 @@ def banded(scenario: str, seconds: float) -> BandMetrics:
     """Metrics of previews with true arms: a drag with few of them, then a rest with many."""
     with _page(scenario) as page:
         page.whatif.arms = FEW
-        page.watch(1.0, drag=True)  # builds the arms
-        pace, drawn = page.watch(seconds, drag=True)
+        page.watch(1.0, FORCE)  # builds the arms
+        pace, drawn = page.watch(seconds, FORCE)
         page.whatif.arms = MANY
-        page.watch(1.0, drag=True)
-        _, still = page.watch(RESTS, drag=False)
+        page.watch(1.0, FORCE)
+        _, still = page.watch(RESTS)
         behind = [each for each in drawn if each.arms == FEW]
         return BandMetrics(
             redraws=len(drawn) / seconds,
@@ -199,13 +223,13 @@ def banded(scenario: str, seconds: float) -> BandMetrics:
         )
 
 
-def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> DragMetrics:
-    """Metrics of previews: the scenario runs alone, then with a drag of the desired force, both for `seconds`."""
+def dragged(scenario: str, slider: Slider, seconds: float, horizon: float = HORIZON) -> DragMetrics:
+    """Metrics of previews: the scenario runs alone, then with a drag of the slider, both for `seconds`."""
     with _page(scenario) as page:
         page.whatif.horizon, page.whatif.arms = horizon, 0
-        alone, _ = page.watch(seconds, drag=False)
-        dragging, drawn = page.watch(seconds, drag=True)
-        _, still = page.watch(2.0, drag=False)
+        alone, _ = page.watch(seconds)
+        dragging, drawn = page.watch(seconds, slider)
+        _, still = page.watch(2.0)
         times = [each.t for each in drawn]
         return DragMetrics(
             first=times[0],
@@ -228,7 +252,7 @@ def _page(scenario: str) -> Iterator[_Page]:
     page = _Page(runner, WhatIf(previewer, awake.set), plots, viewing, awake)
     try:
         runner.start()
-        page.watch(1.0, drag=False)
+        page.watch(1.0)
         while not previewer.idle:
             time.sleep(0.05)
         yield page
