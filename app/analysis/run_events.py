@@ -10,6 +10,8 @@ import numpy as np
 
 from app.analysis.metrics import MULTIPLIERS
 from app.scenario.data import differences
+from app.scenario.schema import Scenario
+from app.simulation.environment_builder import push_of
 from app.simulation.recording import Epoch, Recording
 from app.simulation.state import Flag
 
@@ -83,8 +85,8 @@ class RunEvents:
         force, moment = (np.linalg.norm(rows[name], axis=1) for name in ("F_push", "moment_push"))
         pushed = (force > 0.0) | (moment > 0.0)
         for i in np.flatnonzero(pushed & ~np.r_[self._pushed, pushed[:-1]]):
-            by = (f"{value:.3g} {unit}" for value, unit in ((force[i], "N"), (moment[i], "N·m")) if value > 0.0)
-            self._felt.append(Event(float(t[i]), "push", f"pushed with {' and '.join(by)}"))
+            scenario = [epoch.scenario for epoch in recording.epochs if epoch.t <= t[i]][-1]
+            self._felt.append(Event(float(t[i]), "push", _push(scenario, float(t[i]), force[i], moment[i])))
         for name, surface in zip(MULTIPLIERS, recording.epochs[-1].scenario.surfaces, strict=False):
             self._feel_contact(t, rows[name] != 0.0, WHICH[surface.place])
         self._felt.sort(key=lambda event: event.t)
@@ -105,6 +107,15 @@ class RunEvents:
         if known.now != known.reported and (known.since - known.at > APART or t - known.since > APART):
             known.reported, known.at = known.now, known.since
             self._felt.append(Event(known.since, "contact", f"contact {'made' if known.now else 'lost'}{which}"))
+
+
+def _push(scenario: Scenario, t: float, force: float, moment: float) -> str:
+    """Push that begins at t (s) with this force (N) and moment (N m), in words: a sine by its amplitudes."""
+    timed, most = push_of(scenario), ""
+    if timed.frequency > 0.0 and timed.at(t) is not None:  # it begins at zero
+        force, moment, most = float(np.linalg.norm(timed.force)), float(np.linalg.norm(timed.moment)), "up to "
+    by = " and ".join(f"{value:.3g} {unit}" for value, unit in ((force, "N"), (moment, "N·m")) if value > 0.0)
+    return f"pushed with {most}{by}"
 
 
 def _edit(before: Epoch, after: Epoch) -> Event | None:

@@ -56,6 +56,8 @@ def simulate(
             bar.update(periods)
             if loop.stopped:
                 break
+    if len(loop.recording) == 0:
+        raise ScenarioError(f"the run has stopped in its first control period: {loop.stopped}")
     return loop, metrics_of(loop, loop.t / (time.perf_counter() - started), by)
 
 

@@ -27,7 +27,7 @@ from app.simulation.controller_builder import (
     uncertainty_of,
     z_at_start,
 )
-from app.simulation.domain import Constants, centres, constants_over, mobility_over, span_of
+from app.simulation.domain import Constants, constants_over, mobility_over, span_of
 from app.simulation.environment_builder import (
     contacts_of,
     environment_of,
@@ -58,7 +58,15 @@ from app.simulation.extremes import Omega
 from app.simulation.observation import Observer
 from app.simulation.own_path_check import require_derivatives
 from app.simulation.planned_reference import Forces, Planned, ReferencePlan
-from app.simulation.reuse_keys import controller_key, domain_key, plant_key, sampled_loops_key, surfaces_key
+from app.simulation.reference_postures import ReferencePostures, postures_along
+from app.simulation.reuse_keys import (
+    constants_key,
+    controller_key,
+    omega_key,
+    plant_key,
+    sampled_loops_key,
+    surfaces_key,
+)
 from app.simulation.search_memory import Memory
 from app.simulation.starting_posture import require_within_reach, starting_posture
 from app.simulation.stations import Stations
@@ -155,7 +163,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     )
     constants = _constants(scenario, robot, mode, nominal, observer, plan, surfaces, q_0, memory, previous)
     mobility = _mobility(scenario, plant, constants, nominal, memory, previous)
-    stations = _stations(scenario, constants, previous)
+    stations = _stations(constants, previous)
     controller = _controller(scenario, robot, mode, layout, constants, previous)
     return System(
         scenario=scenario,
@@ -221,24 +229,32 @@ def _constants(
 ) -> Constants:
     """Constants over Omega, those of `previous` where they are the same. Raises ScenarioError."""
 
-    def same(previous: System) -> bool:
-        # the start is compared, too: onto a rigid surface the true arm's masses say which way it goes
-        return domain_key(previous.scenario) == domain_key(scenario) and np.array_equal(previous.q_0, q_0)
+    along_reference, rules = scenario.controller.estimates == "along-reference", scenario.simulation
 
-    def build() -> Constants:
-        along_reference = scenario.controller.estimates == "along-reference"
+    def same_omega(previous: System) -> bool:
+        # the start is compared, too: onto a rigid surface the true arm's masses say which way it goes
+        return omega_key(previous.scenario) == omega_key(scenario) and np.array_equal(previous.q_0, q_0)
+
+    def same(previous: System) -> bool:
+        return constants_key(previous.scenario) == constants_key(scenario) and same_omega(previous)
+
+    def find_postures() -> ReferencePostures:
         # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
-        on_it = plan if along_reference else plan.stiff()
-        shift, rules = plan.shift.end, scenario.simulation
+        on_it, shift = plan if along_reference else plan.stiff(), plan.shift.end
         unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
         if mode.on_surface:
             require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
         require_derivatives(scenario, unshifted)
-        along = centres(observer.record_at, unshifted, shift, q_0, rules.duration)
+        return postures_along(observer.record_at, unshifted, shift, q_0, rules.duration, rules.domain_radius)
+
+    def build() -> Constants:
+        known = _reused(
+            previous, same_omega, lambda p: ReferencePostures(p.constants.centres, p.constants.instants), find_postures
+        )
         span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
-        omega = Omega(along, rules.domain_radius, span)
+        omega = Omega(known.q, rules.domain_radius, span)
         uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
-        return constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory, along_reference)
+        return constants_over(omega, known.t, rules.sigma_min, uncertainty, nominal, observer, memory, along_reference)
 
     return _reused(previous, same, lambda p: p.constants, build)
 
@@ -314,13 +330,13 @@ def _mobility(
     return mobility
 
 
-def _stations(scenario: Scenario, constants: Constants, previous: System | None) -> Stations:
-    duration = scenario.simulation.duration
-
-    def same(previous: System) -> bool:
-        return previous.constants is constants and previous.scenario.simulation.duration == duration
-
-    return _reused(previous, same, lambda p: p.stations, lambda: Stations.along(constants.omega, duration))
+def _stations(constants: Constants, previous: System | None) -> Stations:
+    return _reused(
+        previous,
+        lambda p: p.constants is constants,
+        lambda p: p.stations,
+        lambda: Stations.along(constants.centres, constants.instants),
+    )
 
 
 def _sampled_loops(

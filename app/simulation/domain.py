@@ -4,40 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from app.scenario.errors import PathOutOfReach, ScenarioError
+from app.scenario.errors import ScenarioError
 from app.simulation.extremes import Effort, Objectives, ObjectiveValues, Omega, Places, largest
-from app.simulation.observation import Observation, Observer
-from app.simulation.planned_reference import Planned
+from app.simulation.observation import Observer
 from app.simulation.search_memory import Memory, Numbers, key_of
 from controllers.bounds import InertiaRange, Uncertainty
-from controllers.control_law import Reference
 from controllers.estimate_rates import NO_RATES, LinkRates, Lipschitz, Steepness
 from controllers.nominal_model import NominalModel
 from environments.step_resolution import Mobility, mobilities
 from environments.surfaces.table import Surface
-from kernels.records import Record
 
-CENTRES = 192  # postures along the reference, around which Omega lies
-NEAR = 1.0  # rad, between two of them that follow each other, and from the scenario's posture to the first
-SWEEPS = 4  # number of times that the centres go from the reference to the shifted one and back
 INERTIA, OTHERS = Effort(120, 3), Effort(40, 2)  # of the search; the other functions change less over Omega
 MARGIN = 1.02  # factor on all results of searches; longer searches by another method find less than this above them
 SLOWEST = 1e-3  # Hz: for a surface that moves more slowly, only the first 1000 s count
-
-Observe = Callable[[np.ndarray, np.ndarray, float], Record[Observation]]
-
-
-class DesiredPosture(NamedTuple):
-    """Posture of the arm on the reference.
-    q, q_dot: (n,) rad and rad/s, q_d and q_d_dot."""
-
-    q: np.ndarray
-    q_dot: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -46,7 +29,8 @@ class Constants:
     k_r_low, k_r_high: kg, of Property 1, for every arm inside the declared set.
     k_C: as in `bounds.Uncertainty`.
     lipschitz: constants of the estimates, known where these are taken along the reference; nothing else needs them.
-    rates: of the links' errors, zero where none are declared."""
+    rates: of the links' errors, zero where none are declared.
+    instants: (N,) s, at which the reference is at the centres of Omega."""
 
     k_r_low: float
     k_r_high: float
@@ -54,6 +38,7 @@ class Constants:
     lipschitz: Lipschitz | None
     rates: LinkRates
     omega: Omega
+    instants: np.ndarray
 
     @property
     def centres(self) -> np.ndarray:
@@ -64,46 +49,6 @@ class Constants:
     def radius(self) -> float:
         """Radius of Omega, rad."""
         return self.omega.radius
-
-
-def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> DesiredPosture:
-    """Posture with r(q_d, t) = r_d and the rate of both, by Newton's method from q (n,) rad."""
-    still = np.zeros_like(q)
-    task = observe(q, still, t).views.task
-    for _ in range(8):
-        away = task.J_q_inv @ (reference.r_d - task.r)
-        if np.abs(away).max() < 1e-9:
-            break
-        q = q + away
-        task = observe(q, still, t).views.task
-    return DesiredPosture(q, task.J_q_inv @ (reference.r_d_dot - task.v_t))
-
-
-def centres(
-    observe: Observe,
-    unshifted: Planned,
-    shift: np.ndarray,
-    q_0: np.ndarray,
-    duration: float,
-) -> np.ndarray:
-    """Postures (N, n) along the reference, and between it and its shift by (n,) m.
-
-    Raises PathOutOfReach when the arm cannot follow it.
-    """
-    found = [q_0]
-    q = q_0
-    for fraction in np.linspace(0.0, 1.0, CENTRES):
-        t = fraction * duration
-        reference = unshifted.at(t)
-        reference.r_d[:] += 0.5 * (1.0 - np.cos(2 * np.pi * SWEEPS * fraction)) * shift
-        try:
-            q = posture_at(observe, q, reference, t).q
-        except ValueError:  # J_q exactly singular
-            q = np.full_like(q, np.nan)
-        if not np.linalg.norm(q - found[-1]) < NEAR:
-            raise PathOutOfReach(f"motion: the arm cannot follow the reference beyond t = {t:.3g} s")
-        found.append(q)
-    return np.array(found)
 
 
 def span_of(surfaces: Sequence[Surface], duration: float) -> float:
@@ -117,6 +62,7 @@ def span_of(surfaces: Sequence[Surface], duration: float) -> float:
 
 def constants_over(
     omega: Omega,
+    instants: np.ndarray,
     sigma_min: float,
     uncertainty: Uncertainty,
     nominal: NominalModel,
@@ -125,6 +71,7 @@ def constants_over(
     along_reference: bool,
 ) -> Constants:
     """Constants over Omega, where J_q's smallest singular value is at least `sigma_min` m.
+    instants: (N,) s, of its centres.
     along_reference: whether estimates are taken along the reference.
 
     Raises ScenarioError where J_q is singular.
@@ -158,7 +105,7 @@ def constants_over(
         lipschitz = Lipschitz(k_C, *memory.recall(key_of("lipschitz", arm, *where), 3, find_lipschitz))
     in_doubt = uncertainty.rho_centre > 0.0 or uncertainty.rho_shape > 0.0
     rates = LinkRates(*memory.recall(key_of("rates", arm, *where), 3, find_rates)) if in_doubt else NO_RATES
-    return Constants(k_r_low, k_r_high, k_C, lipschitz, rates, omega)
+    return Constants(k_r_low, k_r_high, k_C, lipschitz, rates, omega, instants)
 
 
 def _nowhere(omega: Omega, sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> str:

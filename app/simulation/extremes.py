@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+SOME = 24  # of the centres, about
 MOST = 12  # searches, each from a sample of its own
 APART = 0.7  # radii between two samples to search from, at least
 NEAR = 3.0  # times the limit on sigma_min: one search begins at the sample nearest to that limit, if it is below this
@@ -103,7 +104,7 @@ class Omega:
         directions *= self.radius / np.linalg.norm(directions, axis=1, keepdims=True)
         spread = np.linspace(0, len(self.centres) - 1, count).astype(int)
         around = self.centres[spread] + directions * random.uniform(size=(count, 1)) ** (1 / n)
-        postures = np.concatenate([self.centres[::8], around])
+        postures = np.concatenate([self.centres[:: max(8, len(self.centres) // SOME)], around])
         return Places(postures, self.span * random.uniform(size=len(postures)))
 
 

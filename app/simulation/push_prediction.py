@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.simulation.contact_model import model_in_contact
+from app.simulation.contact_model import felt_per_wrench, model_in_contact
 from app.simulation.period_map import Posture, free_directions
 from app.simulation.push_response import FORCE, MOMENT, PushAxis, PushResponse
 from app.simulation.system import System
@@ -14,12 +14,12 @@ def push_response(system: System, at: Posture, A: np.ndarray, by_push: np.ndarra
     """Response of the tool to a push at a posture.
     A: (k, k), Jacobian of the control period.
     by_push: (k, 6), change of the state after the period by a unit push."""
-    controller, estimate, J_inv = system.controller, at.estimate, at.task.J_q_inv
+    estimate, J_inv = at.estimate, at.task.J_q_inv
     axes = _push_axes(system, at)
     wrenches = np.array([axis.wrench for axis in axes])
     basis = free_directions(system, at)
     place = wrenches @ np.vstack([estimate.J_v, estimate.J_w]) @ J_inv  # of the tool, from r
-    felt = controller.model.K_f @ (controller.controlled[:, None] * place.T)
+    felt = system.controller.model.K_f @ felt_per_wrench(system, at) @ wrenches.T
     model = model_in_contact(system, at)
     C = np.zeros((len(axes), len(A)))
     C[:, : basis.shape[1]] = place @ basis

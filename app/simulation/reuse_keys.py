@@ -29,9 +29,14 @@ def surfaces_key(scenario: Scenario) -> tuple[object, ...]:
     return touched, scenario.robot, scenario.mode, scenario.simulation
 
 
-def domain_key(scenario: Scenario) -> tuple[object, ...]:
-    """Parts of the scenario that Omega and the constants over it depend on, besides the start."""
-    names = ("robot", "task_space", "declared", "mode", "motion", "rotation", "shift", "simulation")
+def constants_key(scenario: Scenario) -> tuple[object, ...]:
+    """Parts of the scenario that the constants over Omega depend on, besides the start."""
+    return *omega_key(scenario), scenario.declared
+
+
+def omega_key(scenario: Scenario) -> tuple[object, ...]:
+    """Parts of the scenario that Omega depends on, besides the start."""
+    names = ("robot", "task_space", "mode", "motion", "rotation", "shift", "simulation")
     where = (*(getattr(scenario, name) for name in names), scenario.face.flat, scenario.face.normal)
     where = (*where, *((each.form, each.pressed) for each in scenario.surfaces))
     if scenario.controller.estimates == "along-reference":

@@ -6,9 +6,9 @@ import numpy as np
 
 from app.scenario.errors import IrregularCorner, ScenarioError, SurfaceOutOfReach
 from app.scenario.schema import Scenario
-from app.simulation.domain import NEAR, posture_at
 from app.simulation.environment_builder import task_surface, tool_at_start
 from app.simulation.observation import Observer
+from app.simulation.reference_postures import NEAR, posture_at
 from controllers.control_law import Reference
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel

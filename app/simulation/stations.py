@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.simulation.extremes import Omega
-
 APART = 0.1  # rad, largest change of a joint from one station to the next
 
 
@@ -24,9 +22,8 @@ class Stations:
     of: np.ndarray
 
     @classmethod
-    def along(cls, omega: Omega, duration: float) -> Stations:
-        """Stations among the centres of Omega along a reference of this duration, s."""
-        centres = omega.centres
+    def along(cls, centres: np.ndarray, instants: np.ndarray) -> Stations:
+        """Stations among the centres (N, n) of Omega, at which the reference is at the instants (N,) s."""
         chosen, of = [0], np.zeros(len(centres), dtype=int)
         for k, q in enumerate(centres):
             apart = np.abs(centres[chosen] - q).max(axis=1)
@@ -35,5 +32,4 @@ class Stations:
                 of[k] = len(chosen) - 1
             else:
                 of[k] = apart.argmin()
-        times = np.concatenate([[0.0], np.linspace(0.0, duration, len(centres) - 1)])  # as `domain.centres` goes along
-        return cls(centres[chosen], times[chosen], of)
+        return cls(centres[chosen], instants[chosen], of)

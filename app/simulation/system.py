@@ -11,10 +11,11 @@ import numpy as np
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.scenario.units import Units, kinds_of
-from app.simulation.domain import Constants, DesiredPosture, posture_at
+from app.simulation.domain import Constants
 from app.simulation.error_model import ErrorModel
 from app.simulation.observation import Observed, Observer
 from app.simulation.planned_reference import Planned, ReferencePlan
+from app.simulation.reference_postures import DesiredPosture, posture_at
 from app.simulation.search_memory import Memory
 from app.simulation.stations import Stations
 from controllers.blend import ModelBlend

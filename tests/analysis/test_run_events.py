@@ -72,6 +72,13 @@ def test_a_push_by_the_button_is_no_edit_and_an_edit_says_what(pushed: Scenario)
     assert last == Event(last.t, "edit", "controller.law = computed-torque", changed)
 
 
+def test_a_sine_begins_at_zero_and_is_told_by_its_amplitudes() -> None:
+    truth = {"push": [6.0, 8.0, 0.0], "push_moment": [0.0, 0.0, 0.5], "push_start": 0.1, "push_frequency": 2.0}
+    line = ran(Timeline(ClosedLoop.from_scenario(edited(load("ur5-hybrid"), "truth", truth))), 0.15)
+    (push,) = (each for each in RunEvents().of(line.recording, line.end, None, ()) if each.kind == "push")
+    assert push.what == "pushed with up to 10 N and 0.5 N·m"
+
+
 @pytest.mark.parametrize("further", ["second", "third"])
 def test_a_contact_is_told_of_each_surface_as_it_is_at_last(further: str) -> None:
     """Also where the scenario has a first and a third surface, which is the second one of the run."""

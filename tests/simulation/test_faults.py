@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from app.scenario.data import edited, load
+from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.commands import Blend, Edit, Load, Play, Reset, Seek
+from app.session.headless_run import simulate
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from app.simulation import premise_watch
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.controlled_arm import ControlledArm
 from drivers.waiting import until
 from tests.support.faults import begun, boom, ended, running
 
@@ -121,6 +124,19 @@ def test_what_nature_ends_ends_in_a_sentence(
     assert len(stopped.recording) > 100
     runner.post(Load(base))
     until(lambda: runner.snapshot.scenario == base and runner.snapshot.phase == "running")
+
+
+def test_a_headless_run_that_ends_in_its_first_period_is_refused_with_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It has no row, so no metrics; a sweep writes the refusal into the run's row and goes on."""
+
+    def unreachable(_: object) -> None:
+        raise ValueError("the tool cannot be brought onto the surface")
+
+    monkeypatch.setattr(ControlledArm, "move", unreachable)
+    with pytest.raises(ScenarioError, match=r"first control period: t = 0\.000 s: the plant failed \(the tool cannot"):
+        simulate(load("ur5-constrained"), engine="pinocchio")
 
 
 @pytest.mark.faults

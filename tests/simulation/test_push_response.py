@@ -89,6 +89,24 @@ def test_viscous_friction_along_a_surface_is_in_the_target_beside_the_sampled_lo
     assert np.abs(sampled_loop(free, free.q_0, 0.0).model - along[0]).min() > 1.0
 
 
+def test_a_force_along_an_oblique_surface_is_not_read_as_its_normal_force() -> None:
+    """A plane that lies oblique to the coordinates along it, as a typed surface may: of friction along it, and of a
+    push along it, the law reads no normal force; model and sampled loop agree on both."""
+    data = to_plain(edited(load("ur5-hybrid"), "motion", "hold"))
+    data["truth"], data["declared"] = {}, {}
+    data["controller"]["period"] = 0.0005
+    data["surface"] = {"kind": "formula", "text": "z - 0.17 - 0.6*(x - 0.572)", "solid": "below"}
+    pressed = from_plain(data)
+    system, frequency = assemble(edited(pressed, "contact.friction_viscous", 60.0)), np.array([0.3, 1.0, 4.0])
+    loop, smooth = (sampled_loop(each, each.q_0, 0.0) for each in (system, assemble(pressed)))
+    np.testing.assert_allclose(loop.model, smooth.model, rtol=1e-9)
+    assert loop.response is not None
+    found, target = (
+        loop.response.in_metres(each(frequency)) for each in (loop.response.admittance, loop.response.target)
+    )
+    assert np.abs(found - target).max() < 0.03 * np.abs(target).max()
+
+
 @pytest.mark.slow  # long simulations
 @pytest.mark.parametrize(
     ("scenario", "sensor"),
