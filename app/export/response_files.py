@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import cycle
+from itertools import cycle, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -126,10 +126,23 @@ class _Opened(NamedTuple):
 
 def _opened(loop: ForceLoop) -> _Opened:
     frequency = loop.frequencies()
-    gains = -loop.gains(frequency)
+    gains = followed(-loop.gains(frequency))
     p = gains.shape[1]
     names = ("",) if p == 1 else tuple(f" {k + 1}" for k in range(p))
     return _Opened(frequency, np.abs(gains), np.degrees(np.unwrap(np.angle(gains), axis=0)), names)
+
+
+def followed(values: np.ndarray) -> np.ndarray:
+    """The same values (N, p) in each row, in the order in which each column goes on from its value in the row before:
+    curves that cross do not change places."""
+    from scipy.optimize import linear_sum_assignment  # takes 0.1 s, which no other command waits for
+
+    found = values.copy()
+    for before, row in pairwise(found):
+        sizes = np.abs(before)[:, None] + np.abs(row)
+        apart = np.abs(row - before[:, None]) / np.maximum(sizes, np.finfo(float).tiny)
+        row[:] = row[linear_sum_assignment(apart)[1]]
+    return found
 
 
 def force_table_of(loop: ForceLoop) -> str:

@@ -97,7 +97,7 @@ class Recording:
     """A bounded table of rows. One thread adds; any thread reads whole rows.
 
     history: number of rows that are kept at full rate. Older rows are thinned to one in `THINNING` and deleted after
-    twice the history; memory is bounded, with six joints by 0.7 GB.
+    twice the history; memory is bounded, with six joints by 0.9 GB.
     epochs: the last ones, oldest first; readers take a copy.
     """
 

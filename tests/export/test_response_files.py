@@ -12,7 +12,7 @@ import pytest
 from app.cli.commands import execute
 from app.dashboard.widgets.impedance_map import impedance_html
 from app.export.printing import render
-from app.export.response_files import figure_of
+from app.export.response_files import figure_of, followed
 from app.scenario.data import from_plain, load, to_plain, to_toml
 from app.session.push_measurement import Measured
 from app.simulation.assembly import assemble
@@ -61,6 +61,15 @@ def test_the_table_has_target_sampled_loop_and_measured_points(
     assert "impedance along x" in written
     assert "turn about the axis of α under a step of 1 N·m" in written
     assert "poles, imaginary over real part" in written
+
+
+def test_curves_of_the_force_loop_that_cross_do_not_change_places() -> None:
+    """Two gains of which the larger falls below the other one, given with the largest first at each frequency."""
+    frequency = np.geomspace(0.1, 100.0, 400)
+    curves = np.stack([3.0 / (1.0 + 1j * frequency), 1.0 / (1.0 + 0.05j * frequency), np.zeros(400)], axis=1)
+    largest_first = np.take_along_axis(curves, np.argsort(-np.abs(curves), axis=1), axis=1)
+    assert not np.array_equal(largest_first, curves)
+    np.testing.assert_array_equal(followed(largest_first), curves)
 
 
 def test_the_force_loop_has_its_margins_and_a_table_of_gain_and_phase(
