@@ -58,9 +58,9 @@ def sweep_plot(
         kind=None if kind is None else one_of("--as", kind, get_args(points.Kind)),
     )
     sweep, columns = table_of(folder)
-    points.require_metric(columns, of)
     if sweep.program != fingerprint(sweep):
         print_line(f"this sweep was computed by {another_program(sweep)}: a metric may have had another meaning")
+    points.require_metric(columns, of)
     path, drawn = out or folder / f"{of}.{form}", charts.chart(sweep, columns, view, form)
     with written_to(path):
         path.parent.mkdir(parents=True, exist_ok=True)

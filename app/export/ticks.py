@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -15,8 +16,9 @@ def plain_decades(axis: Axis) -> None:
     from matplotlib.ticker import LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
-    within_decades = high > 30 * low
-    axis.set_major_locator(LogLocator(subs=(1.0,) if within_decades else (1.0, 2.0, 5.0), numticks=6))
+    decades = math.floor(math.log10(high)) - math.ceil(math.log10(low))
+    only_powers = high > 30 * low and decades >= 1  # one number alone tells no scale
+    axis.set_major_locator(LogLocator(subs=(1.0,) if only_powers else (1.0, 2.0, 5.0), numticks=6))
     axis.set_minor_formatter(NullFormatter())
     # one form for all numbers of an axis: 10000 is not read beside 10⁵
     axis.set_major_formatter(power_of_ten if high >= 1e5 or low < 1e-4 else plain_number)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -106,7 +108,9 @@ class _Pool:
 
     def _hand(self, each: _Handed[Any]) -> None:
         try:
-            self._futures[self._pool.submit(_Process.compute, each.task)] = each
+            with _interrupts_blocked():  # here workers are started
+                future = self._pool.submit(_Process.compute, each.task)
+            self._futures[future] = each
         except BrokenProcessPool:
             self._futures[Future()] = each
             raise
@@ -117,18 +121,48 @@ class _Pool:
 
 
 class _Process:
-    """A process of the pool: the function that computes its tasks."""
+    """A process of the pool: the function that computes its tasks.
+
+    A terminal sends Ctrl-C to it, too. That ends its tasks but not the process, which would print a traceback: the
+    process that started it ends it."""
 
     function: Callable[[Any], Any]
+    computing = interrupted = False
 
     @classmethod
     def begin(cls, make: Callable[..., Callable[[Any], Any]], arguments: tuple[Any, ...]) -> None:
         _end_with_parent()
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as where a script has started the program with &
+            signal.signal(signal.SIGINT, cls.interrupt)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         cls.function = staticmethod(make(*arguments))
 
     @classmethod
     def compute(cls, task: Any) -> Any:
-        return cls.function(task)
+        try:
+            cls.computing = True
+            if cls.interrupted:
+                raise KeyboardInterrupt  # the pool cannot take back what it has handed out
+            return cls.function(task)
+        finally:
+            cls.computing = False
+
+    @classmethod
+    def interrupt(cls, *_: object) -> None:
+        cls.interrupted = True
+        if cls.computing:
+            raise KeyboardInterrupt
+
+
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Context in which Ctrl-C is blocked in this thread, and in processes that it starts, until they can handle it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    try:
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # may raise KeyboardInterrupt, so not before `try`
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _end_with_parent() -> None:

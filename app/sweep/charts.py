@@ -120,6 +120,8 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
     if sweep.design != "grid" and len(sweep.vary) > 1:
         raise ScenarioError("--as slices of a design; allowed: of a grid, or --as scatter or parallel")
     canvas, plot = sheet(SINGLE, _caption(sweep, points, view, missing="Left out", stopped="A cross"))
+    # for matplotlib a point without a number does not count
+    plot.update_datalim([(end, 0.0) for end in _ends(x)], updatey=False)
     rest = [axis.path for axis in sweep.vary if axis.path != x.path]
     shown = [axis.path for axis in others] or rest
     keys = [tuple(points.values[path][k] for path in rest) for k in range(len(points.number))]
@@ -187,7 +189,9 @@ def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -
     canvas, plot = sheet(DOUBLE, _caption(sweep, points, view, missing="Grey", stopped="Grey"))
     norm, map_ = _norm(points, view), colormaps[COLORS]
     columns = [_fractions(axis, points.values[axis.path]) for axis in axes]
-    worst_last = np.argsort(np.nan_to_num(points.number, nan=np.inf))
+    less_is_worse = statistic_of(view) == "share" or COLUMNS[view.metric].more_is_better
+    badness = -points.number if less_is_worse else points.number
+    worst_last = np.argsort(np.nan_to_num(badness, nan=np.inf))  # so that no good line covers them
     for k in worst_last:
         value = points.number[k]
         color = "0.6" if math.isnan(value) else map_(norm(value))

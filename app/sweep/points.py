@@ -80,7 +80,7 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
     stopped = np.array([bool(each) for each in columns["stopped"]])[order]
     column = COLUMNS[view.metric]
     limit = np.inf if view.within is None else view.within
-    keeps = (metric >= limit if column.more_is_better else metric <= limit) & ~stopped
+    keeps = (metric >= limit if column.more_is_better else metric <= limit) & (~stopped | column.also_stopped)
     margin, inside = (np.asarray(columns[name], dtype=float)[order] for name in ("gain_margin", "declared"))
     groups = [slice(a, b) for a, b in zip(begins, [*begins[1:], len(point)], strict=True)]
     arms = np.array([g.stop - g.start for g in groups])

@@ -18,13 +18,14 @@ import pyarrow.parquet as pq
 from app.process.atomic_write import write_whole
 from app.scenario.errors import ScenarioError
 from app.storage.joint_kinds import units_of
-from app.sweep.fingerprint import another_program
+from app.sweep.fingerprint import another_program, fingerprint
 from app.sweep.plan import FILE, Sweep, SweepPlan, differences, differences_in_words, read, to_toml
 from app.sweep.run_metrics import COLUMNS, RunMetrics
 from app.sweep.titles import title_of, unit_of
 
 PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"
 ROWS = 2000  # of a part
+NUMBERS = ("row", "point", "arm")  # columns
 
 
 class _Coming(NamedTuple):
@@ -150,10 +151,34 @@ def _read(part: Path, schema: pa.Schema, count: int, columns: list[str] | None =
             table = file.read(columns if own else [])
     except (pa.ArrowInvalid, OSError) as error:
         raise ScenarioError(f"{part}: cannot be read as Parquet; {remedy}") from error
-    rows = table["row"].to_numpy() if own else np.array([-1])
-    if not ((rows >= 0) & (rows < count)).all():
+    if not own or not _numbered(table, count):
         raise ScenarioError(f"{part}: holds runs of something else; {remedy}")
     return table
+
+
+def _read_another(part: Path, schema: pa.Schema, count: int, program: str) -> pa.Table:
+    """Columns that a part of another version of the program shares with this one. Raises ScenarioError where it is
+    damaged, or lacks what tells its runs apart; it need not be removed then, since only that version can make its runs
+    again. program: words for that version."""
+    lasting = [name for name in schema.names if name not in COLUMNS or name in NUMBERS]
+    try:
+        with pq.ParquetFile(part) as file:
+            table = file.read()
+        shared = [name for name in schema.names if name in table.column_names]
+        table = table.select(shared).cast(pa.schema([schema.field(name) for name in shared]))
+        if set(lasting) <= set(shared) and _numbered(table, count):
+            return table
+    except (pa.ArrowException, OSError):
+        pass
+    raise ScenarioError(
+        f"{part}: cannot be read; it was computed by {program}; allowed: `vsmrc sweep plot` of that one"
+    )
+
+
+def _numbered(table: pa.Table, count: int) -> bool:
+    """Whether the rows of a table are those of a sweep with this number of runs."""
+    rows = table["row"].to_numpy()
+    return bool(((rows >= 0) & (rows < count)).all())
 
 
 def parts(folder: Path) -> Sequence[Path]:
@@ -171,7 +196,7 @@ def schema_of(sweep: Sweep) -> pa.Schema:
     known = [
         column(
             name,
-            pa.string() if each.word else pa.int64() if name in ("row", "point", "arm") else pa.float64(),
+            pa.string() if each.word else pa.int64() if name in NUMBERS else pa.float64(),
             "1" if each.unit == "1" else each.unit_in(units_of(sweep.scenario)),
             each.whole_meaning,
         )
@@ -190,19 +215,25 @@ def schema_of(sweep: Sweep) -> pa.Schema:
 
 
 def table_of(folder: Path) -> tuple[Sweep, dict[str, np.ndarray]]:
-    """Sweep of a folder, and the columns of its runs so far, in the order of their rows. Raises ScenarioError where
-    there are none."""
+    """Sweep of a folder, and the columns of its runs so far, in the order of their rows. A column that another version
+    of the program did not know has no values. Raises ScenarioError where there are no runs."""
     sweep = read(folder / FILE)
     schema, count = schema_of(sweep), SweepPlan(sweep).count
-    done, tables = np.zeros(count, dtype=bool), []
+    own = sweep.program == fingerprint(sweep)
+    journal = journaled(folder, count)  # before the parts: a sweep that runs may move its rows into one meanwhile
+    done, tables = np.zeros(count, dtype=bool), [schema.empty_table()]
     for part in parts(folder):
-        table = _read(part, schema, count).cast(schema)
+        table = (
+            _read(part, schema, count).cast(schema)
+            if own
+            else _read_another(part, schema, count, another_program(sweep))
+        )
         rows = table["row"].to_numpy()
         tables.append(table.filter(~done[rows]))  # rows that an earlier version of the program has written twice
         done[rows] = True
-    waiting = [row for row in journaled(folder, count) if not done[row["row"]]]
+    waiting = [row for row in journal if not done[row["row"]]]
     tables.append(pa.Table.from_pylist(waiting, schema=schema))
-    whole = pa.concat_tables(tables).sort_by("row")
+    whole = pa.concat_tables(tables, promote_options="default").sort_by("row")
     if not len(whole):
         raise ScenarioError(f"{folder}: no runs yet; allowed: a folder in which `vsmrc sweep` has computed some")
     columns: dict[str, Any] = {name: whole[name].to_numpy() for name in whole.column_names}

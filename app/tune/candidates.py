@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ LIMITS = {
     for premise in (Premise.GAIN, Premise.LAYER, Premise.GAIN_BY_CHATTER, Premise.GAIN_BY_FORCE, Premise.FORCE_LOOP,
                     Premise.SAMPLED_LOOP)
 }  # fmt: skip
+INSTANT = re.compile(r"^t = \S+ s: ")  # at the head of the reason why a run stopped
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,9 @@ def judged(tuning: Tuning, number: int, values: dict[str, Value], runs: Sequence
     broken = [reason for reason in reasons if reason]
     badge = ""
     if broken:
-        commonest, _ = Counter(broken).most_common(1)[0]
-        badge = f"{commonest} ({len(broken)} of {len(runs)} arms)"
+        (commonest, count), *others = Counter(broken).most_common()
+        in_all = f", {len(broken)} for any reason" if others else ""
+        badge = f"{commonest} ({count} of {len(runs)} arms{in_all})"
     aims = tuple(max(aim_of(run, aim) for run in runs) for aim in tuning.aims)
     promised = sum(run.get("verdict") == "holds" for run in runs) / len(runs)
     return Candidate(number, values, aims, badge, len(broken) / len(runs), promised)
@@ -65,7 +68,7 @@ def aim_of(run: RunMetrics, aim: str) -> float:
 def _reason(tuning: Tuning, run: RunMetrics) -> str:
     """Why a run keeps its candidate from being offered; "" where it does not."""
     if run.get("stopped"):
-        return str(run["stopped"])
+        return INSTANT.sub("", str(run["stopped"]))  # equal causes are counted together
     if over := [LIMITS[name] for name in (run.get("failed") or "").split(", ") if name in LIMITS]:
         return f"over its limit: {'; '.join(over)}"
     if run.get("verdict") == "broken":

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -81,6 +84,58 @@ def test_a_program_that_gives_up_among_its_tasks_ends(tmp_path: Path) -> None:
         [sys.executable, program], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, timeout=300
     )
     assert ended.returncode == 3
+
+
+# A program of which Ctrl-C stops one worker that computes for minutes, and one that waits for tasks or still imports.
+INTERRUPTED = """
+import sys
+import time
+from app.process.worker_pool import results
+
+def make():
+    return time.sleep
+
+def tasks():
+    yield 300.0
+    yield 0.01
+    if sys.argv[1] == "imports":
+        print("now", flush=True)
+
+if __name__ == "__main__":
+    try:
+        for task, _ in results(make, (), tasks(), 2):
+            print("now", flush=True)
+    except KeyboardInterrupt:
+        sys.exit(130)
+else:
+    time.sleep(0.5)  # a worker
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("idle", ["waits", "imports"])
+def test_ctrl_c_ends_a_program_at_once_and_no_worker_prints_a_traceback(tmp_path: Path, idle: str) -> None:
+    path = tmp_path / "interrupted.py"
+    path.write_text(INTERRUPTED)
+    with subprocess.Popen(
+        [sys.executable, path, idle],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as program:
+        assert program.stdout is not None
+        try:
+            assert program.stdout.readline() == "now\n"
+            time.sleep(0.2)
+            os.killpg(program.pid, signal.SIGINT)  # as a terminal does it
+            _, errors = program.communicate(timeout=60)
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(program.pid, signal.SIGKILL)
+    assert program.returncode == 130
+    assert errors == ""
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 
 from app.scenario.errors import ScenarioError
 from app.sweep.axes import Axis, axis_of
-from app.sweep.charts import _borders, _fractions, _geometric, chart
+from app.sweep.charts import _borders, _fractions, _geometric, _parallel, _slices, chart
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView, interval, points_of, require_metric
 from app.sweep.run_metrics import METRIC_COLUMNS
@@ -92,9 +92,16 @@ def test_a_refused_run_is_the_worst_also_of_a_metric_that_a_stopped_run_has() ->
     assert np.flatnonzero(worst.never).tolist() == np.flatnonzero(median.never).tolist() == [0]
 
 
+def test_a_run_that_stopped_keeps_a_limit_of_a_metric_that_it_has() -> None:
+    table = columns() | {"promised_share": np.where(columns()["point"] == 3, np.nan, 1.0)}
+    table["stopped"] = np.where(table["point"] == 3, "refused", table["stopped"])
+    # all arms of point 2, of which one stopped, and none of point 3, which were refused
+    assert points_of(SWEEP, table, SweepView("promised_share", within=0.9)).good.tolist() == [4, 4, 4, 0, 4, 4]
+
+
 def test_a_limit_of_a_margin_is_its_least() -> None:
     table = columns() | {"promised_share": np.where(columns()["arm"] == 0, 0.2, 1.0)}
-    assert points_of(SWEEP, table, SweepView("promised_share", within=0.9)).good.tolist() == [3, 3, 2, 3, 3, 3]
+    assert points_of(SWEEP, table, SweepView("promised_share", within=0.9)).good.tolist() == [3] * 6
     drawn = texts_of(chart(SWEEP, table, SweepView("promised_share", within=0.9), "svg"))
     assert "share of arms with promised share ≥ 0.9" in drawn
 
@@ -160,6 +167,34 @@ def test_other_charts_for_other_sweeps() -> None:
     assert {"robust (25)", "PD + gravity", "control law", "stiffness of the surface [N/m]"} <= set(
         texts_of(chart(three, columns(three), SweepView("force_error"), "svg"))
     )
+
+
+def test_slices_reach_over_all_values_that_are_swept() -> None:
+    """Points at the ends that have no value do not end the axis."""
+    stiffness = sweep_of("contact.K_e=1e3:1e5:9:log")
+    table = columns(stiffness)
+    ends = np.isin(table["point"], (0, 1, 7, 8))
+    table["settling_time"] = np.where(ends, np.nan, 0.5)
+    view = SweepView("settling_time", kind="slices")
+    low, high = _slices(stiffness, list(stiffness.vary), points_of(stiffness, table, view), view).axes[0].get_xlim()
+    assert 0.5e3 < low < 1e3
+    assert 1e5 < high < 2e5
+
+
+@pytest.mark.parametrize(
+    ("view", "order"),
+    [
+        (SweepView("force_error", statistic="median"), [0, 1, 3, 4, 5, 2]),
+        (SweepView("force_error", within=1.25), [0, 1, 2, 3, 4, 5]),
+        (SweepView("gain_margin"), [0, 1, 3, 5, 4, 2]),  # of point 2 an arm has stopped
+    ],
+)
+def test_the_worst_lines_are_drawn_over_the_others(view: SweepView, order: list[int]) -> None:
+    points = points_of(SWEEP, columns(), view)
+    lines = _parallel(SWEEP, list(SWEEP.vary), points, view).axes[0].lines[:6]
+    places = np.transpose([_fractions(axis, points.values[axis.path]) for axis in SWEEP.vary]).tolist()
+    drawn = [places.index(np.asarray(line.get_ydata()).tolist()) for line in lines]
+    assert drawn == order
 
 
 def test_a_design_over_one_of_its_fields_is_refused() -> None:

@@ -21,11 +21,14 @@ from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.sweep import run_store
 from app.sweep.axes import axis_of
+from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_store import JOURNAL, RunStore, parts, schema_of, table_of
 from tests.sweep.test_plan import sweep_of
 
-SWEEP = sweep_of("contact.K_e=1e3:1e5:50:log", "controller.K_s=20:80:80")  # 4,000 runs
+SWEEP = msgspec.structs.replace(  # 4,000 runs
+    sweep_of("contact.K_e=1e3:1e5:50:log", "controller.K_s=20:80:80"), program=fingerprint()
+)
 ASKED = SweepPlan(SWEEP)
 
 
@@ -229,6 +232,47 @@ def test_rows_that_wait_in_the_journal_are_drawn_too(tmp_path: Path) -> None:
     _, columns = table_of(tmp_path)
     assert columns["row"].tolist() == [3, 7]
     assert columns["motion_error"] == pytest.approx([3e-6, 7e-6])
+
+
+@pytest.mark.parametrize("read", ["journaled", "parts"])
+def test_rows_that_a_running_sweep_settles_while_they_are_read_are_there_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read: str
+) -> None:
+    with RunStore(tmp_path, SWEEP) as store:
+        store.add(metrics(7))
+        reading = getattr(run_store, read)
+
+        def read_and_settle(*arguments: Any) -> Any:
+            found = reading(*arguments)
+            store.flush()
+            return found
+
+        monkeypatch.setattr(run_store, read, read_and_settle)
+        assert table_of(tmp_path)[1]["row"].tolist() == [7]
+
+
+def test_a_sweep_of_another_version_is_drawn_with_the_columns_that_both_have(tmp_path: Path) -> None:
+    with RunStore(tmp_path, msgspec.structs.replace(SWEEP, program="older")) as store:
+        store.add(metrics(7))
+        store.flush()
+        store.add(metrics(3))
+    (part,) = parts(tmp_path)
+    table = pq.read_table(part)
+    older = table.drop_columns(["residual", "failed"]).append_column("friction_error", table["motion_error"])
+    pq.write_table(older, part)
+    _, columns = table_of(tmp_path)
+    assert columns["row"].tolist() == [3, 7]
+    assert columns["motion_error"] == pytest.approx([3e-6, 7e-6])
+    assert np.isnan(columns["residual"]).all()
+    assert columns["failed"].tolist() == [None, None]
+    assert list(columns) == schema_of(SWEEP).names
+    for strange in (table.drop_columns(["point"]), table.drop_columns(["row"]), table.drop_columns(["controller.K_s"])):
+        pq.write_table(strange, part)
+        with pytest.raises(ScenarioError, match=r"another version of the program; allowed: `vsmrc sweep plot`"):
+            table_of(tmp_path)
+    part.write_bytes(b"no Parquet file")
+    with pytest.raises(ScenarioError, match=r"another version of the program; allowed: `vsmrc sweep plot`"):
+        table_of(tmp_path)
 
 
 def test_a_part_of_another_sweep_and_lines_that_are_no_rows_are_not_taken(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def test_a_candidate_is_as_good_as_its_worst_arm() -> None:
         ({"failed": "force_loop"}, "over its limit: force loop, sampled"),
         ({"failed": "sampled_loop"}, "over its limit: closed loop, sampled"),
         ({"verdict": "broken"}, "the promise was broken"),
-        ({"stopped": "contact lost"}, "contact lost"),
+        ({"stopped": "t = 0.036 s: contact lost"}, "contact lost"),
         ({"force_error": None}, "no force_error"),
     ],
 )
@@ -50,6 +50,20 @@ def test_the_reason_why_candidates_are_not_offered_is_told_whole() -> None:
     own = judged(BOTH, 0, {}, [SOUND])
     found = Found([own, over], {0: own}, {0: [SOUND]})
     assert any("because of this: over its limit: d covers (17)" in each for each in verdict(BOTH, found))
+
+
+def test_equal_reasons_are_counted_together_and_no_others() -> None:
+    """The instant at which a run stops is no part of the reason."""
+    late, early = (SOUND | {"stopped": f"t = {t} s: contact lost"} for t in ("0.036", "1.204"))
+    over = SOUND | {"failed": "layer"}
+    three = judged(BOTH, 1, {}, [over, SOUND, early, over, over])
+    assert three.badge == "over its limit: robust terms, sampled (3 of 5 arms, 4 for any reason)"
+    assert three.broken == 0.8
+    lost = [judged(BOTH, number, {}, [SOUND, over, *stops]) for number, stops in ((2, (early, late)), (3, (late,) * 2))]
+    assert [each.badge for each in lost] == ["contact lost (2 of 4 arms, 3 for any reason)"] * 2
+    own = judged(BOTH, 0, {}, [SOUND])
+    sentences = verdict(BOTH, Found([own, three, *lost], {0: own}, {0: [SOUND]}))
+    assert "3 of 3 candidates are not offered, 2 of them because of this: contact lost" in sentences
 
 
 def test_a_premise_that_is_no_limit_gives_no_badge() -> None:
