@@ -83,11 +83,12 @@ class RunEvents:
         if not len(t):
             return
         force, moment = (np.linalg.norm(rows[name], axis=1) for name in ("F_push", "moment_push"))
-        pushed = (force > 0.0) | (moment > 0.0)
+        pushed, epochs = (force > 0.0) | (moment > 0.0), tuple(recording.epochs)  # a copy: the loop's thread adds
         for i in np.flatnonzero(pushed & ~np.r_[self._pushed, pushed[:-1]]):
-            scenario = [epoch.scenario for epoch in recording.epochs if epoch.t <= t[i]][-1]
+            # the oldest that is kept, where the push is older
+            scenario = [epoch.scenario for epoch in epochs if epoch.t <= t[i] or epoch is epochs[0]][-1]
             self._felt.append(Event(float(t[i]), "push", _push(scenario, float(t[i]), force[i], moment[i])))
-        for name, surface in zip(MULTIPLIERS, recording.epochs[-1].scenario.surfaces, strict=False):
+        for name, surface in zip(MULTIPLIERS, epochs[-1].scenario.surfaces, strict=False):
             self._feel_contact(t, rows[name] != 0.0, WHICH[surface.place])
         self._felt.sort(key=lambda event: event.t)
         self._read, self._pushed = float(t[-1]), bool(pushed[-1])

@@ -141,7 +141,7 @@ def followed(values: np.ndarray) -> np.ndarray:
     for before, row in pairwise(found):
         sizes = np.abs(before)[:, None] + np.abs(row)
         apart = np.abs(row - before[:, None]) / np.maximum(sizes, np.finfo(float).tiny)
-        row[:] = row[linear_sum_assignment(apart)[1]]
+        row[:] = row[linear_sum_assignment(np.nan_to_num(apart, nan=1.0, posinf=1.0))[1]]
     return found
 
 

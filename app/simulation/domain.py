@@ -102,10 +102,22 @@ def constants_over(
     (k_C,) = memory.recall(key_of("k_C", arm, *where), 1, lambda: (steepest(steepness.k_C),))
     lipschitz = None
     if along_reference:
+        _require_ways(omega)
         lipschitz = Lipschitz(k_C, *memory.recall(key_of("lipschitz", arm, *where), 3, find_lipschitz))
     in_doubt = uncertainty.rho_centre > 0.0 or uncertainty.rho_shape > 0.0
     rates = LinkRates(*memory.recall(key_of("rates", arm, *where), 3, find_rates)) if in_doubt else NO_RATES
     return Constants(k_r_low, k_r_high, k_C, lipschitz, rates, omega, instants)
+
+
+def _require_ways(omega: Omega) -> None:
+    """Raise ScenarioError where `Omega.way` would lead out of Omega between two centres that follow each other."""
+    gap = float(np.linalg.norm(np.diff(omega.centres, axis=0), axis=1).max())
+    if gap > 2.0 * omega.radius:
+        raise ScenarioError(
+            f"controller.estimates: 'along-reference', with postures of the reference that are {gap:.3g} rad apart, "
+            f"more than the width of Omega, {2.0 * omega.radius:.3g} rad; allowed: 'online', a larger "
+            "simulation.domain_radius, a shorter simulation.duration, or a robot.posture nearer to the path"
+        )
 
 
 def _nowhere(omega: Omega, sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> str:

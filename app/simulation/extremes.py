@@ -87,7 +87,7 @@ class Omega:
     def depth(self, q: np.ndarray) -> np.ndarray:
         """Depth (N,) of q (N, n) rad in Omega: 1 at a centre, 0 on the boundary, negative outside."""
         squares = np.square(q[:, None] - self.centres).sum(axis=2).min(axis=1)
-        return 1.0 - squares / self.radius**2
+        return 1.0 - np.square(np.sqrt(squares) / self.radius)
 
     def nearest(self, q: np.ndarray, t: float) -> Places:
         """The place in Omega nearest to q (n,) rad, t (s)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,17 +13,21 @@ from app.simulation.observation import Observation
 from app.simulation.planned_reference import Planned
 from controllers.control_law import Reference
 from controllers.task_space import TaskSpace
-from kernels.records import Record
 
-FEWEST, MOST = 192, 1024  # postures along the reference
+if TYPE_CHECKING:
+    from kernels.records import Record
+
+FEWEST, MOST = 192, 2048  # postures along the reference, unless more are needed to follow it
 SELDOM = 0.5  # s, between two of them at most, unless that takes more than half of `MOST`
+LOOKED_INTO = 0.1  # s: within a longer interval the arm may go away and come back
+WITHIN = 0.38  # where in an interval that is looked for; no path is likely to have a rhythm with it
 FAR = 0.5  # radii of Omega, between two that follow each other at most
 SHORT = 0.01  # s, an interval that is not divided any more
-NEAR = 1.0  # rad, between two that follow each other: farther away the arm has not followed the reference
-REACHED = 1e-6  # m, from r_d
+NEAR = 1.0  # rad (m), between two that follow each other: farther away the arm has not followed the reference
+REACHED = 1e-6  # m (rad), from r_d
 SWEEPS = 4  # number of times that they go from the reference to the shifted one and back
 
-Observe = Callable[[np.ndarray, np.ndarray, float], Record[Observation]]
+Observe = Callable[[np.ndarray, np.ndarray, float], "Record[Observation]"]
 
 
 class DesiredPosture(NamedTuple):
@@ -74,43 +78,44 @@ def _solved(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> 
 def postures_along(
     observe: Observe, unshifted: Planned, shift: np.ndarray, q_0: np.ndarray, duration: float, radius: float
 ) -> ReferencePostures:
-    """Postures along the reference over the duration (s), and between it and its shift by (n,) m: so close that balls
-    of this radius (rad) around them overlap, unless that takes more than `MOST`.
+    """Postures along the reference over the duration (s), and between it and its shift by (n,) m, at most `FAR` times
+    the radius (rad) of Omega from each other. Those late in a long run may be farther apart.
 
     Raises PathOutOfReach when the arm cannot follow it.
     """
 
-    def on_path(q: np.ndarray, fraction: float) -> DesiredPosture | None:
+    def on_path(near: np.ndarray, fraction: float) -> np.ndarray | None:
         t = fraction * duration
         reference = unshifted.at(t)
         reference.r_d[:] += 0.5 * (1.0 - np.cos(2 * np.pi * SWEEPS * fraction)) * shift
         try:
-            found = _solved(observe, q, reference, t)
+            found = _solved(observe, near, reference, t)
         except ValueError:  # J_q exactly singular
             return None
-        rate = found.task.J_q_inv @ (reference.r_d_dot - found.task.v_t)
-        return DesiredPosture(found.q, rate) if found.reached else None
+        return found.q if found.reached else None
+
+    def apart(there: np.ndarray | None) -> float:
+        return math.inf if there is None else float(np.linalg.norm(there - q[-1]))
 
     count = min(max(FEWEST, math.ceil(duration / SELDOM)), MOST // 2)
     waiting = np.linspace(1.0, 0.0, count).tolist()
     q, t = [q_0], [0.0]
-    fraction, speed = 0.0, 0.0
+    fraction = 0.0
     while waiting:
         then = waiting[-1]
-        there = on_path(q[-1], then)
-        apart = math.inf if there is None else float(np.linalg.norm(there.q - q[-1]))
-        pace = math.inf if there is None else float(np.linalg.norm(there.q_dot))
-        between = (then - fraction) * duration
-        # the speeds, too: a path that comes back is elsewhere between two instants
-        way = max(apart, 0.5 * (speed + pace) * between)
-        if way > FAR * radius and between > SHORT and len(q) + len(waiting) < MOST:
-            waiting.append(0.5 * (fraction + then))
-            continue
-        if there is None or not apart < NEAR:
+        there, between = on_path(q[-1], then), (then - fraction) * duration
+        near = apart(there) < NEAR
+        if between > SHORT and (len(q) + len(waiting) < MOST or not near):
+            if not apart(there) <= FAR * radius:
+                waiting.append(0.5 * (fraction + then))
+                continue
+            within = fraction + WITHIN * (then - fraction)
+            if between > LOOKED_INTO and not apart(on_path(q[-1], within)) <= FAR * radius:
+                waiting.append(within)
+                continue
+        if there is None or not near:
             raise PathOutOfReach(f"motion: the arm cannot follow the reference beyond t = {then * duration:.3g} s")
-        # no further one is on the reference there: on the straight way, for the balls to overlap
-        parts = min(math.ceil(apart / (FAR * radius)), MOST) or 1
-        q.extend(np.linspace(q[-1], there.q, parts + 1)[1:])
-        t.extend([then * duration] * parts)
-        fraction, speed = waiting.pop(), pace
+        q.append(there)
+        t.append(then * duration)
+        fraction = waiting.pop()
     return ReferencePostures(np.array(q), np.array(t))

@@ -6,28 +6,57 @@ import numpy as np
 import pytest
 
 from app.scenario.data import edited, shipped
-from app.scenario.errors import PathOutOfReach
+from app.scenario.errors import PathOutOfReach, ScenarioError
 from app.simulation.assembly import assemble
-from app.simulation.reference_postures import FAR
+from app.simulation.reference_postures import FAR, MOST, NEAR
 from app.simulation.search_memory import Memory
 
-STEP = 0.02  # s
+LINE = {"kind": "line", "displacement": [0.0, 0.3, 0.0], "ramp": 0.0}
 
 
-@pytest.mark.parametrize("duration", [10.0, 95.0, 600.0, 764.0])  # 764 s are 191 times the circle's period
 @pytest.mark.parametrize(
-    "motion", [{"kind": "point-to-point", "displacement": [0.2, 0.2, 0.0], "duration": 2.0}, {"kind": "circle"}]
+    ("motion", "duration"),
+    [
+        ({"kind": "circle"}, 10.0),
+        ({"kind": "circle"}, 764.0),
+        ({"kind": "circle"}, 2092.0),  # of 1023 intervals, each nearly half a period
+        ({"kind": "point-to-point", "displacement": [0.2, 0.2, 0.0], "duration": 2.0}, 600.0),
+        # the arm is at rest at the same place at the ends of all intervals
+        (LINE | {"period": 0.5}, 95.5),
+        (LINE | {"period": 2.0}, 2046.0),
+    ],
 )
 def test_the_reference_is_near_a_centre_of_omega_at_every_instant(motion: dict[str, object], duration: float) -> None:
     scenario = edited(edited(shipped()["ur5-motion"], "motion", motion), "simulation.duration", duration)
     system = assemble(scenario, memory=Memory())
-    omega, q = system.constants.omega, system.q_0
-    apart = np.linalg.norm(np.diff(omega.centres, axis=0), axis=1)
-    assert apart.max() <= FAR * omega.radius * (1.0 + 1e-9)
-    for t in np.arange(0.0, min(duration, 12.0), STEP):
-        q = system.posture_at(q, t).q
-        assert omega.centre_near(q).distance <= FAR * omega.radius
-    assert len(omega.centres) < 4000
+    omega, centres, instants = system.constants.omega, system.constants.centres, system.constants.instants
+    assert len(centres) <= MOST
+    random = np.random.default_rng(2)
+    for t in (*np.arange(0.0, 6.0, 0.02), *random.uniform(0.0, duration, 300)):
+        q = system.posture_at(centres[np.abs(instants - t).argmin()], t).q
+        assert omega.centre_near(q).distance <= FAR * omega.radius, t
+
+
+def test_estimates_along_a_reference_that_omega_does_not_join_are_refused() -> None:
+    """The bound of their deviation needs a way within Omega."""
+    scenario = edited(shipped()["ur5-motion"], "controller.estimates", "along-reference")
+    assemble(scenario, memory=Memory())
+    with pytest.raises(ScenarioError, match=r"controller\.estimates: 'along-reference', with postures .* apart"):
+        assemble(edited(scenario, "simulation.domain_radius", 1e-4), memory=Memory())
+
+
+@pytest.mark.parametrize("radius", [5e-324, 1e-9, 1e-4])
+def test_an_omega_too_thin_to_be_covered_has_a_bounded_number_of_centres(radius: float) -> None:
+    scenario = edited(shipped()["ur5-motion"], "simulation.domain_radius", radius)
+    assert len(assemble(scenario, memory=Memory()).constants.centres) <= MOST
+
+
+def test_a_wide_motion_in_a_run_of_ten_hours_is_followed() -> None:
+    """Between two instants of so long a run the arm turns by more than a radian."""
+    swing = {"kind": "line", "displacement": [0.0, 0.5, 0.0], "period": 137.0}
+    scenario = edited(edited(shipped()["ur5-motion"], "motion", swing), "simulation.duration", 36000.0)
+    system = assemble(scenario, memory=Memory())
+    assert np.linalg.norm(np.diff(system.constants.centres, axis=0), axis=1).max() < NEAR
 
 
 @pytest.mark.parametrize("beyond", [-1e-3, 1e-5, 1e-3])  # m

@@ -103,7 +103,7 @@ def test_inertia_stays_in_its_range(robot: str) -> None:
         centre = constants.centres[random.integers(len(constants.centres))]
         away = random.standard_normal(system.robot.n)
         q = centre + constants.radius * random.uniform() * away / np.linalg.norm(away)
-        assert constants.omega.depth(q) >= 0.0
+        assert constants.omega.depth(q[None])[0] >= 0.0
         model = random_truth(system, random).model(system.robot)
         e, task = system.observe(q, np.zeros_like(q), random.uniform(0, 2))
         H = task.J_q_inv.T @ pin.crba(model, model.createData(), q) @ task.J_q_inv
