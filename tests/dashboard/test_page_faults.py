@@ -221,6 +221,7 @@ def test_a_callback_that_fails_is_said_on_the_page(server: Server, monkeypatch: 
         patched.setattr(playback, "SetSpeed", warp)
         client.send(choice)  # as a task
         until(lambda: "could not carry that out (ValueError: warp)" in server.status_text(), server.status_text)
+    until(lambda: speed.value == "1×")  # the menu shows the running speed again: before, the same choice is no change
     client._connection.send(b"\x93garbage")
     client.send(choice)
     until(lambda: server.runner.snapshot.speed == 2.0)
