@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import NamedTuple, cast
+
 import numpy as np
 import pytest
 
 from app.scenario.data import edited, shipped
 from app.scenario.errors import PathOutOfReach, ScenarioError
 from app.simulation.assembly import assemble
-from app.simulation.reference_postures import FAR, MOST, NEAR
+from app.simulation.planned_reference import Planned
+from app.simulation.reference_postures import FAR, MOST, NEAR, Observe, postures_along
 from app.simulation.search_memory import Memory
 
 LINE = {"kind": "line", "displacement": [0.0, 0.3, 0.0], "ramp": 0.0}
@@ -45,6 +49,49 @@ def test_estimates_along_a_reference_that_omega_does_not_join_are_refused() -> N
         assemble(edited(scenario, "simulation.domain_radius", 1e-4), memory=Memory())
 
 
+class _Plain(NamedTuple):
+    """Observation of an arm with one joint, as far as it is read."""
+
+    r: np.ndarray
+    J_q_inv: np.ndarray = np.eye(1)
+
+    @property
+    def views(self) -> SimpleNamespace:
+        return SimpleNamespace(task=self)
+
+
+@pytest.mark.parametrize("beyond", np.geomspace(1e-5, 1e-3, 6))
+def test_no_posture_counts_that_is_not_on_the_path(beyond: float) -> None:
+    """A pointer of 1 m whose height is to be a little more than that for 0.2 s."""
+
+    def pointer(q: np.ndarray, _q_dot: np.ndarray, _t: float) -> _Plain:
+        return _Plain(np.sin(q), np.array([[1.0 / np.cos(q[0])]]))
+
+    def at(t: float) -> SimpleNamespace:
+        return SimpleNamespace(r_d=np.array([(1.0 + beyond) * np.exp(-(max(abs(t - 5.0) - 0.1, 0.0) ** 2))]))
+
+    with pytest.raises(PathOutOfReach):
+        postures_along(
+            cast(Observe, pointer), cast(Planned, SimpleNamespace(at=at)), np.zeros(1), np.zeros(1), 10.0, 1.0
+        )
+
+
+def test_a_motion_of_half_a_second_in_a_run_of_ten_minutes_is_followed() -> None:
+    def at(t: float) -> SimpleNamespace:
+        return SimpleNamespace(r_d=np.array([0.3 * np.exp(-(((t - 11.5) / 0.4) ** 2))]))
+
+    found = postures_along(
+        cast(Observe, lambda q, _q_dot, _t: _Plain(q)),
+        cast(Planned, SimpleNamespace(at=at)),
+        np.zeros(1),
+        np.zeros(1),
+        600.0,
+        0.1,
+    )
+    assert found.q.max() > 0.25
+    assert np.abs(np.diff(found.q[:, 0])).max() <= FAR * 0.1
+
+
 @pytest.mark.parametrize("radius", [5e-324, 1e-9, 1e-4])
 def test_an_omega_too_thin_to_be_covered_has_a_bounded_number_of_centres(radius: float) -> None:
     scenario = edited(shipped()["ur5-motion"], "simulation.domain_radius", radius)
@@ -59,7 +106,7 @@ def test_a_wide_motion_in_a_run_of_ten_hours_is_followed() -> None:
     assert np.linalg.norm(np.diff(system.constants.centres, axis=0), axis=1).max() < NEAR
 
 
-@pytest.mark.parametrize("beyond", [-1e-3, 1e-5, 1e-3])  # m
+@pytest.mark.parametrize("beyond", [-1e-3, *np.geomspace(1e-5, 3e-2, 12)])  # m
 def test_a_path_that_ends_beyond_the_arms_reach_is_refused(beyond: float) -> None:
     """Newton's method alone ends near the arm stretched out, which is no posture on the path."""
     planar = edited(shipped()["ur5-motion"], "robot", {"name": "planar2r"})
