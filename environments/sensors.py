@@ -75,6 +75,10 @@ class ForceSensor:
         exact = structs.replace(self.settings, noise=0.0, bias=none, moment_noise=0.0, moment_bias=none)
         return ForceSensor(exact, self.period)
 
+    def prompt(self) -> ForceSensor:
+        """The sensor without delay."""
+        return ForceSensor(structs.replace(self.settings, delay=0.0, moment_delay=0.0), self.period)
+
 
 class Stage:
     """A stage of the sensor that readings pass through, with its memory, within one run."""

@@ -33,12 +33,6 @@ class Mobility(NamedTuple):
     tangential: float
     joints: float
 
-    @classmethod
-    def largest(cls, M: np.ndarray, J_v: np.ndarray, normal: np.ndarray) -> Mobility:
-        """Largest mobility over N states: M (N, n, n) kg m^2 of the true arm, J_v (N, 3, n) of its tool, normal (N, 3):
-        grad(phi)."""
-        return cls(*mobilities(M, J_v, normal[:, None]).max(axis=0).tolist())
-
     def at_most_for(self, true: pin.Model, believed: pin.Model) -> Mobility | None:
         """Upper bound of the true arm's mobility, where this is the believed arm's; None where there is none.
 
@@ -53,7 +47,8 @@ class Mobility(NamedTuple):
 
 
 def mobilities(M: np.ndarray, J_v: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Numbers of `Mobility` in N states, (N, 3): as `Mobility.largest`, for several surfaces with normals (N, S, 3)."""
+    """Numbers of `Mobility` in N states, (N, 3): M (N, n, n) kg m^2 of the true arm, J_v (N, 3, n) of its tool, normals
+    (N, S, 3) of S surfaces: grad(phi)."""
     compliance = (J_v @ np.linalg.solve(M, J_v.swapaxes(1, 2)))[:, None]
     along = normals[..., :, None] * normals[..., None, :]
     across = np.eye(3) - along / np.square(normals).sum(axis=-1)[..., None, None]

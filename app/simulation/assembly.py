@@ -254,7 +254,16 @@ def _constants(
         span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
         omega = Omega(known.q, rules.domain_radius, span)
         uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
-        return constants_over(omega, known.t, rules.sigma_min, uncertainty, nominal, observer, memory, along_reference)
+        return constants_over(
+            omega,
+            known.t,
+            rules.sigma_min,
+            uncertainty,
+            nominal,
+            observer,
+            memory,
+            along_reference=along_reference,
+        )
 
     return _reused(previous, same, lambda p: p.constants, build)
 

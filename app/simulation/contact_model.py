@@ -44,16 +44,15 @@ def model_in_contact(system: System, at: Posture) -> SecondOrder:
     model, kind, basis = system.controller.model, system.plant.kind, free_directions(system, at)
     M, B, K = model.M_m, model.B_m, model.K_m
     a, environment, k = at.across, system.plant.environment, len(system.surfaces)
-    normals = np.array([each.chart(at.estimate.p, at.t).G[0] for each in system.surfaces])
     by_force = model.K_f @ felt_per_wrench(system, at)[:, :3]
-    felt = by_force @ normals.T
+    felt = by_force @ at.normals.T
     if kind.massive:
         M = M + felt @ environment.M_e[:k, :k] @ a.T
     if kind.springs:
         B = B + felt @ environment.B_e[:k, :k] @ a.T
         K = K + felt @ environment.K_e[:k, :k] @ a.T
     moved = at.estimate.J_v @ at.task.J_q_inv  # velocity of the tool point by that of r
-    for normal, contact in zip(normals, system.plant.contacts if kind.touches else (), strict=False):
+    for normal, contact in zip(at.normals, system.plant.contacts if kind.touches else (), strict=False):
         along = moved - np.outer(normal, normal @ moved) / (normal @ normal)
         B = B + contact.friction_viscous * by_force @ along
     first, K_t = system.plant.contacts[0], system.scenario.face.K_t

@@ -68,6 +68,7 @@ def constants_over(
     nominal: NominalModel,
     observer: Observer,
     memory: Memory,
+    *,
     along_reference: bool,
 ) -> Constants:
     """Constants over Omega, where J_q's smallest singular value is at least `sigma_min` m.

@@ -49,7 +49,8 @@ class Linearisation(NamedTuple):
 class Posture:
     """A posture q (n,) rad at rest at time t (s), as the sampled loop needs it.
     H_hat: (n, n) kg.
-    across: (n, k), F_r per unit of the multiplier of each of k surfaces; turning: (n, j), of each moment of a flat
+    normals: (k, 3), grad(phi) of each of k surfaces.
+    across: (n, k), F_r per unit of the multiplier of each; turning: (n, j), of each moment of a flat
     face, 1/m, none of a point."""
 
     q: np.ndarray
@@ -57,6 +58,7 @@ class Posture:
     estimate: Estimate
     task: TaskSpace
     H_hat: np.ndarray
+    normals: np.ndarray
     across: np.ndarray
     turning: np.ndarray
 
@@ -65,13 +67,13 @@ class Posture:
         """Posture of the system's arm, at rest on the surface. Raises ValueError where J_q is exactly singular."""
         estimate, task = system.observe(q, np.zeros_like(q), t)
         J_inv = task.J_q_inv
-        normals = np.column_stack([each.chart(estimate.p, t).G[0] for each in system.surfaces])
-        across = J_inv.T @ (estimate.J_v.T @ normals)
+        normals = np.array([each.chart(estimate.p, t).G[0] for each in system.surfaces])
+        across = J_inv.T @ (estimate.J_v.T @ normals.T)
         turning = np.zeros((len(q), 0))
         if system.plant.face.flat:
             axes = estimate.R @ face_axes(system.scenario).T
-            turning = J_inv.T @ (estimate.J_w.T @ np.cross(axes, normals[:, :1], axis=0))
-        return cls(q, t, estimate, task, J_inv.T @ estimate.M_hat @ J_inv, across, turning)
+            turning = J_inv.T @ (estimate.J_w.T @ np.cross(axes, normals[:1].T, axis=0))
+        return cls(q, t, estimate, task, J_inv.T @ estimate.M_hat @ J_inv, normals, across, turning)
 
 
 def free_directions(system: System, at: Posture) -> np.ndarray:

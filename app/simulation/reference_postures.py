@@ -104,9 +104,10 @@ def postures_along(
     while waiting:
         then = waiting[-1]
         there, between = on_path(q[-1], then), (then - fraction) * duration
-        near = apart(there) < NEAR
+        way = apart(there)
+        near = way < NEAR
         if between > SHORT and (len(q) + len(waiting) < MOST or not near):
-            if not apart(there) <= FAR * radius:
+            if not way <= FAR * radius:
                 waiting.append(0.5 * (fraction + then))
                 continue
             within = fraction + WITHIN * (then - fraction)

@@ -63,13 +63,12 @@ def worst_force_loop(system: System, at: Posture, loads: list[np.ndarray], added
 def unit_loads(system: System, at: Posture) -> list[np.ndarray]:
     """F_r (n, k) per unit of the multiplier of each of k surfaces: without Coulomb friction, and with that of a slip in
     each direction along all surfaces."""
-    normals = np.array([each.chart(at.estimate.p, at.t).G[0] for each in system.surfaces])
-    contacts = system.plant.contacts[: len(normals)]
-    drag = [each.friction_coulomb * np.linalg.norm(row) for each, row in zip(contacts, normals, strict=True)]
+    contacts = system.plant.contacts[: len(at.normals)]
+    drag = [each.friction_coulomb * np.linalg.norm(row) for each, row in zip(contacts, at.normals, strict=True)]
     if not system.plant.kind.heavy or not any(drag):
         return [at.across]
     across_plane = [[0.0, 1.0, 0.0]] if system.layout.positions == 2 else np.zeros((0, 3))
-    held = np.vstack([normals, across_plane])
+    held = np.vstack([at.normals, across_plane])
     along = np.linalg.svd(held)[2][len(held) :]
     angles = np.linspace(0.0, 2 * np.pi, SLIPS, endpoint=False)
     around = {0: [], 1: [[1.0], [-1.0]], 2: np.column_stack([np.cos(angles), np.sin(angles)])}[len(along)]

@@ -13,7 +13,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import msgspec
 import numpy as np
 
 from app.simulation.contact_model import model_poles
@@ -26,7 +25,6 @@ from app.simulation.system import System
 from controllers.force_loop import LONGEST_LINE
 from controllers.premises import Premise
 from controllers.switching import Switching
-from environments.sensors import ForceSensor
 from environments.step_resolution import ROUNDING
 
 NOISE = 1e-6  # of an eigenvalue
@@ -104,7 +102,7 @@ class SampledLoops:
         self._sliding: PeriodMap | None = None
         self._prompt: SampledLoops | None = None
         if system.sensor.late > LONGEST_LINE and not _reads_contact(system):
-            self._prompt = SampledLoops(replace(system, sensor=_prompt_sensor(system)))
+            self._prompt = SampledLoops(replace(system, sensor=system.sensor.prompt()))
 
     def at(self, q: np.ndarray, t: float) -> SampledLoop:
         """The sampled loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,)
@@ -192,14 +190,6 @@ def _poles(system: System, at: Posture, A: np.ndarray) -> tuple[np.ndarray, np.n
     apart = np.abs(model[:, None] - poles[None, :]) / np.maximum(np.abs(model), 1e-6)[:, None]
     rows, columns = linear_sum_assignment(apart)
     return model[rows], poles[columns]
-
-
-def _prompt_sensor(system: System) -> ForceSensor:
-    """The system's force sensor without its delay."""
-    scenario = system.scenario
-    return ForceSensor(
-        msgspec.structs.replace(scenario.sensor, delay=0.0, moment_delay=0.0), scenario.controller.period
-    )
 
 
 def _chatters(system: System) -> bool:

@@ -29,7 +29,7 @@ from app.storage.constants_store import KEPT, ConstantsStore
 from controllers.bounds import InertiaRange
 from controllers.estimate_rates import Steepness
 from environments.robots import CATALOGUE
-from environments.step_resolution import Mobility
+from environments.step_resolution import Mobility, mobilities
 from tests.support.arms import lipschitz_of
 from tests.support.cases import scenario_of
 
@@ -210,7 +210,7 @@ def test_the_mobility_of_an_arm_with_other_centres_and_shapes_is_bounded_by_the_
         true, q = truth.model(system.robot), omega.places(1).q[number]
         M = np.array([pin.crba(each, each.createData(), q) for each in (true, model)])
         tool = system.nominal.evaluate(q, np.zeros_like(q))
-        real, believed = (Mobility.largest(each[None], tool.J_v[None], np.eye(3)[:1]) for each in M)
+        real, believed = (Mobility(*mobilities(each[None], tool.J_v[None], np.eye(3)[None, :1])[0]) for each in M)
         bound = believed.at_most_for(true, model)
         assert bound is not None
         assert np.all(np.array(real) <= np.array(bound) * (1.0 + 1e-9))

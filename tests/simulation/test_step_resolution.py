@@ -24,6 +24,7 @@ from environments.step_resolution import (
     STEPS,
     Mobility,
     Oscillator,
+    mobilities,
     oscillators,
     resolved,
     spectral_radius,
@@ -87,7 +88,7 @@ CAUSES: dict[str, tuple[str, dict[str, float]]] = {
 def mobility(system: System, plant: Plant) -> Mobility:
     tool = system.nominal.evaluate(system.q_0, np.zeros(system.robot.n))
     M = pin.crba(plant.model, plant.model.createData(), system.q_0)
-    return Mobility.largest(M[None], tool.J_v[None], plant.surface.chart(tool.p, 0.0).G[:1])
+    return Mobility(*mobilities(M[None], tool.J_v[None], plant.surface.chart(tool.p, 0.0).G[None, :1])[0])
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
