@@ -13,6 +13,7 @@ from app.gateway.visitors import Visitor
 from app.process.redaction import new_secret
 
 MOST_UNKEPT = 2000  # sessions without a folder
+STALE = 24 * 3600.0  # s: after so long without a visitor, a session without a folder ranks like one never looked at
 
 
 class KnownSessions:
@@ -80,25 +81,33 @@ class KnownSessions:
             self.add(session)
             return True
 
-    def make_room(self, session: Session, *, kept: bool, waiting: Collection[Session]) -> bool:
+    def make_room(self, session: Session, *, kept: bool, waiting: Collection[Session], now: float) -> bool:
         """Make room for this session among those that have a folder, or among those that have none; returns whether
         there is any. If need be, a session of no higher standing that rests and is not `waiting` is forgotten: of those
-        of the lowest standing, one of the owner who has most, and of these the one not seen for longest."""
+        of the lowest standing, one of the owner who has most, and of these the one not seen for longest.
+
+        now: s of the pool's clock.
+        """
         others = [other for other in self if other is not session and other.kept == kept]
         if len(others) < (MOST if kept else MOST_UNKEPT):
             return True
         stays = set(waiting)
-        resting = [o for o in others if o.life is None and o not in stays and o.standing <= session.standing]
+        resting = [o for o in others if o.life is None and o not in stays and _standing(o, now) <= session.standing]
         if not resting:
             return False
         count = Counter(other.owner.address or other.owner.browser for other in others)
-        self._forget(min(resting, key=lambda o: (o.standing, -count[o.owner.address or o.owner.browser], o.seen)))
+        self._forget(min(resting, key=lambda o: (_standing(o, now), -count[o.owner.address or o.owner.browser], o.seen)))
         return True
 
     def _forget(self, session: Session) -> None:
         del self._by_name[session.name], self._by_watch[session.watch]
         if self._store is not None and session.kept:
             self._background(asyncio.to_thread(self._store.forget, session.folder))
+
+
+def _standing(session: Session, now: float) -> int:
+    """Rank of a session when others must be removed; what nobody comes back to is not in the way of newcomers."""
+    return 0 if not session.kept and now - session.seen > STALE else session.standing
 
 
 def _stored(session: Session) -> StoredSession:

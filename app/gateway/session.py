@@ -43,7 +43,7 @@ class Session:
     taken_back: event that is set when the links are renewed; the session has a new event then.
     scenario: TOML, the last one known; pinned: number of runs that were pinned then.
     offers: whether the folder has another session, to be offered on the page.
-    owner: the visitor that it was made for; original: the session that it is a copy of.
+    owner: the visitor that it was made for; original: folder of the session that it is a copy of, "" for none.
     pages: the open ones.
     notice: how its last process ended, or why none started; "" for neither.
     crashes: number of its processes that ended unexpectedly.
@@ -68,7 +68,7 @@ class Session:
     taken_back: asyncio.Event = field(default_factory=asyncio.Event)
     offers: bool = False
     owner: Visitor = NOBODY
-    original: Session | None = None
+    original: str = ""
     phase: Phase = "resting"
     process: Process | None = None
     pages: list[Viewer] = field(default_factory=list)

@@ -105,16 +105,16 @@ class SessionPool:
     def copy(self, original: Session, owner: Visitor) -> Session:
         """New resting session with the scenario of this one. Raises Excess."""
         now, every = self._clock(), self._known
-        copies = [s for s in every if s.original is not None and (s.phase in _ASKING or now - s.seen < FORGOTTEN)]
-        of_it = [copy.owner for copy in copies if copy.original is original]
+        copies = [s for s in every if s.original and (s.phase in _ASKING or now - s.seen < FORGOTTEN)]
+        of_it = [copy.owner for copy in copies if copy.original == original.folder]
         refusal = self.limits.link_copies.refusal(owner, of_it)
         if refusal := refusal or self.limits.copies.refusal(owner, [copy.owner for copy in copies]):
             raise Excess(refusal)
-        return self._entered(Session(original.scenario, owner=owner, original=original))
+        return self._entered(Session(original.scenario, owner=owner, original=original.folder))
 
     def _entered(self, session: Session) -> Session:
-        session.seen = self._clock()
-        self._known.make_room(session, kept=False, waiting=self._queue)
+        session.seen = now = self._clock()
+        self._known.make_room(session, kept=False, waiting=self._queue, now=now)
         return self._known.add(session)
 
     def everyone(self) -> Session:
@@ -327,7 +327,7 @@ class SessionPool:
         """Let the process of a session that somebody looks at keep it in a folder from now on, if there is room."""
         if not self._known.on_disk or session.kept or (process := session.process) is None:
             return
-        if not self._known.make_room(session, kept=True, waiting=self._queue):
+        if not self._known.make_room(session, kept=True, waiting=self._queue, now=self._clock()):
             process.remark(UNKEPT)
             return
         session.kept = True

@@ -12,7 +12,7 @@ from app.access.admission import Names, is_loopback
 from app.gateway.visitors import Visitor
 
 _WORD = re.compile(r"[A-Za-z0-9_-]{22}")  # 128 bits, as `new_secret(16)` writes them
-_PROXIED = ("X-Forwarded-For", "Forwarded", "Via")
+_PROXIED = ("X-Forwarded-For", "X-Forwarded-Host", "X-Forwarded-Proto", "X-Real-IP", "Forwarded", "Via")
 
 
 def visitor_of(request: web.Request, names: Names) -> Visitor:

@@ -4,6 +4,7 @@ sources."""
 from __future__ import annotations
 
 import subprocess
+import threading
 from pathlib import Path
 
 import structlog
@@ -20,10 +21,13 @@ def start() -> subprocess.Popen[bytes] | None:
     if mark().exists():
         return None
     try:
-        return launcher.start("app.workers.precompile", stdin=subprocess.PIPE)
+        process = launcher.start("app.workers.precompile", stdin=subprocess.PIPE)
     except OSError as error:
         log.warning("no precompilation", reason=error.strerror)
         return None
+    # nobody waits for its result; unwaited it would stay a zombie as long as the server runs
+    threading.Thread(target=process.wait, name="precompilation", daemon=True).start()
+    return process
 
 
 def mark() -> Path:

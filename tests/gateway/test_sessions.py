@@ -272,6 +272,29 @@ async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() ->
     assert town.pool.named(kept.watch) is None is town.pool.watched(kept.name)
 
 
+def test_newcomers_displace_sessions_without_a_visitor_for_a_day_and_not_each_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(known_sessions, "MOST_UNKEPT", 3)
+
+    @in_a_loop
+    async def displace() -> None:
+        town = Town(places=1)
+        left = [town.pool.new() for _ in range(3)]
+        for session in left:
+            session.looked_at = True
+        await town.pass_time(known_sessions.STALE)
+        assert town.pool.named(town.pool.new().name) is not None
+        assert all(town.pool.named(session.name) is session for session in left)  # not yet for so long
+        await town.pass_time(1.0)
+        newcomers = [town.pool.new() for _ in range(3)]
+        assert [town.pool.named(session.name) for session in newcomers] == [*newcomers]
+        assert not any(town.pool.named(session.name) for session in left)
+        assert len(town.pool.sessions) <= 4
+
+    displace()
+
+
 def test_reopened_session_store_restores_sessions_and_links(tmp_path: Path) -> None:
     changed = to_toml(load("planar2r-semicircle"))
     links = list[tuple[str, str]]()
