@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from app.simulation.contact_model import felt_per_wrench
 from app.simulation.period_map import Posture
 from app.simulation.system import System
 from controllers.bounds import Equivalent, RequiredGain, required_gain
@@ -16,6 +17,14 @@ from controllers.nominal_model import ON_LINE, Estimate
 from controllers.task_space import TaskSpace
 
 SLIPS = 36  # directions of slip on one surface: the worst one of all is missed by at most 0.4 % of friction's part
+
+
+class UnitLoad(NamedTuple):
+    """Load per unit of the multiplier of each of k surfaces, with Coulomb friction in one direction of slip.
+    F_r: (n, k), all of it; F_c: (n, k), what the law feeds back of it, see `felt_per_wrench`."""
+
+    F_r: np.ndarray
+    F_c: np.ndarray
 
 
 class ForceLoopFactor(NamedTuple):
@@ -44,44 +53,32 @@ def force_factor(system: System, at: Posture) -> float:
     return worst_force_loop(system, at, loads, (0.0,) * len(loads)).factor
 
 
-def worst_force_loop(system: System, at: Posture, loads: list[np.ndarray], added: tuple[float, ...]) -> ForceLoopFactor:
+def worst_force_loop(system: System, at: Posture, loads: list[UnitLoad], added: tuple[float, ...]) -> ForceLoopFactor:
     """Largest force-loop factor over the loads, and its premise value including the gain's feedback. loads: see
     `unit_loads`; added: `GainFeedback.added` of each."""
     if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
         return ForceLoopFactor(math.nan, math.nan)
     model, masses, sensor = system.controller.model, _surface_mass(system), (system.sensor.gain, system.sensor.late)
-    loops = [
-        force_loop_factors(at.H_hat, at.H_hat, model, at.across, load, _felt(system, at, load), masses)
-        for load in loads
-    ]
+    loops = [force_loop_factors(at.H_hat, at.H_hat, model, at.across, *load, masses) for load in loads]
     factor = through_sensor(np.concatenate(loops), *sensor)
     if not any(added):
         return ForceLoopFactor(factor, abs(factor))
     return ForceLoopFactor(factor, max(with_gain(loop, more, *sensor) for loop, more in zip(loops, added, strict=True)))
 
 
-def unit_loads(system: System, at: Posture) -> list[np.ndarray]:
-    """F_r (n, k) per unit of the multiplier of each of k surfaces: without Coulomb friction, and with that of a slip in
-    each direction along all surfaces."""
-    contacts = system.plant.contacts[: len(at.normals)]
+def unit_loads(system: System, at: Posture) -> list[UnitLoad]:
+    """Loads without Coulomb friction, and with that of a slip in each direction along all surfaces."""
+    contacts, forces = system.plant.contacts[: len(at.normals)], [at.normals.T]
     drag = [each.friction_coulomb * np.linalg.norm(row) for each, row in zip(contacts, at.normals, strict=True)]
-    if not system.plant.kind.heavy or not any(drag):
-        return [at.across]
-    across_plane = [[0.0, 1.0, 0.0]] if system.layout.positions == 2 else np.zeros((0, 3))
-    held = np.vstack([at.normals, across_plane])
-    along = np.linalg.svd(held)[2][len(held) :]
-    angles = np.linspace(0.0, 2 * np.pi, SLIPS, endpoint=False)
-    around = {0: [], 1: [[1.0], [-1.0]], 2: np.column_stack([np.cos(angles), np.sin(angles)])}[len(along)]
-    by_slip = at.task.J_q_inv.T @ at.estimate.J_v.T @ along.T
-    return [at.across, *(at.across + np.outer(by_slip @ slip, drag) for slip in around)]
-
-
-def _felt(system: System, at: Posture, load: np.ndarray) -> np.ndarray:
-    """Part (n, k) of `load` in F_c, see `controllers.sliding.controlled_force`: friction along a surface whose force
-    is controlled is not counted as its normal force."""
-    felt = load.copy()
-    felt[: system.controller.surfaces] = at.across[: system.controller.surfaces]
-    return system.controller.controlled[:, None] * felt
+    if system.plant.kind.heavy and any(drag):
+        across_plane = [[0.0, 1.0, 0.0]] if system.layout.positions == 2 else np.zeros((0, 3))
+        held = np.vstack([at.normals, across_plane])
+        along = np.linalg.svd(held)[2][len(held) :]
+        angles = np.linspace(0.0, 2 * np.pi, SLIPS, endpoint=False)
+        around = {0: [], 1: [[1.0], [-1.0]], 2: np.column_stack([np.cos(angles), np.sin(angles)])}[len(along)]
+        forces += [at.normals.T + np.outer(slip @ along, drag) for slip in around]
+    by_force, felt = at.task.J_q_inv.T @ at.estimate.J_v.T, felt_per_wrench(system, at)[:, :3]
+    return [UnitLoad(by_force @ force, felt @ force) for force in forces]
 
 
 def _surface_mass(system: System) -> np.ndarray:
@@ -90,16 +87,16 @@ def _surface_mass(system: System) -> np.ndarray:
     return np.diag(np.full(k, math.inf)) if system.plant.kind.rigid else system.plant.environment.M_e[:k, :k]
 
 
-def gain_by_force(system: System, at: Posture, load: np.ndarray) -> GainFeedback:
+def gain_by_force(system: System, at: Posture, load: UnitLoad) -> GainFeedback:
     """Feedback of the gain d by (17) through the force on rigid or heavy surfaces. Of several surfaces, changes of all
-    their forces add up. load: (n, k), see `unit_loads`."""
+    their forces add up."""
     controller = system.controller
     if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
         return GainFeedback(math.nan, 0.0)
     masses, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
-    commanded = np.linalg.solve(controller.model.M_m, controller.model.K_f @ _felt(system, at, load))
+    commanded = np.linalg.solve(controller.model.M_m, controller.model.K_f @ load.F_c)
     slopes = np.array([_slope_of_gain(system, at, each) for each in commanded.T])
-    yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ load, at.across.T @ commanded))
+    yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ load.F_r, at.across.T @ commanded))
     return GainFeedback(_largest(Y @ solved.T, slopes), _largest(Y @ yielding.T, slopes))
 
 
