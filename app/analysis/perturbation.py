@@ -232,7 +232,8 @@ class DerivedSignals(Mapping[str, np.ndarray]):
             found["reaching"][(t >= epoch.t) & (t < min(reached, end) - SAME)] = 1.0
             if epoch.certificate.t_r < epoch.scenario.controller.period:
                 continue  # nothing to reach: promised within one period
-            for name, instant in (("promised", epoch.t + epoch.certificate.t_r), ("measured", reached)):
+            promised = np.inf if epoch.band_reached_by is None else epoch.t + epoch.certificate.t_r
+            for name, instant in (("promised", promised), ("measured", reached)):
                 row = int(np.searchsorted(t, instant - SAME))
                 if t[0] < instant < end and row < len(t):
                     found[name][row] = 1.0

@@ -140,6 +140,8 @@ def _request(scenario: str, options: _SweepOptions) -> Sweep:
         engine=engine_of(options.engine, ENGINE),
     )
     _require_effective(request, options)
+    if options.corners is False and not request.draw:
+        raise ScenarioError("--no-corners: no arm is drawn; allowed: with --draw")
     if options.seed is not None and not request.draw and request.design == "grid":
         raise ScenarioError(
             f"--seed {options.seed}: nothing is drawn; allowed: with --draw, or --design latin or sobol"

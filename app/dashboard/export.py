@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 from tqdm import tqdm
 
 from app.dashboard.plots.charts import Setup
@@ -28,6 +29,8 @@ from app.simulation.recording import Recording
 from app.storage.constants_store import kept_memory
 from app.storage.recording_files import TooLarge, table, write_csv, write_npz
 from parameters import allowed
+
+OF_ONE_INSTANT: tuple[Kind, ...] = ("csv", "npz", "toml")  # figures and playback go from one instant to another
 
 
 @dataclass(frozen=True)
@@ -60,16 +63,9 @@ class FigureChoice:
 def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice, out: Path) -> Iterator[Path]:
     """Write files of these kinds to the folder `out`, which is created; yields the path of each. Raises ScenarioError
     and OSError."""
-    rows = stretch.recording.signals(("t",), stretch.start, stretch.end)["t"]
-    if len(rows) < 2:
-        t = stretch.recording.signals(("t",))["t"]
-        until = "the end" if math.isinf(stretch.end) else f"{stretch.end:g} s"
-        raise ScenarioError(
-            f"--start, --end: nothing recorded from {stretch.start:g} s to {until}; "
-            f"allowed: within {t.min(initial=0.0):g} to {t.max(initial=0.0):g} s"
-        )
     kinds = tuple(kinds)
-    if not {"csv", "npz", "toml"}.issuperset(kinds):
+    rows = _times_of(stretch, kinds)
+    if not set(OF_ONE_INSTANT).issuperset(kinds):
         n = assemble(stretch.scenario).robot.n
         if stretch.recording.n != n:
             raise ScenarioError(f"recording: {stretch.recording.n} joints; allowed: {n}, as its scenario's arm has")
@@ -82,6 +78,23 @@ def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice,
         except TooLarge as error:
             raise ScenarioError(f"--to {kind}: {error}") from error
         yield path
+
+
+def _times_of(stretch: ExportedStretch, kinds: tuple[Kind, ...]) -> np.ndarray:
+    """Times (N,) s of the stretch's rows. Raises ScenarioError where files of these kinds need more rows."""
+    rows = stretch.recording.signals(("t",), stretch.start, stretch.end)["t"]
+    drawn = [kind for kind in kinds if kind not in OF_ONE_INSTANT]
+    if len(rows) > 1 or (len(rows) == 1 and not drawn):
+        return rows
+    where = f"from {stretch.start:g} s to {'the end' if math.isinf(stretch.end) else f'{stretch.end:g} s'}"
+    if len(rows) == 1:
+        raise ScenarioError(
+            f"--to {drawn[0]}: one instant recorded {where}, t = {rows[0]:g} s; "
+            f"allowed: two or more, or --to {', '.join(OF_ONE_INSTANT)}"
+        )
+    t = stretch.recording.signals(("t",))["t"]
+    there = f"within {t[0]:g} to {t[-1]:g} s" if len(t) else "a recording with an instant"
+    raise ScenarioError(f"--start, --end: nothing recorded {where}; allowed: {there}")
 
 
 def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Path) -> None:

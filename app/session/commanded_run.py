@@ -333,6 +333,7 @@ class CommandedRun:
             run=self.runs,
             first=line.first,
             end=line.end,
+            stop=line.stop,
             phase="stopped" if loop.stopped else "running" if self.playing else "paused",
             speed=self.speed,
             refusal=self._refusal,

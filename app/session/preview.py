@@ -17,6 +17,7 @@ from app.analysis.metrics import (
     after_places,
     angle_error,
     force_error,
+    force_settling_time,
     motion_error,
     settling_time,
     tail_of,
@@ -83,7 +84,7 @@ class PreviewMetrics(Struct, frozen=True):
     angle_error: largest error of the angles in the tail, rad.
     torque_largest: largest torque of any joint, as applied, N m.
     reaching_time: s, until s is reached; None under a law without the gain d.
-    reaching_time_promised: (18), s.
+    reaching_time_promised: (18), s; None where nothing is promised.
     gain_margin: smallest d minus what (17) needs, N; None under such a law.
     left: how and when the run leaves the theorem's domain."""
 
@@ -104,7 +105,7 @@ class PreviewMetrics(Struct, frozen=True):
     angle_error: float | None
     torque_largest: float
     reaching_time: float | None
-    reaching_time_promised: float
+    reaching_time_promised: float | None
     gain_margin: float | None
     left: str | None
 
@@ -113,7 +114,7 @@ class PreviewMetrics(Struct, frozen=True):
 class Outlook:
     """Outlook: the answer to a request, or the beginning of one.
     number: of the request.
-    ahead: (N,) s after now.
+    ahead: (N,) s after the instant of the request, or after the start where the edit begins the scenario anew.
     signals: those of a recording, at these instants; epochs: of those rows.
     whole: whether the answer reaches as far as the request.
     restarts: whether the edit begins the scenario anew.
@@ -259,13 +260,14 @@ class Foresight:
         path = np.linalg.norm(deviations, axis=1) if deviations.shape[1] else None
         angles = angle_error(system, thinned) if _turns(system) else None
         error = predicted = settling = overshoot = pressing = pressed = None
+        stopped, never = self._loop.stopped is not None, None if path is None else np.inf
         if system.m:
             deviation, f_nd = force_error(system, record), record["F_cd"][tail]
             error = float(deviation[tail].mean())
             if np.ptp(f_nd, axis=0).max() < STEADY and not _moves_faces(system, record["r_d"][tail]):
                 s = record["s"][tail].mean(axis=0)
                 predicted = steady_force_error(system, record["r_d"][-1], f_nd[-1], s)
-            settling = settling_time(t, deviation, FORCE_RESOLUTION)
+            settling = np.inf if stopped else force_settling_time(system, record)
             overshoot = _beyond(deviation, error)
         if system.plant.kind.touches:
             force = np.linalg.norm([record[name] for name in MULTIPLIERS[: len(system.surfaces)]], axis=0)
@@ -282,13 +284,13 @@ class Foresight:
             motion_largest=None if path is None else float(path.max()),
             motion_grows=path is not None and _grows(path, behind),
             motion_error=None if path is None else float(path[behind].max()),
-            motion_settling=None if path is None else settling_time(thinned["t"], path, MOTION_RESOLUTION),
+            motion_settling=never if path is None or stopped else settling_time(thinned["t"], path, MOTION_RESOLUTION),
             motion_overshoot=_other_side(deviations) if self._push and path is not None else None,
             angle_largest=None if angles is None else float(angles.max()),
             angle_error=None if angles is None else float(angles[behind].max()),
             torque_largest=float(np.abs(record["tau_applied"]).max()),
             reaching_time=(np.inf if loop.reaching_time is None else loop.reaching_time) if robust else None,
-            reaching_time_promised=loop.certificate.t_r,
+            reaching_time_promised=None if loop.state.epoch.band_reached_by is None else loop.certificate.t_r,
             gain_margin=float((record["d"] - record["d_required"]).min()) if robust else None,
             left=loop.stopped or loop.warning or _unpromised(loop),
         )

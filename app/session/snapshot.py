@@ -34,7 +34,7 @@ class Snapshot(View):
     way_out: of that refusal, None where there is none.
     t: the instant looked at, between `first` and `end`, s.
     scenario, system: at that instant; latest: the system at `end`.
-    recording: of the whole run, up to its end.
+    recording: of the whole run, up to its end; stop: why it has stopped there, "" where it has not.
     The plant, law and nominal model of a system belong to the loop's thread; the screen reads only what never changes.
     blending: share of a blend of the target model that is done, 0 to 1, None while there is none.
     sampled: the target model's poles in the sampled loop.
@@ -50,6 +50,7 @@ class Snapshot(View):
     end: float
     phase: Literal["running", "paused", "stopped"]
     reason: str
+    stop: str
     pace: Pace | None  # None unless it has been running for a moment
     speed: float
     refusal: str | None
@@ -116,6 +117,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         end=loop.t,
         phase="stopped" if loop.stopped else "paused",
         reason=loop.stopped or "",
+        stop=loop.stopped or "",
         pace=None,
         speed=1.0,
         refusal=None,

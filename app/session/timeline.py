@@ -6,6 +6,7 @@ computed again, the same to the last bit.
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from dataclasses import dataclass, replace
 
@@ -26,6 +27,7 @@ MOST = 6000  # states that are kept; a run with a full recording has 4800, and o
 PINNED = 60.0  # s of a run that a pin keeps
 BEFORE = 10.0  # s of them that lie before the instant looked at, from which another run goes on
 NAME = 24  # letters of the name of a pinned run
+USUAL = re.compile(r"run \d+")  # name of a pinned run to which the user has given none
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,11 @@ class Timeline:
     def end(self) -> float:
         """Last instant of the run, s."""
         return self._end.t
+
+    @property
+    def stop(self) -> str:
+        """Why the run has stopped at its end, "" where it has not."""
+        return self._end.stopped or ""
 
     @property
     def latest(self) -> System:
@@ -242,22 +249,30 @@ class Timeline:
         self.pinned = tuple(pinned for pinned in self.pinned if pinned.number != number)
 
     def rename(self, number: int, name: str) -> None:
-        """Give the pinned run of this number a name, "" for none. Raises ScenarioError when there is no such run, or
-        the name is too long."""
+        """Give the pinned run of this number a name, "" for none. Raises ScenarioError when there is no such run, and
+        when the name is too long, or that of another run: also the usual one of a run that is not pinned yet."""
         if len(name) > NAME:
             raise ScenarioError(f"name of run {number}: {len(name)} letters; allowed: at most {NAME}")
         if all(pinned.number != number for pinned in self.pinned):
             raise ScenarioError(f"name of run {number}: there is no such pinned run")
+        usual, others = f"run {number}", {pinned.title for pinned in self.pinned if pinned.number != number}
+        title = name or usual
+        if title in others or (USUAL.fullmatch(title) and title != usual):
+            raise ScenarioError(f"name of run {number}: {title} is another run; allowed: another name")
         self.pinned = tuple(replace(p, name=name) if p.number == number else p for p in self.pinned)
 
     def adopt(self, pinned: tuple[Pinned, ...]) -> None:
         """Pin runs that were pinned elsewhere; of those pinned here the newest come after them, as far as there are
-        places, and get the numbers after theirs."""
+        places, and get the numbers after theirs; one whose name is among theirs loses it."""
         if not pinned:
             return
         others = max((run.number for run in pinned), default=0)
         here = self.pinned[max(len(self.pinned) + len(pinned) - PINS, 0) :]
-        renumbered = (replace(run, number=number) for number, run in enumerate(here, start=others + 1))
+        names = {run.name for run in pinned}
+        renumbered = (
+            replace(run, number=number, name="" if run.name in names else run.name)
+            for number, run in enumerate(here, start=others + 1)
+        )
         runs = (*pinned, *renumbered)[-PINS:]
         self.pinned = tuple(replace(run, place=place) for place, run in enumerate(runs))
         self._pins = max((run.number for run in self.pinned), default=self._pins)

@@ -84,6 +84,11 @@ class Sweep(Struct, frozen=True, forbid_unknown_fields=True):
         """Number of arms, the first ones, that are the scenario's own and not drawn."""
         return 0 if self.draw else 1
 
+    @property
+    def drawn(self) -> int:
+        """Number of arms that are drawn."""
+        return self.arms - self.own_arms
+
 
 SweepT = TypeVar("SweepT", bound=Sweep)
 
@@ -218,7 +223,7 @@ def _require_sound(sweep: Sweep) -> None:
     if (runs := points * sweep.arms) > MOST_ROWS:
         number = f"{min(runs, 10**300):.3g}"  # of a number of any length
         raise ScenarioError(f"{sweep.noun}: {number} runs; allowed: at most {MOST_ROWS:.0e}")
-    if sweep.arms > sweep.own_arms and (stated := _stated_bound(sweep)):
+    if sweep.drawn and (stated := stated_bound(sweep)):
         asked = "draw" if sweep.draw else sweep.noun
         own = ", or the scenario's own arm, without --draw" if sweep.arms == sweep.draw else ""
         raise ScenarioError(
@@ -238,7 +243,7 @@ def arms_differ(sweep: Sweep) -> bool:
     return any(getattr(sweep.scenario.declared, name) or f"declared.{name}" in varied for name in MOVING)
 
 
-def _stated_bound(sweep: Sweep) -> str | None:
+def stated_bound(sweep: Sweep) -> str | None:
     """Path of a bound that is stated in place of others, or varied; None for none."""
     varied = {field_of(axis.path) for axis in sweep.vary}
     paths = {name: f"declared.{name}" for name in STATED_IN}

@@ -47,6 +47,8 @@ class Points:
     never: (N,) bool, whether an arm never reached the event that is measured: it did not settle, or its run stopped.
     good, arms: (N,), number of arms that keep the limit, and of all arms.
     stopped: (N,) bool, whether a run stopped or was refused.
+    absent: (N,) bool, whether the runs of all arms went on to their ends and lack the metric, as a force error where no
+        force is controlled.
     theorem, declared: (N,), 1 where (17) and the declaration hold for all arms, 0 where not, NaN where none is known.
     holding, broken: (N,), number of arms whose promise holds, and of those whose promise is broken.
     failed: names of the premises that failed for at least one arm, N tuples, in the order of the theorem's table.
@@ -58,6 +60,7 @@ class Points:
     good: np.ndarray
     arms: np.ndarray
     stopped: np.ndarray
+    absent: np.ndarray
     theorem: np.ndarray
     declared: np.ndarray
     holding: np.ndarray
@@ -82,6 +85,7 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
     limit = np.inf if view.within is None else view.within
     keeps = (metric >= limit if column.more_is_better else metric <= limit) & (~stopped | column.also_stopped)
     margin, inside = (np.asarray(columns[name], dtype=float)[order] for name in ("gain_margin", "declared"))
+    lacks = np.isnan(metric) & ~stopped & (not column.may_never)
     groups = [slice(a, b) for a, b in zip(begins, [*begins[1:], len(point)], strict=True)]
     arms = np.array([g.stop - g.start for g in groups])
     good = np.array([int(keeps[g].sum()) for g in groups])
@@ -98,6 +102,7 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
         good=good,
         arms=arms,
         stopped=np.array([bool(stopped[g].any()) for g in groups]),
+        absent=np.array([bool(lacks[g].all()) for g in groups]),
         theorem=np.array([_all_from(margin[g], -1e-9) for g in groups]),
         declared=np.array([_all_from(inside[g], 1.0) for g in groups]),
         holding=np.array([int((verdict[g] == "holds").sum()) for g in groups]),

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from app.process import worker_pool
 from app.sweep.background import Background
 from app.sweep.run_metrics import RunMetrics
-from app.tune.candidates import Candidate
+from app.tune.candidates import Candidate, front
+from app.tune.offers import badged, front_left
 from app.tune.plan import Tuning
 from app.tune.running import Found, TuningCourse, computing, most_runs
 
@@ -31,8 +32,14 @@ class BackgroundTuning(Background):
 
     @property
     def candidates(self) -> Sequence[Candidate]:
-        """Candidates so far, those of the scenario's own gains first."""
-        return self._candidates[:]
+        """Candidates so far, the scenario's own gains first. At the end those that are not offered since they failed on
+        the arms that were not seen have that as their badge."""
+        return self._candidates[:] if self.found is None else badged(self.tuning, self.found)
+
+    @property
+    def front(self) -> Sequence[Candidate]:
+        """Front of the candidates so far, at the end without those that are not offered."""
+        return front(self._candidates[1:]) if self.found is None else front_left(self.tuning, self.found)
 
     @property
     def rows(self) -> Sequence[RunMetrics]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,6 +26,7 @@ from app.sweep.run_metrics import COLUMNS, RunMetrics
 from app.sweep.run_store import RunStore, column
 from app.sweep.titles import unit_of
 from app.tune.candidates import Candidate, aim_of, front
+from app.tune.offers import offered, reason_against
 from app.tune.plan import Tuning, in_words, program
 from app.tune.running import Found
 
@@ -69,25 +70,6 @@ def _change(value: float, before: float) -> float:
 
 def _smaller(aim: str, found: Found, number: int) -> list[bool]:
     return [aim_of(mine, aim) < aim_of(own, aim) for mine, own in zip(found.runs[number], found.runs[0], strict=True)]
-
-
-def offered(tuning: Tuning, found: Found) -> list[Candidate]:
-    """Candidates that may be used: those that were tried, and have no badge on the arms that were not seen either, and
-    do not leave every metric there as it is with the own gains, as gains without effect do."""
-    return [
-        each
-        for number, each in found.tried.items()
-        if number and not each.badge and not _changes_nothing(tuning, found, number)
-    ]
-
-
-def _changes_nothing(tuning: Tuning, found: Found, number: int) -> bool:
-    """Whether a candidate has the own gains' metrics on every arm that was not seen."""
-    return all(
-        aim_of(mine, aim) == aim_of(own, aim)
-        for mine, own in zip(found.runs[number], found.runs[0], strict=True)
-        for aim in tuning.aims
-    )
 
 
 def files_of(tuning: Tuning, found: Found) -> dict[int, str]:
@@ -251,9 +233,10 @@ def _percent(change: float) -> str:
     return "—" if math.isnan(change) else f"{100 * change:+.3g} %"
 
 
-def verdict(tuning: Tuning, found: Found) -> list[str]:
-    """Sentences on whether the own gains are beaten on the arms that were not seen, and on what is not offered."""
-    sentences = []
+def verdict(tuning: Tuning, found: Found, names: Mapping[int, str] | None = None) -> list[str]:
+    """Sentences on whether the own gains are beaten on the arms that were not seen, and on what is not offered.
+    names: of the candidates that are offered, by number; None for those of their files."""
+    names, sentences = files_of(tuning, found) if names is None else names, []
     if found.tried[0].badge:
         sentences.append(f"the {OWN} themselves: {found.tried[0].badge}")
     if short := _short(tuning, found):
@@ -265,15 +248,14 @@ def verdict(tuning: Tuning, found: Found) -> list[str]:
             f"{badges.total()} of {len(found.candidates) - 1} candidates are not offered, {count} of them because of "
             f"this: {reason}"
         )
-    for number, each in found.tried.items():
-        if number and each.badge:
-            sentences.append(f"candidate {number} is not offered: on arms that were not seen, {each.badge}")
-        elif number and _changes_nothing(tuning, found, number):
-            sentences.append(f"candidate {number} is not offered: it changes nothing on any arm that was not seen")
-    files = files_of(tuning, found)
-    if not files:
+    sentences += [
+        f"candidate {number} is not offered: {why}"
+        for number in found.tried
+        if number and (why := reason_against(tuning, found, number))
+    ]
+    if not names:
         return [*sentences, f"the {OWN} are NOT beaten: no candidate may be offered"]
-    beating = [files[n] for n in files if all(_beats(tuning, each) for each in comparisons(tuning, found, n))]
+    beating = [names[n] for n in names if all(_beats(tuning, each) for each in comparisons(tuning, found, n))]
     aims = " and ".join(aim.replace("_", " ") for aim in tuning.aims)
     on = f"on the worst of {tuning.unseen} arms that were not seen and on most of them"
     if beating:

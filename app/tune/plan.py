@@ -61,7 +61,7 @@ def require_sound(tuning: Tuning) -> None:
     for aim in tuning.aims:
         if aim not in AIMS:
             raise ScenarioError(f"--for {aim!r:.60}; {allowed(aim, AIMS)}")
-    known, mode = _known(tuning.scenario), tuning.scenario.mode
+    known, mode = known_aims(tuning.scenario), tuning.scenario.mode
     if without := [aim for aim in tuning.aims if aim not in known]:
         raise ScenarioError(
             f"--for {without[0]}: a run of this scenario in {mode} mode has none; allowed: {', '.join(known)}"
@@ -72,9 +72,9 @@ def require_sound(tuning: Tuning) -> None:
     if not tuning.vary:
         raise ScenarioError(f"--move: no gain may move; {SHAPE}")
     for axis in tuning.vary:
-        if not axis.path.startswith(GAINS):
+        if not is_gain(axis.path):
             raise ScenarioError(f"--move {axis.path}: no gain; allowed: fields of controller and target_model")
-    if tuning.arms - tuning.own_arms > 1 and not arms_differ(tuning):
+    if tuning.drawn > 1 and not arms_differ(tuning):
         raise ScenarioError(
             f"--unseen {tuning.unseen}: true arms that are all alike, since no quantity that is drawn is declared; "
             "allowed: a bound above 0, such as declared.link_scaling, or --unseen 1 without --draw"
@@ -82,7 +82,12 @@ def require_sound(tuning: Tuning) -> None:
     SweepPlan(tuning)
 
 
-def _known(scenario: Scenario) -> list[str]:
+def is_gain(path: str) -> bool:
+    """Whether a tuning may move the field at this dotted path."""
+    return path.startswith(GAINS)
+
+
+def known_aims(scenario: Scenario) -> list[str]:
     """Aims that runs of the scenario have."""
     mode, robot = mode_of(scenario), robot_of(scenario)
     joint, places = scenario.task_space.kind == "joint", positions_of(robot)

@@ -141,8 +141,10 @@ const written = (at) => {
   return scaled.map((v) => (exponent && v ? power(+v.toFixed(digits), exponent) : `${+v.toFixed(digits)}`));
 };
 // In the legend a pinned run has a piece of its line, and hides all its lines, which come behind the one that is listed.
-// A line of the shown run hides the same line of pinned runs with it, unless one of these stands alone.
-const ofRun = (series) => /vs-run/.test(series?.class ?? ""), unlisted = (series) => /vs-unlisted/.test(series?.class ?? "");
+// A line of the shown run hides the same line of pinned runs with it, unless one of these stands alone, and the edges of
+// its areas and of its band.
+const ofRun = (series) => /vs-run/.test(series?.class ?? ""), unlisted = (series) => /vs-(unlisted|edge|quantile)/.test(series?.class ?? "");
+const edge = (series) => /vs-(edge|quantile)/.test(series?.class ?? "");
 const piece = (marker, dash) => {
   let at = 0;
   const parts = dash.map((length, i) => `${i % 2 ? "transparent" : marker.style.borderColor} ${at}px ${(at += length)}px`);
@@ -154,8 +156,10 @@ const together = (plot) => queueMicrotask(() => {
   let run = null;
   plot.series.forEach((series, i) => {
     if (!unlisted(series)) run = ofRun(series) ? series : null;
-    else if (run && series.show !== (run.show && !hidden.includes(series.label)))
-      plot.setSeries(i, { show: !series.show });
+    else {
+      const whole = edge(series) ? (lines.find(({ label }) => label === series.label)?.show ?? true) : !run || (run.show && !hidden.includes(series.label));
+      if (series.show !== whole) plot.setSeries(i, { show: whole });
+    }
   });
 });
 // Ctrl leaves one entry of the legend, and then all again: a pinned run, or a line of the shown run and of pinned runs.

@@ -8,9 +8,10 @@ document.body.append(values);
 // The legend has the values under the crosshair, and without one those of now, right of which lies what has not happened.
 const short = (value) => (Number.isFinite(value) ? window.vsmrcNumber(value, 3) : "–");
 // no finer than a plot can show: half a thousandth of its axis, in round numbers
+const atFoot = ({ scales: { y } }, value) => y?.distr === 3 && value <= 1.0001 * y.min; // where zero stands, too
 const onAxis = (plot, value) => {
   const { min, max, distr } = plot.scales.y ?? {};
-  if (distr === 3 && value <= 1.0001 * min) return `≤ ${short(value)}`; // at its foot stands zero, too
+  if (atFoot(plot, value)) return `≤ ${short(value)}`;
   if (distr === 3 || !(max > min)) return short(value);
   const step = 10 ** Math.floor(Math.log10((max - min) / 500));
   return short(+(Math.round(value / step) * step).toPrecision(12));
@@ -28,14 +29,14 @@ const inLegend = (plot) => {
   if (idx !== null) plot.setLegend({ idx }, false);
   else for (const none of plot.root.querySelectorAll(".u-legend .u-value")) none.textContent = "";
 };
-const listed = (series) => series.label && !/vs-unlisted/.test(series.class ?? "");
+const listed = (series) => series.label && !/vs-(unlisted|edge|quantile)/.test(series.class ?? "");
 // A shading and the mark of an instant have an axis of their own, and no value.
 const measurable = (series) => listed(series) && series.scale !== "backdrop";
 // The values of line i by place: for a part of a stacked sum its own, not those of the edge of its area.
 const valuesOf = (plot, i) => {
   const { data, series } = plot, { label } = series[i];
   const areas = plot.bands.map(({ series: ends }) => [data[Math.max(...ends)], data[Math.min(...ends)], series[Math.max(...ends)]])
-    .filter(([, , edge]) => label && edge.label === label);
+    .filter(([, , edge]) => label && edge.label === label && !/vs-quantile/.test(edge.class ?? ""));
   return areas.length ? (k) => areas.reduce((sum, [edge, base]) => sum + edge[k] - base[k], 0) : (k) => data[i][k];
 };
 const valued = (plot) => {
@@ -70,7 +71,7 @@ const fillTable = (plot, fractions, table) => {
     .filter(([, , found]) => found).slice(0, 8); // a run that has nothing there is left out
   const measure = /\[[^\]]*\]\s*$/.exec(plot.root.querySelector(".u-title")?.textContent ?? "")?.[0].trim() ?? "";
   const rows = [["", `Δy ${measure}`.trim(), "overshoot", "settling, 2 %"], ...lines.map(([series, , found]) =>
-    [series.label, onAxis(plot, found.step), unit(Math.round(10 * found.overshoot) / 10, "%"), unit(found.settling, "s")])];
+    [series.label, plot.scales.y.distr === 3 ? short(found.step) : onAxis(plot, found.step), unit(Math.round(10 * found.overshoot) / 10, "%"), unit(found.settling, "s")])];
   table.replaceChildren(...[[`Δt = ${short(to - from)} s`], ...rows].map((cells, i) => {
     const line = document.createElement("tr");
     line.append(...cells.map((text, j) => {
@@ -112,10 +113,10 @@ const takeOff = (plot) => {
   for (const part of measured.get(plot)?.parts ?? []) part.remove();
   measured.delete(plot);
 };
-const row = (name, value, color) => {
+const row = (name, text, color) => {
   const line = document.createElement("div"), number = document.createElement("b");
   line.append(`${name} `, number);
-  number.textContent = window.vsmrcNumber(value, 4);
+  number.textContent = text;
   line.style.color = color;
   return line;
 };
@@ -133,9 +134,9 @@ const showValues = (plot) => {
   if (values.hidden) return;
   values.vsmrcPlot = plot;
   const lines = plot.series.slice(1).map((series, i) => [series, valuesOf(plot, i + 1)(idx), series.stroke?.(plot, i + 1)])
-    .filter(([series, value]) => measurable(series) && Number.isFinite(value))
-    .map(([series, value, color]) => row(series.label, value, color));
-  values.replaceChildren(row(plot.series[0].label, plot.data[0][idx], ""), ...lines);
+    .filter(([series, value]) => series.show && measurable(series) && Number.isFinite(value))
+    .map(([series, value, color]) => row(series.label, `${atFoot(plot, value) ? "≤ " : ""}${window.vsmrcNumber(value, 4)}`, color));
+  values.replaceChildren(row(plot.series[0].label, window.vsmrcNumber(plot.data[0][idx], 4), ""), ...lines);
   const over = plot.over.getBoundingClientRect(), { width, height } = values.getBoundingClientRect();
   const x = over.left + left + 14, y = over.top + top + 14;
   values.style.left = `${x + width < innerWidth ? x : x - width - 28}px`;

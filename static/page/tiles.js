@@ -36,8 +36,11 @@ document.addEventListener("focusin", (e) => {
   focusKeeper.observe(document.body, { childList: true, subtree: true });
 }, true);
 // what was chosen with a pointer does not keep the space key for itself (keys.js)
-let pointed = false;
+let pointed = false, tapped = null; // tapped: the tile under a second touch, which may still become a scroll
+document.addEventListener("pointercancel", () => { tapped = null; }, true);
 document.addEventListener("pointerup", () => {
+  if (tapped) writeTo(tapped.field, tapped.point);
+  tapped = null;
   if (!pointed) return;
   pointed = false;
   focused = null;
@@ -46,9 +49,11 @@ document.addEventListener("pointerup", () => {
 document.addEventListener("pointerdown", (e) => { // a click may lose its tile, which is drawn anew
   const tile = tileOf(e.target);
   if (!tile) { focused = null; return; }
+  if (e.button !== 0) return;
   pointed = true;
   const again = described && described.field === fieldOf(tile) && described.point === tile.dataset.point;
-  if (e.pointerType === "mouse" || again) choose(tile);
+  if (e.pointerType === "mouse") choose(tile);
+  else if (again) tapped = placeOf(tile);
   lookAt(tile);
 }, true);
 document.addEventListener("keydown", (e) => {

@@ -17,7 +17,7 @@ SAID = re.compile(
     r"boundary layer [\d.]+ m/s, stiffness of the surface [\d.]+ N/m: largest force error at the end .* worst of 4 arms"
 )
 PICKED = re.compile(
-    r"boundary layer [\d.]+ m/s, reaching gain K_s [\d.]+ N·s/m: residual [\d.e−-]+ N, torque variation .*"
+    r"candidate 3, boundary layer [\d.]+ m/s, reaching gain K_s [\d.]+ N·s/m: residual [\d.e−-]+ N, torque variation .*"
 )
 
 

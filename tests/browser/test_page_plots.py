@@ -203,11 +203,11 @@ def test_the_legend_has_the_values_of_now_and_hides_a_line(session: PageSession)
         f"(value) => Math.abs(({legend_entry})('measured normal')?.match(/[-\\d.]+$/)?.[0] - value) <= 0.01 * value",
         arg=measured,
     )
-    line = page.locator(".u-series", has_text="measured normal").locator("th")
+    line = page.locator(".u-series:visible", has_text="measured normal").locator("th")
     line.click()
-    page.locator(".u-series.u-off", has_text="measured normal").wait_for()
+    page.locator(".u-series.u-off:visible", has_text="measured normal").wait_for()
     line.click()
-    page.locator(".u-series.u-off").wait_for(state="detached")
+    page.locator(".u-series.u-off:visible").wait_for(state="hidden")
 
 
 def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: PageSession):
@@ -226,6 +226,31 @@ def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: P
     page.wait_for_function(f"+({value})('‖s‖') > 0")
     unmeasured = ("reaching", "sliding", "t_r ≤ (18)", "t_r")
     session.wait(lambda _: [page.evaluate(value, name) for name in unmeasured] == 4 * [""])
+
+
+def test_a_part_of_a_sum_is_hidden_and_stands_alone_with_both_edges_of_its_area(session: PageSession):
+    page = session.page
+    session.wait(lambda now: now.t > 1.0)
+    session.runner.post(Pause())
+    session.wait(lambda now: now.phase == "paused")
+    session.tab("Torque")
+    stack = f"{SHOWN}.find((c) => c.series.filter((s) => s.label === 'gravity').length === 2)"
+    page.wait_for_function(stack)
+    drawn = f"() => {stack}.series.slice(1).filter((s) => s.show).map((s) => s.label).sort()"
+    every = page.evaluate(drawn)
+    assert every.count("gravity") == every.count("switching") == 2  # above and below zero
+    chart = page.locator(".uplot-container:visible", has=page.locator(".u-series:visible", has_text="gravity"))
+    entry = chart.locator(".u-series:visible", has_text="gravity").locator("th")
+    entry.click()
+    session.wait(lambda _: page.evaluate(drawn) == [label for label in every if label != "gravity"])
+    entry.click()
+    session.wait(lambda _: page.evaluate(drawn) == every)
+    entry.click(modifiers=["ControlOrMeta"])
+    session.wait(
+        lambda _: page.evaluate(drawn) == ["Value", "gravity", "gravity"]
+    )  # with the line at zero, as uPlot calls it
+    entry.click(modifiers=["ControlOrMeta"])
+    session.wait(lambda _: page.evaluate(drawn) == every)
 
 
 def test_two_cursors_measure_a_step(session: PageSession):
@@ -289,6 +314,34 @@ NUMBERS = """({ kind, low, high, tall }) => {
   const told = logarithmic ? decades(plot, at) : written(at);
   return at.flatMap((v, i) => (told[i] === "" ? [] : [[Number(told[i]), place(v), v]]));
 }"""
+
+
+# Texts under the crosshair and between two cursors, of a logarithmic plot whose line falls to its foot.
+FALLEN = """() => {
+  const plot = {
+    scales: { x: { min: 0, max: 1 }, y: { min: 0.01, max: 100, distr: 3 } },
+    data: [[0, 0.5, 1], [50, 20, 0.01], [50, 20, 1]],
+    series: [{ label: "t" }, { label: "s", show: true }, { label: "hidden", show: false }], bands: [],
+    root: document.createElement("div"), cursor: { idx: 2, left: 5, top: 5 },
+    over: { matches: () => true, getBoundingClientRect: () => ({ left: 0, top: 0 }) },
+  };
+  const table = document.createElement("table");
+  document.body.append(table);
+  fillTable(plot, [0, 1], table);
+  showValues(plot);
+  const rows = [...table.rows].map((row) => [...row.cells].map((cell) => cell.textContent));
+  return [rows.slice(2).map(([name, step]) => [name, step]), [...values.children].map((row) => row.textContent)];
+}"""
+
+
+def test_the_foot_of_a_logarithmic_plot_is_said_to_be_one_and_a_fall_is_a_number(browser: Browser) -> None:
+    page = browser.new_page()
+    plots, reading = (Path(f"static/page/{name}.js").read_text(encoding="utf-8") for name in ("plots", "reading"))
+    page.add_script_tag(content=f"{{{plots}}}\n{reading}")  # names of the former are its own
+    measured, under_the_crosshair = page.evaluate(FALLEN)
+    page.close()
+    assert measured == [["s", "-50"]]
+    assert under_the_crosshair == ["t 1", "s ≤ 0.01"]
 
 
 def test_an_axis_has_three_numbers_that_stand_apart_however_low_its_plot(browser: Browser):

@@ -104,12 +104,12 @@ def test_runs_are_pinned_compared_and_forgotten(session: PageSession):
     label = session.page.evaluate(
         f"{SHOWN}[0].series.findLast((line) => line.label && !line.class && !line.dash).label"
     )
-    coordinate = session.page.locator(".u-legend").first.locator(".u-series:not(.vs-unlisted)", has_text=label)
+    coordinate = session.page.locator(".u-legend").first.locator(".u-series:visible", has_text=label)
     coordinate.locator("th").click()
     session.page.wait_for_function(f"{shown} === {lines - 1}")
     coordinate.locator("th").click()
     session.page.wait_for_function(f"{shown} === {lines}")
-    hidden = session.page.locator(".u-legend").first.locator(".u-series.u-off:not(.vs-unlisted)")
+    hidden = session.page.locator(".u-legend").first.locator(".u-series.u-off:visible")
     for alone, left in ((entry, lines), (coordinate, 2)):  # of the run its entry and the coordinate
         alone.locator("th").click(modifiers=["Control"])
         expect(hidden).not_to_have_count(0)

@@ -189,7 +189,8 @@ def test_a_scenario_that_is_chosen_begins_at_zero_and_runs() -> None:
 def test_a_hint_says_the_bounds_in_words() -> None:
     assert FieldPlace("force.value").hint.endswith(", from −10000 to 10000 N")
     assert FieldPlace("contact.friction_coulomb").hint == "friction coefficient, from 0 to 2"
-    assert FieldPlace("shift.duration").hint.endswith(", above 0, at most 60 s")
+    assert FieldPlace("shift.duration").hint.endswith(", from 0.001 to 60 s")
+    assert FieldPlace("blend.over").hint.endswith(", above 0, at most 3600 s")
     assert FieldPlace("controller.F_1").hint.endswith("[1/s]")
 
 

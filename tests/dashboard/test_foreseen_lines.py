@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -10,9 +12,14 @@ import pytest
 from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.chart_frames import Frame
 from app.dashboard.plots.charts import ChartLine
+from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.plots.line_values import column
+from app.dashboard.transport.visible_parts import VisibleParts
+from app.dashboard.view_options import Viewing
 from app.scenario.data import shipped
 from app.session.arm_band import Band
+from app.session.preview import Foresight, Outlook, PreviewRequest
+from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from tests.support.plotted import ran
 
@@ -69,3 +76,31 @@ def test_a_band_is_drawn_ahead_only_as_quantiles_of_the_arms_that_still_run(hybr
     assert (short.spread(x, [shown], [line])[0][~past & ~beyond] < shown[~past & ~beyond]).all()
     alone = replace(frame, band=None)
     assert all((quantile == shown).all() for quantile in alone.spread(x, [shown], [line]))
+
+
+def test_a_preview_that_the_run_has_followed_meanwhile_is_drawn_from_now_on() -> None:
+    """Without an edit, line ahead and run are the same, however long ago the preview was requested."""
+    loop = ran(shipped()["ur5-hybrid"], 0.5)
+    foresight = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 1.0))
+    foresight.advance(10_000)
+    outlook = foresight.outlook()
+    assert isinstance(outlook, Outlook)
+    for _ in range(300):
+        loop.step()
+    seen = snapshot_of(loop)
+    for _ in range(700):
+        loop.step()
+    plots = Plots(MagicMock(), VisibleParts(), Viewing(), nullcontext())
+    frame = plots._frame(seen, Shown(seen.t, 2.0, outlook=outlook, horizon=1.0))
+    x, desired, s = frame.courses(
+        [ChartLine(name, (0, 0, 0), column(*of)) for name, *of in (("r_d", "r_d", 1), ("s", "s_norm"))]
+    )
+    run, ahead = loop.recording.stretch(), x > 0.0
+    assert 0.68 < x[-1] < 0.7
+    for drawn, values in ((desired, run["r_d"][:, 1]), (s, run["s_norm"])):
+        np.testing.assert_allclose(drawn[ahead], np.interp(seen.t + x[ahead], run["t"], values), rtol=1e-9, atol=1e-12)
+    begun_anew = replace(outlook, restarts=True)
+    x, _ = plots._frame(seen, Shown(seen.t, 2.0, outlook=begun_anew, horizon=1.0)).courses(
+        [ChartLine("s", (0, 0, 0), column("s_norm"))]
+    )
+    np.testing.assert_array_equal(x[x > 0.0], outlook.ahead)

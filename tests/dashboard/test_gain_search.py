@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
+import viser
 
 from app.dashboard.widgets.candidate_chart import candidates_html
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import FieldPlace, NumberRow, SliderScale, log_scale
+from app.dashboard.widgets.gain_search import AGAIN, LEAVE, GainSearch
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace
 from app.dashboard.widgets.swept_fields import FIELDS, FieldChoice, field_of_row, prepared
 from app.dashboard.widgets.whatif import WhatIf, changed
-from app.scenario.data import shipped, with_values
+from app.scenario.data import edited, shipped, with_values
 from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.commands import EditAll
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
+from app.sweep.axes import Value
+from app.sweep.background import Background
+from app.sweep.run_metrics import RunMetrics
 from app.tune.background import BackgroundTuning
-from app.tune.candidates import Candidate
+from app.tune.candidates import Candidate, front, judged
 from app.tune.plan import Tuning, moved
+from app.tune.running import Found
 from drivers.waiting import until
+from tests.support.desks import BareDesk
 
 BASE = shipped()["planar3r-hybrid"]
 
@@ -67,6 +77,7 @@ def test_an_entry_of_a_matrix_is_swept_also_where_the_mode_gives_the_matrix() ->
         ("0.01, 1e400", "boundary layer: '1e400'; allowed: a number"),
         ("0.01", "boundary layer: '0.01'; allowed: two numbers with a comma between"),
         ("2, 1", "boundary layer: 2 to 1; allowed: low before high"),
+        ("0.01, 0.010000001", "boundary layer: '0.01, 0.010000001'; allowed: ends further apart"),
     ],
 )
 def test_a_range_that_makes_no_sense_is_one_sentence(text: str, sentence: str) -> None:
@@ -111,17 +122,22 @@ def test_a_candidate_over_a_limit_is_a_cross_with_its_badge_and_not_of_the_front
         )
     ]
     state = {"problem": "", "waiting": False, "complete": True, "going": False, "runs": 16, "most": 99}
-    search = SimpleNamespace(tuning=tuning, candidates=candidates, **state)
+    search = SimpleNamespace(tuning=tuning, candidates=candidates, front=front(candidates[1:]), **state)
     drawn = candidates_html(cast(BackgroundTuning, search), {"controller.layer": "boundary layer"}, 1)
     marks = dict(re.findall(r'data-point="(\d)".*?<(?:path|circle) class="(vs-[a-z]+)"', drawn))
     assert marks == {"0": "vs-own", "1": "vs-best", "2": "vs-best", "3": "vs-badged"}
     labels = dict(re.findall(r'data-point="(\d)"[^>]* aria-label="(.*?)"', drawn))
     assert labels["3"].endswith("worst of 4 arms. Not offered: over its limit: &lt;b&gt;layer&lt;/b&gt;")
-    assert labels["1"].startswith("boundary layer 0.01 m/s: residual 1 N, torque variation 3 N·m/s, worst of 4 arms")
+    first = "candidate 1, boundary layer 0.01 m/s: residual 1 N, torque variation 3 N·m/s, worst of 4 arms"
+    assert labels["1"] == first  # by the number that the sentences at the end have
     assert labels["0"].startswith("own gains: residual 2 N")
     assert drawn.count("vs-chosen-ring") == 1
     assert "<b>" not in drawn
     assert "logarithmic" not in drawn
+    assert re.findall(r'data-point="(\d)"[^>]* tabindex="0"', drawn) == ["0"]
+    candidates[0] = replace(candidates[0], aims=(2.0, math.inf))  # the own gains have no place in the picture
+    alone = candidates_html(cast(BackgroundTuning, search), {"controller.layer": "boundary layer"}, 1)
+    assert re.findall(r'data-point="(\d)"[^>]* tabindex="0"', alone) == ["1"]
 
 
 def test_aims_more_than_a_decade_apart_have_logarithmic_axes() -> None:
@@ -132,7 +148,7 @@ def test_aims_more_than_a_decade_apart_have_logarithmic_axes() -> None:
             Candidate(number, {}, (value, 2.0), "", False, 1.0) for number, value in enumerate((1.0, 2.0, largest))
         ]
         state = {"problem": "", "waiting": False, "complete": True, "going": False, "runs": 3, "most": 3}
-        search = SimpleNamespace(tuning=tuning, candidates=candidates, **state)
+        search = SimpleNamespace(tuning=tuning, candidates=candidates, front=front(candidates[1:]), **state)
         drawn = candidates_html(cast(BackgroundTuning, search), {}, None)
         assert ("residual [N], logarithmic" in drawn or "residual, logarithmic" in drawn) == (largest > 10.0)
         at = dict(re.findall(r'data-point="(\d)" data-at="([\d.]+),', drawn))
@@ -142,3 +158,137 @@ def test_aims_more_than_a_decade_apart_have_logarithmic_axes() -> None:
     assert second - first > 0.1 * (last - first)  # 0.2 % of it on a linear axis
     first, second, last = x_of(9.0)
     assert second - first == pytest.approx((last - first) / 8.0, abs=0.2)
+
+
+@pytest.fixture
+def ended(monkeypatch: pytest.MonkeyPatch) -> BackgroundTuning:
+    """A search that has ended: of its front, candidate 1 is over a limit on arms that were not seen, 2 changes nothing
+    there, and 4 is offered; candidate 3 would be in the front without candidate 1."""
+    monkeypatch.setattr(Background, "_run", lambda _: None)
+    layer = (moved("controller.layer=0.001:0.1:log"),)
+    tuning = Tuning(BASE, layer, points=5, draw=4, unseen=2, aims=("residual", "torque_variation"))
+
+    def run(residual: float, variation: float, failed: str | None = None) -> RunMetrics:
+        verdict = "nothing promised" if failed else "holds"
+        return {"residual": residual, "torque_variation": variation, "failed": failed, "verdict": verdict}
+
+    seen = {0: run(5.0, 5.0), 1: run(1.0, 4.0), 2: run(2.0, 3.0), 3: run(1.5, 4.5), 4: run(4.0, 1.0)}
+    unseen = {0: run(5.0, 5.0), 1: run(1.0, 4.0, "gain"), 2: run(5.0, 5.0), 4: run(4.0, 1.0)}
+    values: dict[int, dict[str, Value]] = {
+        number: {"controller.layer": 0.01 * number} if number else {} for number in seen
+    }
+    candidates = [judged(tuning, number, values[number], [each] * 4) for number, each in seen.items()]
+    tried = {number: judged(tuning, number, values[number], [each] * 2) for number, each in unseen.items()}
+    search = BackgroundTuning(tuning, workers=1)
+    for each in candidates:
+        search.take(each)
+    assert [each.number for each in search.front] == [1, 2, 4]
+    search.take(Found(candidates, tried, {number: [each] * 2 for number, each in unseen.items()}))
+    return search
+
+
+OVER = "on arms that were not seen, over its limit: d covers (17) (2 of 2 arms)"
+IN_VAIN = "it changes nothing on any arm that was not seen"
+
+
+def test_a_candidate_that_fails_on_arms_that_were_not_seen_becomes_a_cross_and_no_other_takes_its_place(
+    ended: BackgroundTuning,
+) -> None:
+    drawn = candidates_html(ended, {"controller.layer": "boundary layer"}, None)
+    marks = dict(re.findall(r'data-point="(\d)".*?<(?:path|circle) class="(vs-[a-z]+)"', drawn))
+    assert marks == {"0": "vs-own", "1": "vs-badged", "2": "vs-badged", "3": "vs-tried", "4": "vs-best"}
+    labels = dict(re.findall(r'data-point="(\d)"[^>]* aria-label="(.*?)"', drawn))
+    assert labels["1"].endswith(f". Not offered: {OVER}")
+    assert labels["2"].endswith(f". Not offered: {IN_VAIN}")
+    assert "Not offered" not in labels["3"] + labels["4"]
+    (line,) = re.findall(r'class="vs-front" d="(.*?)"', drawn)
+    assert line.count("V") == 0  # through candidate 4 alone
+
+
+def test_what_the_sentences_at_the_end_do_not_offer_cannot_be_applied(
+    ended: BackgroundTuning, viser_server: viser.ViserServer
+) -> None:
+    page = BareDesk(viser_server, BASE)
+    search = GainSearch(page.desk)
+    layer = next(each for each in FIELDS if each.path == "controller.layer")
+    search._fields, search._names = [layer], {layer.path: layer.name}
+    search._work = ended
+    search.show(page.snapshot())
+    told = search._verdict.content
+    assert f"candidate 1 is not offered: {OVER}." in told
+    assert f"candidate 2 is not offered: {IN_VAIN}." in told
+    assert "residual and torque variation: candidate 4 better than the own gains" in told
+    assert ".toml" not in told  # a page has no such file
+    for number, reason in (("1", OVER), ("2", IN_VAIN)):
+        search._choose(ended, number, 1)
+        held = page.whatif.held
+        assert held is not None
+        assert (held.label, held.then) == (f"candidate {number}", LEAVE)
+        assert held.value == f"boundary layer 0.0{number} m/s"
+        search._choose(ended, number, 1)
+        assert page.complaints.pop() == f"candidate {number}: not offered, {reason}"
+    assert not page.posted
+    search._choose(ended, "4", 1)
+    assert page.whatif.held is not None
+    assert page.whatif.held.then == AGAIN
+    search._choose(ended, "4", 1)
+    assert page.posted == [EditAll({"controller.layer": 0.04})]
+    assert not page.complaints
+
+
+MOTION, UNDECLARED = shipped()["ur5-motion"], edited(BASE, "declared", {})
+STATED = edited(BASE, "declared.delta_C", "speed")
+ALIKE = (
+    "they are all alike, since no quantity that is drawn is declared; allowed: a bound above 0 on the tab Robot, such "
+    "as that of the links"
+)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "choices", "sentence"),
+    [
+        (
+            MOTION,
+            {},
+            "What counts: force error, which no run of this scenario in motion mode has; allowed: path error, angle "
+            "error, torque variation, settling time, residual of (8)",
+        ),
+        (MOTION, {"first": "path error", "second": "force error"}, "What else counts: force error, which no run of"),
+        (BASE, {"second": "force error"}, "What else counts: force error, as what counts; allowed: something else, or"),
+        (UNDECLARED, {}, f"Judged by: 4 of the declared set: {ALIKE}, or the scenario's own with 1 under Arms not"),
+        (UNDECLARED, {"arms": "the scenario's own"}, f"Arms not seen: 8: {ALIKE}, or 1"),
+        (STATED, {}, "Judged by: 4 of the declared set: bound of ‖ΔC‖ (declared) is stated, and only its run shows"),
+    ],
+)  # fmt: skip
+def test_a_search_that_makes_no_sense_is_refused_in_the_words_of_its_controls(
+    scenario: Scenario, choices: dict[str, str], sentence: str, viser_server: viser.ViserServer
+) -> None:
+    page = BareDesk(viser_server, scenario)
+    search = GainSearch(page.desk)
+    for name, value in choices.items():
+        getattr(search, f"_{name}").value = value
+    with pytest.raises(ScenarioError) as refused:
+        search._request(page.snapshot())
+    assert str(refused.value).startswith(sentence)
+    assert not re.search(r"--|\w\.\w", str(refused.value))  # neither an option of the command line nor a path
+
+
+def test_a_search_has_a_gain_to_move_and_nothing_else(viser_server: viser.ViserServer) -> None:
+    page = BareDesk(viser_server, BASE)
+    search = GainSearch(page.desk)
+    stiffness = NumberRow(FieldPlace("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
+    with pytest.raises(ScenarioError) as refused:
+        search.let_move(stiffness)
+    assert str(refused.value) == "stiffness of the surface: no gain; allowed: fields of the tabs Controller and Model"
+    assert [each.field and each.field.path for each in search._moves] == [
+        "controller.layer",
+        "controller.K_s",
+        None,
+        None,
+    ]
+    search._request(page.snapshot())
+    for each in search._moves:
+        each.leave()
+    with pytest.raises(ScenarioError) as refused:
+        search._request(page.snapshot())
+    assert str(refused.value) == "the gains that may move: none; allowed: one or more"

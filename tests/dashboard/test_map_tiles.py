@@ -10,17 +10,22 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 import pytest
+import viser
 
 from app.dashboard.widgets.map_tiles import Naming, Present, map_html
-from app.dashboard.widgets.robustness_map import badness
+from app.dashboard.widgets.robustness_map import RobustnessMap, badness
+from app.scenario.data import edited
+from app.scenario.errors import ScenarioError
 from app.sweep.background import BackgroundSweep, coarse_first
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView, points_of
 from app.sweep.run_metrics import RunMetrics
+from tests.support.desks import BareDesk
 from tests.sweep.test_charts import columns
 from tests.sweep.test_plan import sweep_of
 
 SWEEP = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:80:2", draw=4)
+ALONE = sweep_of("contact.K_e=1e3:1e5:3:log", draw=4)
 NAMES = {"contact.K_e": ("stiffness <b>", "N/m"), "controller.K_s": ("gain", "N·s/m")}
 
 PREMISES = "true arm inside the declared set, d covers (17)"
@@ -96,6 +101,45 @@ def test_refused_runs_draw_no_boundary_and_missing_metrics_are_reported() -> Non
     assert "force error: no value on some arm" in labels_in(drawn)[0]
 
 
+CROSS = re.compile(r'<path d="[^"]*" stroke="currentColor"/>')
+
+
+@pytest.mark.parametrize("view", [SweepView("force_error"), SweepView("force_error", within=1.25)])
+@pytest.mark.parametrize("sweep", [SWEEP, ALONE])
+def test_of_a_figure_that_no_run_has_there_is_a_sentence_and_no_scale(sweep: Sweep, view: SweepView) -> None:
+    table = columns(sweep)
+    drawn = picture(view, sweep=sweep, table=table | {"force_error": np.full(len(table["point"]), np.nan)})
+    assert "; no run of this scenario has this figure; " in drawn
+    assert not re.search(r"rgb\(|vs-dot-of|vs-interval", drawn)  # a colour, a dot
+    beside = re.findall(r'<text x="40" [^>]*>(.*?)<', drawn)
+    assert beside == ([] if sweep is ALONE else ["20", "80", "80"])  # only values of a field
+    assert 'y="244"' not in drawn
+    assert len(CROSS.findall(drawn)) == 1  # of the run that stopped
+    ends = [label.rpartition(": ")[2] for label in labels_in(drawn)]
+    assert sorted(set(ends)) == ["a run stopped or was refused", "no figure"]
+    shown = picture(view, sweep=sweep, table=table)
+    assert "no run of this scenario" not in shown
+    assert re.search(r"rgb\(|vs-dot-of", shown)
+    assert len(CROSS.findall(shown)) == 1
+
+
+@pytest.mark.parametrize("sweep", [SWEEP, ALONE])
+def test_a_cross_is_a_run_that_stopped_and_not_one_that_never_settled(sweep: Sweep) -> None:
+    table = columns(sweep)
+    table |= {"settling_time": np.where(table["arm"] == 0, np.inf, 1.0)}
+    drawn = picture(SweepView("settling_time"), sweep=sweep, table=table)
+    assert "; at every setting some arm has no value; " in drawn
+    assert len(CROSS.findall(drawn)) == 1
+    assert not re.search(r"rgb\(|vs-dot-of", drawn)
+    share = picture(SweepView("settling_time", within=2.0), sweep=sweep, table=table)
+    assert "some arm has no value" not in share  # one that never settles does not keep the limit
+    assert "3 of 4 arms keep the limit" in labels_in(share)[0]
+    never = table | {"settling_time": np.full(len(table["arm"]), np.nan)}
+    none = picture(SweepView("settling_time", within=2.0), sweep=sweep, table=never)
+    assert "no run of this scenario" not in none
+    assert "0 of 4 arms keep the limit" in labels_in(none)[0]
+
+
 def test_a_tile_opens_the_run_of_its_worst_arm() -> None:
     rows: list[RunMetrics] = [
         {"arm": arm, "promised_share": share, "settling_time": time, "stopped": None}
@@ -108,12 +152,11 @@ def test_a_tile_opens_the_run_of_its_worst_arm() -> None:
 
 
 def test_over_one_field_there_is_a_course_with_an_interval_at_each_share() -> None:
-    alone = sweep_of("contact.K_e=1e3:1e5:3:log", draw=4)
-    worst = picture(SweepView("force_error"), {"contact.K_e": 1e4}, alone)
+    worst = picture(SweepView("force_error"), {"contact.K_e": 1e4}, ALONE)
     assert len(labels_in(worst)) == 3
     assert worst.count("vs-interval") == 0
     assert re.search(r'class="vs-present" d="M 187.0 ', worst)  # in the middle
-    share = picture(SweepView("force_error", within=1.25), sweep=alone)
+    share = picture(SweepView("force_error", within=1.25), sweep=ALONE)
     assert "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)" in labels_in(share)[0]
     assert share.count("vs-interval") == 3
 
@@ -133,3 +176,32 @@ def test_every_fourth_tile_comes_first_and_each_comes_once(across: int, up: int)
     first = order[: 2 * len(range(0, across, 4)) * len(range(0, up, 4))]
     places = np.array([divmod(number // 2, up) for number in first])
     assert (places % 4 == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("declared", "sentence"),
+    [
+        (
+            {},
+            "True arms: 4 of the declared set: they are all alike, since no quantity that is drawn is declared; "
+            "allowed: a bound above 0 on the tab Robot, such as that of the links, or the scenario's own",
+        ),
+        (
+            {"delta_C": "speed"},
+            "True arms: 4 of the declared set: bound of ‖ΔC‖ (declared) is stated, and only its run shows whether a "
+            "true arm is within it; allowed: in its place bounds of links, payload and friction on the tab Robot, or "
+            "the scenario's own",
+        ),
+    ],
+)
+def test_a_map_that_makes_no_sense_is_refused_in_the_words_of_its_controls(
+    declared: dict[str, object], sentence: str, viser_server: viser.ViserServer
+) -> None:
+    page = BareDesk(viser_server, edited(SWEEP.scenario, "declared", declared))
+    robustness = RobustnessMap(page.desk)
+    robustness._up.leave()  # the mass of the true links is drawn
+    robustness._request(page.snapshot())
+    robustness._arms.value = "4 of the declared set"
+    with pytest.raises(ScenarioError) as refused:
+        robustness._request(page.snapshot())
+    assert str(refused.value) == sentence

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
+import viser
 
 from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.chart_frames import Frame
-from app.dashboard.plots.chart_widget import MOST_SERIES
+from app.dashboard.plots.chart_widget import MOST_SERIES, ChartWidget
 from app.dashboard.plots.charts import ChartLine, Setup
 from app.dashboard.plots.line_values import column
 from app.dashboard.plots.paper_figures import figure_of, plots_of, with_series
@@ -22,6 +24,7 @@ from app.session.snapshot import snapshot_of
 from app.session.timeline import Pinned
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.session_index import PINS
+from environments.robots import MOST_JOINTS
 from tests.support.plotted import ran, setup_of
 
 
@@ -85,8 +88,22 @@ def test_of_a_pinned_runs_line_both_coordinate_and_run_can_be_read(hybrid: Close
                 assert len(set(looks)) == len(looks)
             patterns.append({line.dashes for line in lines})
         assert not any(one & other for one, other in combinations(patterns, 2)), plot.name
-        bands = sum(len(line.band) for line in drawing.lines)
-        assert 1 + len(runs) * len(compared) + len(drawing.lines) + bands <= MOST_SERIES
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-joint"])
+def test_no_chart_has_more_series_than_a_page_knows(name: str, viser_server: viser.ViserServer) -> None:
+    """Also of an arm with the most joints, with three surfaces and as many pinned runs as there may be."""
+    loop = ran(shipped()[name], 0.05)
+    few = setup_of(loop)
+    of_joints = {each: (getattr(few, each) * MOST_JOINTS)[:MOST_JOINTS] for each in ("coordinates", "joints", "slides")}
+    setup = replace(few, **of_joints, normal=3, surfaces=3, touching=True, twisted=True)
+    runs = [PinnedChart.of(pinned_of(loop, place)).look for place in range(PINS)]
+    most = 0
+    for plot in (plot for tab in TABS.values() for plot in tab.plots):
+        chart = ChartWidget(viser_server.gui, plot)
+        chart.clear(setup, runs)
+        most = max(most, len(chart._handle.series))
+    assert most == MOST_SERIES
 
 
 def test_a_figure_draws_pinned_runs_as_the_page_does(hybrid: ClosedLoop) -> None:

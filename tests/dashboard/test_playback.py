@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from unittest.mock import MagicMock
 
 from app.analysis.run_events import Event
 from app.dashboard.widgets.field_words import field_in_words, refusal_in_words
-from app.dashboard.widgets.playback import APART, apart
+from app.dashboard.widgets.playback import APART, Playback, apart
+from app.scenario.data import load
 from app.scenario.units import CARTESIAN, JOINT
+from app.session.commanded_run import CommandedRun
+from app.session.commands import Seek
+from app.session.snapshot import Snapshot, snapshot_of
+from app.simulation.closed_loop import ClosedLoop
 
 
 def test_many_events_of_a_kind_leave_ticks_that_stand_apart_and_the_last_one_and_all_rare_ones() -> None:
@@ -34,6 +40,27 @@ def test_a_tick_tells_of_the_nearer_ones_before_it_in_the_pages_words() -> None:
     assert "computed torque" in first
     assert second.endswith("20000 N/m")
     assert "contact.K_e" not in tick.description
+
+
+def test_the_stop_of_a_run_keeps_its_tick_while_one_looks_back_for_its_cause() -> None:
+    run = CommandedRun(ClosedLoop.from_scenario(load("planar2r-semicircle")), None)
+    for _ in range(200):
+        run.step()
+    run.loop.fail("the loop", ValueError("planted"))
+
+    def now() -> Snapshot:
+        return run.known(snapshot_of(run.loop))
+
+    desk = MagicMock()
+    desk.snapshot = now
+    playback = Playback(desk)
+    playback.show(now())
+    (fault,) = [line for line in playback._ticks.content.split("<i ") if "vs-fault" in line]
+    run.execute(Seek(now().first))
+    assert now().phase == "paused"
+    playback.show(now())
+    assert fault in playback._ticks.content
+    assert playback._instants[-1] == now().end
 
 
 def test_a_field_has_the_unit_of_the_coordinates_and_what_is_left_out_is_said_as_what_it_is() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pinocchio as pin
@@ -14,11 +17,15 @@ from app.analysis.steady_force import steady_force_error
 from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.chart_frames import Frame
 from app.dashboard.plots.charts import BUCKETS, Setup
-from app.dashboard.plots.law_drawings import needed_stack, torque_stack
+from app.dashboard.plots.dock import Plots, Shown
+from app.dashboard.plots.law_drawings import needed_stack, reaching_note, torque_stack
 from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.plots.pinned_runs import compared_lines
 from app.dashboard.plots.plot_table import TABS
+from app.dashboard.transport.visible_parts import VisibleParts
+from app.dashboard.view_options import Viewing
 from app.scenario.data import edited, load, shipped
+from app.session.preview import Foresight, Outlook, PreviewRequest
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from controllers.reaching import lyapunov_bound
@@ -251,6 +258,41 @@ def test_rotations_are_shown_as_angles(hybrid: ClosedLoop):
     np.testing.assert_allclose(
         followed.lines[1].values(rows), 1e3 * rows["r"][:, 4] / hybrid.system.coordinates[3].per_radian
     )
+
+
+def test_18_is_stated_only_where_it_promises() -> None:
+    """A constant gain below (17) promises no reaching time: neither beside the plots, nor as a mark, nor ahead."""
+    stated = {}
+    for d in (1.0, 60.0):
+        weak = edited(edited(shipped()["ur5-hybrid"], "controller.gain", "constant"), "controller.d", d)
+        loop = ran(edited(weak, "controller.on_change", "watch"), 0.2)
+        loop.edit(edited(loop.system.scenario, "controller.F_1", 40.0))
+        foresight = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 0.5))
+        while loop.t < 1.5:
+            loop.step()
+        foresight.advance(500)
+        ahead = foresight.outlook()
+        assert isinstance(ahead, Outlook)
+        assert 0.01 < loop.certificate.t_r < 1.2
+        marked = known(loop)["promised"].any()
+        stated[d] = ("s = 0 within" in reaching_note(snapshot_of(loop)), marked, ahead.metrics.reaching_time_promised)
+    assert stated[1.0] == (False, False, None)
+    assert stated[60.0] == (True, True, pytest.approx(loop.certificate.t_r))
+
+
+def test_a_run_that_begins_anew_empties_the_plots_and_what_is_said_beside_them() -> None:
+    weak = edited(edited(shipped()["ur5-hybrid"], "controller.gain", "constant"), "controller.d", 1.0)
+    loop, texts = ran(weak, 0.1), list[SimpleNamespace]()
+    gui = MagicMock()
+    gui.add_html.side_effect = lambda content: texts.append(SimpleNamespace(content=content)) or texts[-1]
+    plots = Plots(gui, VisibleParts(), Viewing(), nullcontext())
+    plots.show(snapshot_of(loop), Shown(loop.t, 2.0), ["Guarantee"])
+    assert any("the gain d = 1 N is below" in text.content for text in texts)
+    loop.edit(edited(weak, "controller.d", 60.0))
+    loop.reset()
+    plots.show(snapshot_of(loop), Shown(loop.t, 2.0), ["Guarantee"])
+    assert not any("the gain d = 1 N is below" in text.content for text in texts)
+    assert any("not judged yet" in text.content for text in texts)
 
 
 def test_bounds_are_drawn_only_where_something_is_promised() -> None:

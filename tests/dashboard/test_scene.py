@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from unittest.mock import MagicMock
 
@@ -13,6 +14,7 @@ from app.dashboard.scene.arrows import LONGEST, UNIT, ForceScale, task_direction
 from app.dashboard.scene.spring_damper import BESIDE, HALF_WIDTH, segments
 from app.dashboard.scene.tool_drag import LEVER, RADIUS, Hand, HeldHandle
 from app.dashboard.scene.trails import error_colors
+from app.dashboard.scene.view import SceneView
 from app.dashboard.theme.colors import ERROR_COLORS
 from app.dashboard.view_options import Viewing, rounded_up
 from app.scenario.data import load
@@ -60,6 +62,31 @@ def test_task_directions_change_one_coordinate_each(t: float) -> None:
             np.testing.assert_allclose(np.delete(change, i), 0.0, atol=1e-4)
         gradient = surface.chart(p, t).G[0]
         np.testing.assert_allclose(directions[0], gradient / np.linalg.norm(gradient))
+
+
+@pytest.mark.parametrize(("seen_at", "starts"), [((0.2, 1.2), 0.0), ((0.2, 12.0), 2.0), ((3.0,), 0.0)])
+def test_paths_are_those_of_the_whole_run_also_where_nobody_looked(seen_at: tuple[float, ...], starts: float) -> None:
+    """Not a chord from where somebody looked last; after a long while the last seconds of it."""
+    loop = ClosedLoop.from_scenario(load("ur5-hybrid"))
+    view, tool, desired = SceneView(MagicMock()), [list[np.ndarray](), list[np.ndarray]()], 1
+    view._tool_path, view._desired_path = MagicMock(), MagicMock()
+    view._tool_path.extend, view._desired_path.extend = (lambda p, *_: tool[0].append(p)), tool[desired].append
+    view._tool_path.clear, view._desired_path.clear = tool[0].clear, tool[desired].clear
+    for until in seen_at:
+        while loop.t < until - 1e-9:
+            loop.step()
+        seen = replace(snapshot_of(loop), first=0.0)
+        if view._run != seen.run:
+            view._run, view._traced = seen.run, seen.t - 10.0
+        view._extend_paths(seen)
+    run = loop.recording.stretch(starts, loop.t)
+    for drawn, taken in (
+        (tool[0], run["tool"]),
+        (tool[1], [loop.system.tool_at(r, t) for r, t in zip(run["r_d"], run["t"], strict=True)]),
+    ):
+        apart = np.array([np.linalg.norm(np.array(drawn) - p, axis=1).min() for p in taken[::50]])
+        assert apart.max() < 0.005
+        assert np.abs(np.diff(drawn, axis=0)).max() < 0.02
 
 
 def test_a_ball_that_is_turned_follows_the_hand_on_its_outside() -> None:

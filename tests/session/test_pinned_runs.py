@@ -1,5 +1,6 @@
 """Runs that are pinned: their numbers, names and figures, and their arms in the scene."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 from unittest.mock import MagicMock
@@ -148,6 +149,27 @@ def test_a_pinned_run_has_a_name_and_a_colour_of_its_own(noisy: Timeline) -> Non
         noisy.rename(9, "x")
     noisy.rename(4, "")
     assert noisy.pinned[1].title == "run 4"
+
+
+def test_two_pinned_runs_never_have_one_name(noisy: Timeline) -> None:
+    for _ in range(PINS):
+        run(noisy, 10)
+        noisy.pin()
+    noisy.rename(1, "stiff")
+    for number, name in ((2, "stiff"), (2, "run 3"), (2, "run 1"), (2, "run 4")):  # 1 and 4 have this name later
+        with pytest.raises(ScenarioError) as refused:
+            noisy.rename(number, name)
+        assert str(refused.value) == f"name of run {number}: {name} is another run; allowed: another name"
+    assert [pinned.title for pinned in noisy.pinned] == ["stiff", "run 2", "run 3"]
+    noisy.rename(1, "stiff")
+    noisy.rename(2, "run 2")
+    noisy.rename(2, "running")
+    noisy.rename(2, "")
+    other = run(line_of(shipped()["ur5-motion"]), 20)
+    other.pin()
+    other.rename(1, "stiff")
+    other.adopt(tuple(replace(pinned, number=pinned.number + 1) for pinned in noisy.pinned[:1]))
+    assert [pinned.title for pinned in other.pinned] == ["stiff", "run 3"]
 
 
 def test_the_arm_of_another_run_with_the_same_number_is_another_arm(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,7 @@ def test_it_ends_with_the_program_that_began_it(tmp_path: Path, monkeypatch: pyt
     assert process is not None
     assert process.stdin is not None
     process.stdin.close()
-    while process.returncode is None:  # set without a call of this test: the process is no zombie of a long-lived server
+    while process.returncode is None:  # set without a call of this test: no zombie remains
         time.sleep(0.01)
     assert process.returncode == 0
     assert not (tmp_path / "complete").exists()

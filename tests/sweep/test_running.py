@@ -217,6 +217,10 @@ def test_the_command_runs_draws_and_repeats_a_row(
         ),
         (("sweep", "FOLDER/sweep.toml", "--draw", "0", "--dry-run"), "is the whole question"),
         (("sweep", "FOLDER/sweep.toml", "--no-corners", "--dry-run"), "is the whole question"),
+        (
+            ("sweep", "planar3r-hybrid", "--vary", "contact.K_e=1e3:2e3:2", "--no-corners", "--dry-run"),
+            "--no-corners: no arm is drawn; allowed: with --draw",
+        ),
         (("sweep", "FOLDER/sweep.toml", "--engine", "compiled", "--dry-run"), "is the whole question"),
         (("sweep", "FOLDER/sweep.toml", "--until", "0.1", "--dry-run"), "is the whole question"),
         # and those that would have no effect

@@ -21,7 +21,7 @@ from app.process.worker_pool import BARRIER
 from app.scenario.data import load, shipped, with_values
 from app.scenario.errors import ScenarioError
 from app.sweep.run_store import JOURNAL, RunStore
-from app.tune import background, outcome, running
+from app.tune import background, offers, outcome, running
 from app.tune.candidates import Candidate
 from app.tune.plan import Tuning, moved, program
 from app.tune.running import Found
@@ -76,19 +76,19 @@ def found(folder: Path) -> Found:
 
 
 def test_what_is_offered_beats_poor_gains_on_arms_that_were_not_seen(found: Found) -> None:
-    best = outcome.comparisons(TUNING, found, outcome.offered(TUNING, found)[0].number)[0]
+    best = outcome.comparisons(TUNING, found, offers.offered(TUNING, found)[0].number)[0]
     assert best.aim == "residual"
     assert best.change < -0.5
     assert best.better == TUNING.unseen
 
 
 def test_a_candidate_that_changes_nothing_is_not_offered_and_one_that_changes_one_arm_is(found: Found) -> None:
-    first, own = outcome.offered(TUNING, found)[0].number, found.runs[0]
+    first, own = offers.offered(TUNING, found)[0].number, found.runs[0]
     alike = replace(found, runs=found.runs | {first: own})
-    assert first not in [each.number for each in outcome.offered(TUNING, alike)]
+    assert first not in [each.number for each in offers.offered(TUNING, alike)]
     assert f"candidate {first} is not offered: it changes nothing" in " ".join(outcome.verdict(TUNING, alike))
     another = replace(found, runs=found.runs | {first: [*own[:-1], own[-1] | {"residual": 0.1}]})
-    assert first in [each.number for each in outcome.offered(TUNING, another)]
+    assert first in [each.number for each in offers.offered(TUNING, another)]
 
 
 def test_a_candidate_over_a_limit_is_kept_with_its_badge_and_not_offered(found: Found) -> None:

@@ -273,20 +273,21 @@ def _text(course: LessonCourse, *, computing: bool) -> str:
     parts = []
     if step.number == 1:
         knows = "".join(f"<li>{inline_html(item)}</li>" for item in course.lesson.head.knows)
-        parts.append(f'<p class="vs-dim">Afterwards you will know</p><ul>{knows}</ul>')
+        parts.append(f'<p class="vs-dim" lang="en">Afterwards you will know</p><ul>{knows}</ul>')
     if isinstance(step.block, blocks.Explain):
-        parts += [_scored(of, answer, measured) for of, answer in course.explained()]
+        parts += [_scored(of, answer, measured, course.lesson.head.language) for of, answer in course.explained()]
     parts.append(html_of(step.text, measured))
     if computing and course.missing and NAMED.search(step.text):
-        parts.append('<p class="vs-dim">The numbers that are missing are being computed.</p>')
+        parts.append('<p class="vs-dim" lang="en">The numbers that are missing are being computed.</p>')
     if isinstance(step.block, blocks.Explain) and step.block.equation:
-        parts.append(f'<p class="vs-dim">equation {escape(step.block.equation)} of the paper</p>')
+        parts.append(f'<p class="vs-dim" lang="en">equation {escape(step.block.equation)} of the paper</p>')
     if isinstance(step.block, blocks.ChoiceQuestion | blocks.NumberQuestion | blocks.CurveQuestion | blocks.Goal):
         parts.append(f'<p class="vs-question">{inline_html(step.block.ask, measured)}</p>')
     return f'<div class="vs-lesson vs-prose" lang="{escape(course.lesson.head.language)}">{"".join(parts)}</div>'
 
 
-def _scored(step: LessonStep, answer: Answer, measured: dict[str, str]) -> str:
+def _scored(step: LessonStep, answer: Answer, measured: dict[str, str], language: str) -> str:
+    """Score of an answer as HTML, a sentence of the program around what the lesson says in its language."""
     if answer.score is None or step.question is None:
         return ""
     mark = chip("right", "vs-good") if answer.score >= 1.0 else chip("not so", "vs-warn")
@@ -294,7 +295,7 @@ def _scored(step: LessonStep, answer: Answer, measured: dict[str, str]) -> str:
     if isinstance(step.block, blocks.ChoiceQuestion) and isinstance(answer.given, int):
         given = inline_html(step.block.options[answer.given - 1], measured)
     verdict = "" if answer.verdict == "right" else inline_html(answer.verdict, measured)
-    return f'<div class="vs-scored">{mark} <i>{given}</i> {verdict}</div>'
+    return f'<div class="vs-scored" lang="en">{mark} <i lang="{escape(language)}">{given}</i> {verdict}</div>'
 
 
 def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:

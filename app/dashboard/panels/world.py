@@ -36,7 +36,7 @@ def _springy(scenario: Scenario) -> bool:
 
 
 def _heavy(scenario: Scenario) -> bool:
-    return scenario.contact.nature.heavy
+    return any(each.contact.nature.heavy for each in scenario.surfaces)
 
 
 def _foreseen(scenario: Scenario) -> bool:

@@ -68,7 +68,7 @@ class Frame:
     window: s, length of the time before now that is drawn.
     rows: signals up to now.
     pinned: signals of each pinned run at times of the shown run, None for an arm with another number of joints.
-    ahead: instants (N,) of the preview, s after now.
+    ahead: instants (N,) of the preview, s after now; those that have passed are not drawn.
     foreseen: signals of the preview.
     band: of true arms around the preview.
     band_ahead: instants (M,) of the band, s after now.
@@ -106,8 +106,8 @@ class Frame:
         if self.foreseen is not None and all(line.foreseen for line in lines):
             future = values_of(self.foreseen, lines)
             if (~np.isnan(future)).any(axis=0).all():  # also where a line has a gap: it says that nothing is there
-                x.append(self.ahead)
-                columns.append(_bridged(future))
+                x.append(self.ahead[self.ahead > 0.0])
+                columns.append(_bridged(future)[self.ahead > 0.0])
         shown = np.concatenate(columns)
         compared = compared_lines(lines)
         behind = [self._behind(pinned, compared, len(shown), begins) for pinned in self.pinned]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import viser
@@ -13,6 +14,7 @@ from app.dashboard.plots.chart_frames import DecimatedLines, Frame, values_of
 from app.dashboard.plots.charts import (
     BUCKETS,
     MEDIAN,
+    REACH,
     ChartLine,
     Drawing,
     Plot,
@@ -21,13 +23,16 @@ from app.dashboard.plots.charts import (
 from app.dashboard.plots.pinned_runs import RunLook, lines_of_run
 from app.dashboard.theme.colors import css
 from app.dashboard.transport.plot_feed import PlotFeed
+from app.storage.session_index import PINS
+from environments.robots import MOST_JOINTS
 
 _NOTHING = np.array([0.01, 0.02])  # x of a chart without lines; positive, as an axis may be logarithmic
-# Series of every chart: those of three pinned runs and the shown one with seven coordinates each, a legend's entry of
-# each pinned run, and the edges of bands. The
-# number is fixed, since a page receives series and data in two messages, in either order, may draw between them, and
-# fails at a series without an array.
-MOST_SERIES = 48
+# Series of every chart, as many as the errors of the arm with the most joints have: the time, a legend's entry and the
+# lines of each pinned run, and the lines of the shown run with the edges of their bands. The number is fixed, since a
+# page receives series and data in two messages, in either order, may draw between them, and fails at a series without
+# an array.
+MOST_SERIES = 1 + PINS * (1 + MOST_JOINTS) + MOST_JOINTS * (1 + len(REACH))
+QUANTILE = "vs-quantile"  # class of quantiles, which are edges, too, but of areas that are no parts of a sum
 _FOOT, _HEAD = ({"pad": 0.0, "hard": end, "soft": end, "mode": 1} for end in (0.0, 1.0))
 _RULE = "rgba(128, 128, 128, 0.7)"  # visible on dark and on light
 
@@ -135,8 +140,8 @@ def _of_band(line: ChartLine) -> list[uplot.Series]:
     """Looks of the quantiles of a line's band: the median dashed, the others only the edges of areas."""
     looks = []
     for level in line.band:
-        width = 1.0 if level == MEDIAN else 0.0
-        looks.append(ChartLine("", line.color, line.values, width=width, alpha=0.9, listed=False, dashed=True).series())
+        edge = replace(line, width=1.0 if level == MEDIAN else 0.0, alpha=0.9, listed=False, dashed=True)
+        looks.append(edge.series() | {"class": QUANTILE})
     return looks
 
 

@@ -26,6 +26,7 @@ BUCKETS = 120  # two points each: one per pixel or so of a plot on the dock, and
 DASHED: Dashes = (6.0, 4.0)  # px
 UNLISTED = "vs-unlisted"  # class of the lines that the legend leaves out
 OF_RUN = "vs-run"  # class of the lines of pinned runs that are in the legend
+EDGE = "vs-edge"  # class of edges of the shown run's areas, which are hidden with the line of their name
 MEDIAN = 0.5
 SPREAD = (0.0, 0.05, MEDIAN, 0.95, 1.0)  # quantiles of a band in a plot of one quantity
 REACH = (0.0, 1.0)  # quantiles of a band in a plot of many
@@ -123,9 +124,9 @@ class ChartLine:
         if self.backdrop and not self.width:
             look["fill"] = css(self.color, self.alpha)
         if self.dashes:
-            look["class"] = OF_RUN
-        if not self.listed:
-            look["class"] = UNLISTED
+            look["class"] = OF_RUN if self.listed else UNLISTED
+        elif not self.listed:
+            look["class"] = EDGE
         return look
 
 

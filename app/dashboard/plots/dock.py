@@ -95,7 +95,7 @@ class Plots:
                 whole = self._reports.get(title) != reports[title]
                 self._tabs[title].show(snapshot, setup, shown, frame, whole=whole)
             else:  # empties the plots after a reset, which would still show the run before
-                self._tabs[title].clear(setup, shown)
+                self._tabs[title].clear(snapshot, setup, shown)
             self._drawn[title], self._reports[title] = drawn, reports[title]
 
     def _frame(self, snapshot: Snapshot, shown: Shown) -> Frame:
@@ -113,8 +113,10 @@ class Plots:
         # a preview that begins the run anew is another run, to which the analysis does not apply
         openings = np.arange(0, 0 if outlook.restarts else len(outlook.ahead), FORESEEN_EVERY)
         foreseen = analysis.foreseen(outlook.signals, outlook.epochs, openings)
+        # the run has gone on since the preview was requested
+        ahead = outlook.ahead if outlook.restarts else outlook.signals["t"] - shown.now
         frame = Frame(
-            *(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen),
+            *(shown.now, shown.window, grid, known, pinned, ahead, foreseen),
             number=self._number,
             recent=recent,
         )
@@ -181,21 +183,25 @@ class _TabView:
         """Draw the data of a refresh. whole: see `ChartWidget.draw`."""
         with self._turn:
             self._show_choices(setup)
-        ahead = 0.0 if shown.outlook is None else shown.horizon
-        self._note.content = self._visible_parts.marker_html(
-            self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
-        )
+        self._show_note(snapshot, shown)
         for chart in self._charts:
             chart.draw(setup, _looks(shown), frame, whole=whole)
         self._fit_heights()
 
-    def clear(self, setup: Setup, shown: Shown) -> None:
+    def clear(self, snapshot: Snapshot, setup: Setup, shown: Shown) -> None:
         """Remove the lines of all plots."""
         with self._turn:
             self._show_choices(setup)
+        self._show_note(snapshot, shown)
         for chart in self._charts:
             chart.clear(setup, _looks(shown))
         self._fit_heights()
+
+    def _show_note(self, snapshot: Snapshot, shown: Shown) -> None:
+        ahead = 0.0 if shown.outlook is None else shown.horizon
+        self._note.content = self._visible_parts.marker_html(
+            self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
+        )
 
     def _show_choices(self, setup: Setup) -> None:
         """Show the present choices, which somebody may have changed while the plots were drawn."""

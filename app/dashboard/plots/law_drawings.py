@@ -221,4 +221,6 @@ def reaching_note(snapshot: Snapshot) -> str:
         return f"{name} reached after {after} ({by})"
 
     stated = "; ".join(stage_in_words(*stage) for stage in stages)
-    return f"{stated}; s = 0 within {epoch.certificate.t_r:.3g} s by (18); counted from t = {epoch.t:.2f} s"
+    promised = epoch.band_reached_by is not None
+    by_18 = f"s = 0 within {epoch.certificate.t_r:.3g} s by (18)" if promised else "(18) promises nothing"
+    return f"{stated}; {by_18}; counted from t = {epoch.t:.2f} s"

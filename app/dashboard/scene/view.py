@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import viser
@@ -24,6 +26,8 @@ from environments.robots import Robot
 _ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the true one
 _GHOST_CELL = 0.01  # m: enough detail for the translucent arm
 _GHOST_PAINT = Paint(GHOST, opacity=0.3, coat=0.003)
+_BETWEEN = 1 / 30  # s between two points of a path that are taken from the recording
+_BACK = 10.0  # s of the recording that are drawn as paths where no frame was drawn meanwhile
 
 
 class SceneView:
@@ -68,6 +72,7 @@ class SceneView:
         self._pinned = PinnedArms(scene, self._new_root)
         self._surfaces = [SurfaceView(scene, number) for number in range(3)]
         self._run = -1
+        self._traced = 0.0  # s, instant up to which the paths are drawn
 
     def set_theme(self, theme: Theme) -> None:
         """Set the grid's colours; the page's style sheet sets the background."""
@@ -94,7 +99,7 @@ class SceneView:
             arrow.show(start, force if options.forces else np.zeros(3), newtons)
         if options.frame:
             system = snapshot.system
-            self._frame.show(system.charted, system.layout.positions, snapshot.tool, snapshot.t)
+            self._frame.show(system.charted, system.layout.places, snapshot.tool, snapshot.t)
         else:
             self._frame.hide()
         if options.spring:
@@ -103,9 +108,7 @@ class SceneView:
             self._spring.hide()
         self._grid.visible = options.grid
         if not snapshot.looking_back:  # then the paths of the whole run are drawn already
-            self._tool_path.extend(snapshot.tool, lambda: _path_error(snapshot))
-            if snapshot.tool_desired is not None:
-                self._desired_path.extend(snapshot.tool_desired)
+            self._extend_paths(snapshot)
         return Legend(self._tool_path.scale, newtons, None if shade is None else shade.distance)
 
     def draw_paths(self, options: SceneOptions) -> None:
@@ -113,9 +116,19 @@ class SceneView:
         self._tool_path.draw(shown=options.tool_path, largest=self._tool_path.scale if options.error_colors else None)
         self._desired_path.draw(shown=options.desired_path, largest=None)
 
+    def _extend_paths(self, snapshot: Snapshot) -> None:
+        if snapshot.t - self._traced > _BACK + _BETWEEN:
+            self._tool_path.clear()
+            self._desired_path.clear()
+        for point in (*_recorded(snapshot, max(self._traced, snapshot.t - _BACK)), _PathPoint.of(snapshot)):
+            self._tool_path.extend(point.tool, lambda at=point: _path_error(snapshot, at))
+            if point.desired is not None:
+                self._desired_path.extend(point.desired)
+        self._traced = snapshot.t
+
     def _rebuild(self, snapshot: Snapshot, options: SceneOptions, shade: Shade | None) -> None:
         if snapshot.run != self._run:
-            self._run = snapshot.run
+            self._run, self._traced = snapshot.run, snapshot.t - _BACK
             self._tool_path.clear()
             self._desired_path.clear()
         for surface in self._surfaces:
@@ -155,14 +168,40 @@ class SceneView:
             look_from(client.camera, view)
 
 
-def _path_error(snapshot: Snapshot) -> float:
+class _PathPoint(NamedTuple):
+    """Tool and its desired point at an instant (s), each (3,) m; None where nothing is desired of the tool."""
+
+    t: float
+    tool: np.ndarray
+    desired: np.ndarray | None
+
+    @classmethod
+    def of(cls, snapshot: Snapshot) -> _PathPoint:
+        return cls(snapshot.t, snapshot.tool, snapshot.tool_desired)
+
+
+def _recorded(snapshot: Snapshot, since: float) -> Iterator[_PathPoint]:
+    """Points between an instant (s) and the snapshot, as far as the present scenario goes back: of a fast run, of one
+    that nobody has looked at for a while, or of the beginning of a fork."""
+    begin, system = max(since, snapshot.recording.epochs[-1].t if snapshot.recording.epochs else since), snapshot.system
+    instants = np.arange(begin + _BETWEEN, snapshot.t - 0.5 * _BETWEEN, _BETWEEN)
+    if not len(instants):
+        return
+    rows = snapshot.recording.stretch(begin, snapshot.t)
+    for k in np.unique(np.searchsorted(rows["t"], instants)):
+        if k < len(rows["t"]):
+            t, r_d = float(rows["t"][k]), rows["r_d"][k]
+            yield _PathPoint(t, rows["tool"][k], None if snapshot.tool_desired is None else system.tool_at(r_d, t))
+
+
+def _path_error(snapshot: Snapshot, at: _PathPoint) -> float:
     """Distance of the tool from its desired point, m; along the surfaces only, since the depth belongs to the
     force."""
-    if snapshot.tool_desired is None:
+    if at.desired is None:
         return 0.0
-    error = snapshot.tool - snapshot.tool_desired
+    error = at.tool - at.desired
     if snapshot.surfaces:
-        normals = [each.chart(snapshot.tool, snapshot.t).G[0] for each in snapshot.surfaces]
+        normals = [each.chart(at.tool, at.t).G[0] for each in snapshot.surfaces]
         if len(normals) == 1:  # a factorisation takes ten times as long
             error = error - normals[0] * ((normals[0] @ error) / (normals[0] @ normals[0]))
         else:

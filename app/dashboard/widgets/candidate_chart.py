@@ -14,7 +14,7 @@ from app.storage.joint_kinds import units_of
 from app.sweep.run_metrics import COLUMNS
 from app.sweep.titles import unit_of
 from app.tune.background import BackgroundTuning
-from app.tune.candidates import Candidate, front
+from app.tune.candidates import Candidate
 from app.tune.plan import in_words
 
 HEIGHT, FIELD = 224, "vs-candidate-field"
@@ -26,11 +26,11 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
     """Picture of the candidates so far.
     names: of the gains, by path.
     chosen: number of the previewed candidate, None for none."""
-    progress, candidates = _progress_html(tuning), tuning.candidates
-    shown = [each for each in candidates if all(map(math.isfinite, each.aims))]
+    progress, best = _progress_html(tuning), tuning.front  # the front first: candidates come in meanwhile
+    shown = [each for each in tuning.candidates if all(map(math.isfinite, each.aims))]
     if not shown:
         return f'<div class="vs-checks"><div class="vs-note">{progress}</div></div>'
-    aims, best = tuning.tuning.aims, front(candidates[1:])
+    aims, red = tuning.tuning.aims, {each.number for each in best}
     at = {each.number: _place(each) for each in shown}
     # what is over a limit, and never offered, lies at the picture's edge where it is beyond the others
     offered = [at[each.number] for each in shown if not each.badge or each.number == 0]
@@ -39,8 +39,12 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
     x = {number: LEFT + EDGE + across.position(place[0]) * (RIGHT - LEFT - 2 * EDGE) for number, place in at.items()}
     y = {number: BOTTOM - EDGE - up.position(place[1]) * (BOTTOM - TOP - 2 * EDGE) for number, place in at.items()}
     marks = [
-        _mark(each, x[each.number], y[each.number], _label(tuning, each, names), chosen, in_front=each in best)
-        for each in sorted(shown, key=lambda each: (each in best, each.number == 0, not each.badge))
+        _mark(
+            *(each, x[each.number], y[each.number], _label(tuning, each, names), chosen),
+            in_front=each.number in red,
+            first=each.number == min(at),
+        )
+        for each in sorted(shown, key=lambda each: (each.number in red, each.number == 0, not each.badge))
     ]
     first, *others = (in_words(aim, units_of(tuning.tuning.scenario)) for aim in aims)
     names_of_axes = (first, others[0]) if others else ("candidate", first)
@@ -52,7 +56,7 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
     steps = _front([(x[each.number], y[each.number]) for each in best]) if len(aims) > 1 else ""
     return (
         f'<div class="vs-checks"><div class="vs-note">{progress}. Red: the front; star: the present gains at the start'
-        f"; cross: over a limit, never offered</div>{caption_html(FIELD)}"
+        f"; cross: never offered, such as over a limit</div>{caption_html(FIELD)}"
         f'<svg class="vs-poles vs-tiles" data-field="{FIELD}"{state} viewBox="0 0 {WIDTH} {HEIGHT}" role="group" '
         f'aria-label="candidates: one shows what it would do, chosen again it is applied">'
         f'<path class="axis" fill="none" d="M {LEFT} {TOP} V {BOTTOM} H {RIGHT}"/>{steps}{"".join(marks)}'
@@ -73,24 +77,34 @@ def _progress_html(tuning: BackgroundTuning) -> str:
     return progress if tuning.going else f"{progress}, cancelled"
 
 
-def description(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
-    """Description of a candidate: its gains and aims, in words."""
+def name_of(number: int) -> str:
+    """Name of the candidate of this number."""
+    return f"candidate {number}" if number else "own gains"
+
+
+def gains_in_words(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
+    """Gains of a candidate, in words."""
     units = units_of(tuning.tuning.scenario)
-    gains = ", ".join(
+    return ", ".join(
         f"{names[path]} {plain(float(value))} {unit_of(path, units)}".rstrip()
         for path, value in candidate.values.items()
     )
+
+
+def _description(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
+    """Description of a candidate: its name, gains and aims, in words."""
+    gains, units = gains_in_words(tuning, candidate, names), units_of(tuning.tuning.scenario)
     metrics = ", ".join(
         f"{aim.replace('_', ' ')} {plain(value)} {COLUMNS[aim].unit_in(units)}".rstrip()
         for aim, value in zip(tuning.tuning.aims, candidate.aims, strict=True)
     )
-    return f"{gains or 'own gains'}: {metrics}"
+    return f"{name_of(candidate.number)}{gains and f', {gains}'}: {metrics}"
 
 
 def _label(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
     arms = f", worst of {tuning.tuning.seen} arms" if tuning.tuning.draw else ""
     badge = f". Not offered: {candidate.badge}" if candidate.badge else ""
-    return f"{description(tuning, candidate, names)}{arms}{badge}"
+    return f"{_description(tuning, candidate, names)}{arms}{badge}"
 
 
 def _place(candidate: Candidate) -> tuple[float, float]:
@@ -105,7 +119,10 @@ def _scale(values: np.ndarray, *, of_aim: bool) -> ColorScale:
     return ColorScale(low, high, of_aim and 0.0 < DECADE * low < high)
 
 
-def _mark(candidate: Candidate, x: float, y: float, label: str, chosen: int | None, *, in_front: bool) -> str:
+def _mark(
+    candidate: Candidate, x: float, y: float, label: str, chosen: int | None, *, in_front: bool, first: bool
+) -> str:
+    """Mark of a candidate, as SVG. first: whether the key Tab leads to it, from which the arrows go on."""
     if candidate.number == 0:
         shape = f'<path class="vs-own" d="{_star(x, y)}"/>'
     elif candidate.badge:
@@ -116,7 +133,7 @@ def _mark(candidate: Candidate, x: float, y: float, label: str, chosen: int | No
     ring = f'<circle class="vs-chosen-ring" cx="{x:.1f}" cy="{y:.1f}" r="8"/>' if candidate.number == chosen else ""
     return (
         f'<g data-point="{candidate.number}" data-at="{x:.1f},{HEIGHT - y:.1f}" role="button" '
-        f'tabindex="{0 if candidate.number == 0 else -1}" aria-label="{escape(label)}">'
+        f'tabindex="{0 if first else -1}" aria-label="{escape(label)}">'
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="7" fill="transparent"/>{shape}{ring}</g>'
     )
 

@@ -10,7 +10,7 @@ import viser
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.transport.page_values import from_pages
 from app.dashboard.widgets.beside_loop import BesideLoop, lasting, typed
-from app.dashboard.widgets.candidate_chart import FIELD, candidates_html, description
+from app.dashboard.widgets.candidate_chart import FIELD, candidates_html, gains_in_words, name_of
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import NumberRow
 from app.dashboard.widgets.robustness_map import ARMS
@@ -22,18 +22,21 @@ from app.dashboard.widgets.swept_fields import (
     field_of_row,
     number_of,
     prepared,
+    require_arms,
     unmarked,
 )
 from app.dashboard.widgets.whatif import HeldControl
 from app.export.export_jobs import MadeJob, file_name
 from app.scenario.data import differences, field_of, with_values
 from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
 from app.session.commands import EditAll
 from app.session.snapshot import Snapshot
 from app.storage.recording_files import ProgressCallback
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate
-from app.tune.plan import Tuning, require_sound
+from app.tune.offers import offered
+from app.tune.plan import Tuning, is_gain, known_aims, require_sound
 from app.tune.running import most_runs
 
 MOST = 4  # gains that a search may vary
@@ -91,6 +94,8 @@ class GainSearch(BesideLoop[BackgroundTuning]):
     def let_move(self, row: NumberRow) -> None:
         """Let the search vary the field of this row, around its present value. Raises ScenarioError."""
         field = field_of_row(row, self._desk.snapshot())
+        if not is_gain(field.path):
+            raise ScenarioError(f"{field.name}: no gain; allowed: fields of the tabs Controller and Model")
         same = [each for each in self._moves if each.field is not None and each.field.path == field.path]
         free = [each for each in self._moves if each.field is None]
         (same or free or self._moves[-1:])[0].choose(field)
@@ -110,6 +115,8 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         unseen, seed = self._whole("Arms not seen", self._unseen, 1, 64), self._whole("Seed", self._seed, 0, 2**31)
         moves = [each for each in self._moves if each.field is not None]
         fields = [each.field for each in moves if each.field is not None]
+        if not fields:
+            raise ScenarioError("the gains that may move: none; allowed: one or more")
         if len({field.path for field in fields}) < len(fields):
             raise ScenarioError("the gains that may move: one is there twice; allowed: each once")
         scenario = prepared(snapshot, fields)
@@ -120,11 +127,29 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             draw=ARMS[self._arms.value],
             seed=seed,
             until=seconds,
-            aims=tuple(AIMS[each.value] for each in (self._first, self._second) if each.value != NONE),
+            aims=self._aims(scenario),
             unseen=unseen,
         )
+        if request.draw:
+            require_arms(request, f"Judged by: {self._arms.value}", "the scenario's own with 1 under Arms not seen")
+        else:
+            require_arms(request, f"Arms not seen: {unseen}", "1")
         require_sound(request)
         return fields, request
+
+    def _aims(self, scenario: Scenario) -> tuple[str, ...]:
+        """Aims that are chosen. Raises ScenarioError for one that is chosen twice, and for one that no run has."""
+        first, second = self._first.value, self._second.value
+        if first == second:
+            raise ScenarioError(f"What else counts: {second}, as what counts; allowed: something else, or {NONE}")
+        known = [title for title, aim in AIMS.items() if aim in known_aims(scenario)]
+        for label, title in (("What counts", first), ("What else counts", second)):
+            if title not in (NONE, *known):
+                raise ScenarioError(
+                    f"{label}: {title}, which no run of this scenario in {scenario.mode} mode has; allowed: "
+                    f"{', '.join(known)}"
+                )
+        return tuple(AIMS[title] for title in (first, second) if title != NONE)
 
     def _whole(self, name: str, text: viser.GuiInputHandle[str], least: int, most: int) -> int:
         value = number_of(name, text.value)
@@ -151,8 +176,8 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             self._leave()
             return
         self._chosen, self._due = candidate.number, 0.0
-        name = "own gains" if candidate.number == 0 else f"candidate {candidate.number}"
-        gains = description(work, candidate, self._names).partition(": ")[0]
+        name = name_of(candidate.number)
+        gains = gains_in_words(work, candidate, self._names) or name
         then = LEAVE if candidate.badge and candidate.number else AGAIN
         self._desk.whatif.hold(HeldControl(edit, name, gains, self, client, then))
 
@@ -205,7 +230,8 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         if work.found is not None:
             from app.tune import outcome  # see `_on_file`
 
-            verdict = outcome.verdict(work.tuning, work.found)
+            names = {each.number: name_of(each.number) for each in offered(work.tuning, work.found)}
+            verdict = outcome.verdict(work.tuning, work.found, names)
             sentences = "".join(f"<div>{escape(sentence)}.</div>" for sentence in verdict)
             verdict_html = f'<div class="vs-note">{sentences}</div>'
         if self._verdict.content != verdict_html:

@@ -64,10 +64,8 @@ class ColorScale(NamedTuple):
 
     @classmethod
     def of(cls, numbers: np.ndarray) -> ColorScale:
-        """Scale of the finite ones among the numbers."""
+        """Scale of the finite ones among the numbers, of which there is at least one."""
         known = numbers[np.isfinite(numbers)]
-        if not len(known):
-            return cls(0.0, 1.0, False)
         low, high = float(known.min()), float(known.max())
         return cls(low, high, wide(known))
 
@@ -85,7 +83,7 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
     plan, progress = sweep.plan, _progress_html(sweep)
     if points is None:
         return f'<div class="vs-checks"><div class="vs-note">{progress}</div></div>'
-    numbers = points.number if naming.share else naming.factor * points.number
+    numbers = _numbers(points, naming)
     over = ", worst arm" if plan.sweep.draw else ""
     if naming.share:
         over = f", share of the arms that keep the limit of {escape(naming.limit)}"
@@ -93,6 +91,9 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
         picture, ends, height = _course(plan, points, numbers, naming, present), "", COURSE_HEIGHT
     else:
         picture, ends, height = (*_tiles(plan, points, numbers, naming, present), HEIGHT)
+    if _scale(numbers, naming) is None:
+        nowhere = "no run of this scenario has this figure"
+        progress += f"; {nowhere if points.absent.any() else 'at every setting some arm has no value'}"
     going = ' data-going=""' if sweep.going else ""
     return (
         f'<div class="vs-checks"><div class="vs-note">{escape(naming.title)}{over}: {progress}{ends}; '
@@ -117,10 +118,24 @@ def _progress_html(sweep: BackgroundSweep) -> str:
     return f"{done} of {count} runs" + ("" if sweep.going or done == count else ", cancelled")
 
 
+def _numbers(points: Points, naming: Naming) -> np.ndarray:
+    """Numbers (N,) that a map shows, NaN where there is none. A run without the figure neither keeps a limit nor misses
+    it, nor does one that stopped where no other run has the figure."""
+    nowhere = points.absent.any() and (points.absent | points.stopped).all()
+    return np.where(points.absent | nowhere, np.nan, points.number if naming.share else naming.factor * points.number)
+
+
+def _scale(numbers: np.ndarray, naming: Naming) -> ColorScale | None:
+    """Scale of the numbers that a map shows, None where none of them is finite."""
+    if not np.isfinite(numbers).any():
+        return None
+    return ColorScale(0.0, 1.0, False) if naming.share else ColorScale.of(numbers)
+
+
 def _tiles(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> tuple[str, str]:
     """Picture over two fields, as SVG, and words on its lines."""
     x, y = plan.sweep.vary
-    scale = ColorScale(0.0, 1.0, False) if naming.share else ColorScale.of(numbers)
+    scale = _scale(numbers, naming)
     frame = _Frame((RIGHT - LEFT) / len(x.values), (BOTTOM - TOP) / len(y.values))
     tiles, declared, theorem = [], {}, {}
     for k, number in enumerate(numbers):
@@ -128,7 +143,7 @@ def _tiles(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming,
         for holds, of_points in ((declared, points.declared), (theorem, points.theorem)):
             if not math.isnan(of_points[k]):
                 holds[i, j] = bool(of_points[k])
-        color = NOTHING if math.isnan(number) else _color(scale.position(number))
+        color = NOTHING if scale is None or math.isnan(number) else _color(scale.position(number))
         x_at, y_at = LEFT + i * frame.wide, BOTTOM - (j + 1) * frame.tall
         cross = f'<path d="{_cross(i, j, frame)}" stroke="currentColor"/>' if points.stopped[k] else ""
         label = escape(_label(plan, points, k, number, naming))
@@ -147,26 +162,27 @@ def _tiles(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming,
     words = ("; red: the edge of the declared set, between two tiles" if red else "") + (
         "; dashed: the edge of where d covers (17)" if dashed else ""
     )
-    drawn = f"{''.join(tiles)}{red}{dashed}{_ring(plan, present)}{_ticks(x, y, frame, naming)}{_bar(scale, naming)}"
-    return drawn, words
+    bar = "" if scale is None else _bar(scale, naming)
+    return f"{''.join(tiles)}{red}{dashed}{_ring(plan, present)}{_ticks(x, y, frame, naming)}{bar}", words
 
 
 def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
     """Picture over one field, as SVG: a dot for each value, with Wilson's interval where the map shows a share."""
     (x,) = plan.sweep.vary
-    scale = ColorScale(0.0, 1.0, False) if naming.share else ColorScale.of(numbers)
+    scale = _scale(numbers, naming)
     wide = (RIGHT - LEFT) / len(x.values)
     dots, line = [], []
     for k in np.argsort(np.asarray(points.values[x.path], dtype=float)):
         number, i = float(numbers[k]), x.values.index(float(points.values[x.path][k]))
         across, label = LEFT + (i + 0.5) * wide, escape(_label(plan, points, int(k), number, naming))
-        up = BOTTOM if math.isnan(number) else _up(scale.position(number))
-        shape = f'<circle cx="{across:.1f}" cy="{up:.1f}" r="3.5" class="vs-dot-of"/>'
-        if points.stopped[k] or math.isnan(number):
+        known = not math.isnan(number)
+        up = BOTTOM if scale is None or not known else _up(scale.position(number))
+        shape = f'<circle cx="{across:.1f}" cy="{up:.1f}" r="3.5" class="vs-dot-of"/>' if known else ""
+        if points.stopped[k]:
             shape = f'<path d="M {across - 4:.1f} {up - 4:.1f} l 8 8 m -8 0 l 8 -8" stroke="currentColor"/>'
-        else:
+        elif known:
             line.append(f"{across:.1f} {up:.1f}")
-        if naming.share:
+        if known and naming.share:
             low, high = (_up(end) for end in interval(int(points.good[k]), int(points.arms[k])))
             shape += f'<path d="M {across:.1f} {low:.1f} V {high:.1f}" class="vs-interval"/>'
         dots.append(
@@ -178,16 +194,13 @@ def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming
     called = escape(f"{name} [{unit}]" if unit else name)
     at = _place(x, present.get(x.path))
     now = "" if at is None else f'<path class="vs-present" d="M {LEFT + at * wide:.1f} {TOP} V {BOTTOM}"/>'
-    ends = ("0", "1") if naming.share else (plain(scale.low), plain(scale.high))
     return "".join([
         f'<path class="axis" fill="none" d="M {LEFT} {TOP} V {BOTTOM} H {RIGHT}"/>{now}',
         f'<polyline class="vs-course" points="{", ".join(line)}"/>',
         *dots,
-        *(f'<text x="{LEFT - 4}" y="{_up(position) + 4:.1f}" text-anchor="end">{end}</text>'
-          for position, end in zip((0.0, 1.0), ends, strict=True)),
+        *([] if scale is None else _ticks_up(scale, naming)),
         *_ticks_across(x, wide),
         f'<text x="{RIGHT}" y="{BOTTOM + 23}" text-anchor="end">→ {called}</text>',
-        f'<text x="4" y="{BOTTOM + 23}">↑ {escape("share" if naming.share else naming.unit or naming.title)}</text>',
     ])  # fmt: skip
 
 
@@ -202,7 +215,7 @@ def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Namin
         for axis in plan.sweep.vary
     )
     arms = int(points.arms[k])
-    if points.stopped[k] and not naming.share:
+    if points.stopped[k] and (math.isnan(number) or not naming.share):
         return f"{where}: a run stopped or was refused"
     if points.never[k]:
         return f"{where}: {naming.title}: no value on some arm{_unpromised(points, k)}"
@@ -284,6 +297,18 @@ def _ticks_across(x: Axis, wide: float) -> list[str]:
         f'<text x="{LEFT + (k + 0.5) * wide:.1f}" y="{BOTTOM + 11}" text-anchor="middle">'
         f"{plain(float(x.values[k]))}</text>"
         for k in (0, len(x.values) // 2, len(x.values) - 1)
+    ]
+
+
+def _ticks_up(scale: ColorScale, naming: Naming) -> list[str]:
+    ends = ("0", "1") if naming.share else (plain(scale.low), plain(scale.high))
+    called = escape("share" if naming.share else naming.unit or naming.title)
+    return [
+        *(
+            f'<text x="{LEFT - 4}" y="{_up(position) + 4:.1f}" text-anchor="end">{end}</text>'
+            for position, end in zip((0.0, 1.0), ends, strict=True)
+        ),
+        f'<text x="4" y="{BOTTOM + 23}">↑ {called}</text>',
     ]
 
 

@@ -123,6 +123,8 @@ class Playback:
 
     def show(self, snapshot: Snapshot) -> None:
         events = self._events.of(snapshot.recording, snapshot.end, snapshot.state.flagged, snapshot.forks)
+        if snapshot.stop:
+            events = (*events, Event(snapshot.end, "fault", f"stopped: {snapshot.stop}"))
         self._instants = tuple(event.t for event in events)
         if (ticks := _ticks_html(snapshot, events)) != self._ticks.content:
             self._ticks.content = ticks
@@ -152,11 +154,8 @@ def _face(icon: str, name: str) -> str:
 
 
 def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
-    """Ticks of the events in the recorded part of the run and of its stop, as HTML; a pressed tick shows its
-    instant."""
+    """Ticks of the events in the recorded part of the run, as HTML; a pressed tick shows its instant."""
     known = snapshot.end - snapshot.first
-    if snapshot.phase == "stopped":
-        events = (*events, Event(snapshot.end, "fault", f"stopped: {snapshot.reason}"))
     places = ((event, (event.t - snapshot.first) / known) for event in events if known > 0.0)
     ticks = "".join(
         f'<i class="vs-tick vs-{event.kind}" data-seek="{event.t:.4f}" style="left:{position:.1%}" '

@@ -19,6 +19,7 @@ from app.dashboard.widgets.swept_fields import (
     field_of_row,
     number_of,
     prepared,
+    require_arms,
     unmarked,
 )
 from app.export.export_jobs import MadeJob, file_name
@@ -135,8 +136,10 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
                 raise ScenarioError(f"{field.name}: it is drawn for each true arm; allowed: the scenario's own arm")
         scenario, count = prepared(snapshot, fields), SIZES[self._size.value]
         vary = tuple(side.axis(scenario, count) for side in sides)
+        request = Sweep(lasting(scenario, seconds), vary, draw=arms, until=seconds, engine="pinocchio")
+        require_arms(request, f"True arms: {self._arms.value}", "the scenario's own")
         self._fields |= {field.path: field for field in fields}
-        return Sweep(lasting(scenario, seconds), vary, draw=arms, until=seconds, engine="pinocchio")
+        return request
 
     def _choose(self, work: BackgroundSweep, number: str, client: int) -> None:
         del client

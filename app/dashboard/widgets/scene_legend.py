@@ -68,8 +68,8 @@ def legend_html(options: SceneOptions, legend: Legend, snapshot: Snapshot) -> st
         times = "" if options.times == 1.0 else f", deflection × {options.times:g}"
         model.append(_key(MODEL, f"spring and damper of (8){times}"))
     if options.frame:
-        names = [] if snapshot.system.layout.joint else [snapshot.coordinates[i] for i in snapshot.system.layout.places]
-        frame += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
+        positions = () if snapshot.system.layout.joint else snapshot.system.layout.places
+        frame += [_key(SERIES[i], snapshot.coordinates[i].name) for i in positions]
     if options.pinned_arms and snapshot.pinned:
         arms += [_key(RUNS[pinned.place], escape(pinned.title)) for pinned in snapshot.pinned]
     if options.ghost:

@@ -19,6 +19,7 @@ from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, Units
 from app.session.snapshot import Snapshot
 from app.sweep.axes import Axis, fitted
+from app.sweep.plan import Sweep, arms_differ, stated_bound
 from app.sweep.titles import title_of, unit_of
 
 NONE = "—"
@@ -177,25 +178,34 @@ class FieldChoice:
         if self._field.visible != visible:
             self._field.visible = visible
 
+    @property
+    def _typed(self) -> str:
+        return self._range.value.strip("".join(MARKS))
+
     def range(self, scenario: Scenario) -> Axis:
         """Axis over the range that the user has typed, without values. Raises ScenarioError."""
         field = self.field
         assert field is not None
         field.require_there(scenario)
-        text = self._range.value.strip("".join(MARKS))
-        parts = text.split(",")
+        parts = self._typed.split(",")
         if len(parts) != 2:
-            raise ScenarioError(f"{field.name}: {text!r:.60}; allowed: two numbers with a comma between")
+            raise ScenarioError(f"{field.name}: {self._typed!r:.60}; allowed: two numbers with a comma between")
         low, high = (number_of(field.name, part) for part in parts)
         if not low < high:
             raise ScenarioError(f"{field.name}: {low:g} to {high:g}; allowed: low before high")
-        return fitted(Axis(field.path, (), low, high, field.logarithmic and low > 0.0), scenario)
+        axis = Axis(field.path, (), low, high, field.logarithmic and low > 0.0)
+        try:
+            return fitted(axis, scenario)
+        except ScenarioError as error:
+            raise ScenarioError(f"{field.name}: {low:g} to {high:g}; allowed: whole numbers") from error
 
     def axis(self, scenario: Scenario, count: int) -> Axis:
         """Axis over the range that the user has typed. count: of its values. Raises ScenarioError."""
         span = self.range(scenario)
         spaced = np.geomspace if span.logarithmic else np.linspace
         values = [float(f"{value:.6g}") for value in spaced(span.low, span.high, count)]
+        if len(set(values)) < count:
+            raise ScenarioError(f"{self._field.value}: {self._typed!r:.60}; allowed: ends further apart")
         return Axis(span.path, tuple(dict.fromkeys(map(round, values)) if span.whole else values))
 
 
@@ -206,6 +216,23 @@ def prepared(snapshot: Snapshot, fields: list[Field]) -> Scenario:
     for field in fields:
         needed |= field.needs(snapshot)
     return with_values(snapshot.scenario, needed)
+
+
+def require_arms(sweep: Sweep, asked: str, instead: str) -> None:
+    """Raise ScenarioError, in the page's words, where true arms cannot be drawn from the declared set, or are alike.
+    asked: label and value of the control that asks for them.
+    instead: value of the control that needs no declared set."""
+    if sweep.drawn and (stated := stated_bound(sweep)):
+        own = f", or {instead}" if sweep.arms == sweep.draw else ""  # not in a search, which always draws some
+        raise ScenarioError(
+            f"{asked}: {title_of(stated)} is stated, and only its run shows whether a true arm is within it; allowed: "
+            f"in its place bounds of links, payload and friction on the tab Robot{own}"
+        )
+    if sweep.drawn > 1 and not arms_differ(sweep):
+        raise ScenarioError(
+            f"{asked}: they are all alike, since no quantity that is drawn is declared; allowed: a bound above 0 on "
+            f"the tab Robot, such as that of the links, or {instead}"
+        )
 
 
 async def unmarked(event: PageEvent) -> None:

@@ -168,7 +168,11 @@ def _rows(units: Units) -> tuple[_Row, ...]:
         _Row(
             "layer reached after",
             lambda f: _seconds(f.reaching_time),
-            lambda f: f"s = 0 by (18): ≤ {f.reaching_time_promised:.3g} s",
+            lambda f: (
+                "(18) promises nothing"
+                if f.reaching_time_promised is None
+                else f"s = 0 by (18): ≤ {f.reaching_time_promised:.3g} s"
+            ),
         ),
         _Row("least margin of (17)", lambda f: force(f.gain_margin)),
     )
