@@ -65,6 +65,11 @@ class ForceSensor:
         return float(1.0 - np.exp(-2 * np.pi * cutoff * self.period)) if cutoff > 0.0 else 1.0
 
     @property
+    def noise_share(self) -> float:
+        """Share of the noise's standard deviation that the low-pass leaves."""
+        return float(np.sqrt(self.gain / (2.0 - self.gain)))
+
+    @property
     def late(self) -> int:
         """Number of readings by which the latest entry is late."""
         return int(self.lateness.max())
@@ -132,11 +137,13 @@ class Bias(Stage):
 
 class Noise(Stage):
     """White noise, with two random streams, one for forces and one for moments, so that a change of one noise leaves
-    the other one as it is."""
+    the other one as it is. Its first error is as small as a low-pass leaves it, since a sensor runs long before a run
+    begins."""
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         super().__init__(sensor, seed)
         self._random = np.random.default_rng(seed), np.random.default_rng((seed, 1))
+        self._begun = False
 
     @staticmethod
     def acts(sensor: ForceSensor) -> bool:
@@ -149,7 +156,11 @@ class Noise(Stage):
         """Errors (N, 6) of the next readings."""
         sizes = self.sensor.settings.noise, self.sensor.settings.moment_noise
         drawn = zip(sizes, self._random, strict=True)
-        return np.hstack([size * random.standard_normal((readings, 3)) for size, random in drawn])
+        errors = np.hstack([size * random.standard_normal((readings, 3)) for size, random in drawn])
+        if not self._begun:
+            errors[:1] *= self.sensor.noise_share
+            self._begun = readings > 0
+        return errors
 
     def copy(self) -> Noise:
         twin = copy(self)

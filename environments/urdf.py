@@ -28,7 +28,7 @@ MESHES = (".stl", ".dae", ".obj")
 SHAPES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}, "mesh": {"scale": 3}}
 WORLD = "universe"  # Pinocchio's name for the frame in which the arm stands
 DEFAULT_SIZES = {1: "1", 3: "1 1 1"}
-LONGEST_NAME = 200  # characters
+LONGEST = 200  # characters, of a name and of the numbers of an attribute
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # numbers that C++ and Python read alike
 LARGEST_MESH = 60_000_000  # bytes
 ROUNDED = 1e-6  # kg m^2: a negative eigenvalue up to this size may be zero, rounded in the file
@@ -264,10 +264,13 @@ def _numbers(
     text = default if element is None else element.get(attribute, default)
     if text is None:
         raise _Refusal(f"{what} lacks {attribute!r}")
-    parts = text[:LONGEST_NAME].split()
-    numbers = np.array([float(part) for part in parts if NUMBER.fullmatch(part)])
+    if len(text) > LONGEST:  # a part of it would be another number than the one that Pinocchio reads
+        raise _Refusal(f"{what}: {attribute} has {len(text)} characters; allowed: at most {LONGEST}")
+    parts = text.split()
+    numbers = np.array([float(part) if NUMBER.fullmatch(part) else np.nan for part in parts])
     if len(numbers) != count or not (np.abs(numbers) <= FARTHEST).all():
-        raise _Refusal(f"{what}: {attribute} = {text!r:.60}; allowed: {count} finite number(s)")
+        allowed = f"{count} finite number(s) of at most {FARTHEST:g} in size"
+        raise _Refusal(f"{what}: {attribute} = {text!r:.60}; allowed: {allowed}")
     return numbers
 
 
@@ -275,6 +278,6 @@ def _name(element: Element) -> str:
     name = element.get("name", "")
     if not name:
         raise _Refusal(f"a {element.tag:.40} without a name")
-    if len(name) > LONGEST_NAME:
-        raise _Refusal(f"{element.tag:.40} {name!r:.60}: {len(name)} characters; allowed: at most {LONGEST_NAME}")
+    if len(name) > LONGEST:
+        raise _Refusal(f"{element.tag:.40} {name!r:.60}: {len(name)} characters; allowed: at most {LONGEST}")
     return name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -63,8 +64,9 @@ class Tool:
         return J[self._rows]
 
     def working_posture(self, file_name: str) -> np.ndarray:
-        """Posture whose smallest singular value of the Jacobian is the largest, of `TRIES` drawn within the limits from
-        a fixed seed; of those with the whole arm above its base, if there are any. Raises RobotError."""
+        """Posture (n,), rad or m, within the limits, whose smallest singular value of the Jacobian is the largest, of
+        `TRIES` drawn from a fixed seed; of those with the whole arm above its base, if there are any. Its numbers are
+        round where that does not leave the limits. Raises RobotError."""
         model = self._model
         middle, half = (
             (model.upperPositionLimit + model.lowerPositionLimit) / 2,
@@ -81,7 +83,9 @@ class Tool:
                 f"robot.urdf: {file_name}: in no posture can its joints move the tool in all directions of a square "
                 "task space; allowed: an arm that can, another robot.tool_frame"
             )
-        return best.round(2)
+        rounded = best.round(2)
+        within = (model.lowerPositionLimit <= rounded) & (rounded <= model.upperPositionLimit)
+        return np.where(within, rounded, best)  # a slide may be shorter than what is rounded away
 
     def _upright(self) -> bool:
         placements = self._data.oMi.tolist()
@@ -89,9 +93,12 @@ class Tool:
         return min(T.translation[2] for T in [*placements, tool]) >= -1e-6
 
     def supplemental(self, q: np.ndarray) -> tuple[int, ...]:
-        """Joints, counted from 0, that self-motion at q (n,) moves most: they complete the Jacobian best."""
-        if self.free == 0:
-            return ()
-        _, _, Vt = np.linalg.svd(self.jacobian(q))
-        weight = np.linalg.norm(Vt[-self.free :], axis=0)
-        return tuple(sorted(int(j) for j in np.argsort(weight)[-self.free :]))
+        """Joints, counted from 0, that complete the Jacobian best at q (n,): with `LENGTH` times their rates below it,
+        its smallest singular value is the largest. They are as many as the task leaves free."""
+        J, rates = self.jacobian(q), LENGTH * np.eye(self._model.nv)
+
+        def regular(joints: tuple[int, ...]) -> float:
+            return float(np.linalg.svd(np.vstack([J, rates[list(joints)]]), compute_uv=False)[-1])
+
+        # all of them are compared: the joints that self-motion moves most may move together, and then determine nothing
+        return max(combinations(range(self._model.nv), self.free), key=regular)

@@ -12,7 +12,7 @@ import numpy as np
 from app.export.figures import DOUBLE, MM, SINGLE, TYPE, Curve, Figure, FigureChart, FigureOptions
 from app.export.inks import inks_of, printed
 from app.export.lettering import width_of, wrapped, write
-from app.export.ticks import plain_decades, plain_number
+from app.export.ticks import plain_decades, plain_steps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,6 +50,16 @@ def thinned(x: np.ndarray, y: np.ndarray, bins: int) -> tuple[np.ndarray, np.nda
     extremes = np.concatenate([[0], first + padded.argmin(axis=1), first + padded.argmax(axis=1), [len(y) - 1]])
     indices = np.unique(np.minimum(extremes, len(y) - 1))
     return x[indices], y[indices]
+
+
+def enclosed(x: np.ndarray, upper: np.ndarray, lower: np.ndarray, bins: int) -> tuple[np.ndarray, ...]:
+    """Edges x, upper, lower (N,) of a filled area reduced to at most 2 bins points, in their order: of each bin the
+    largest upper and the smallest lower value, nan where it has no other, at its first x; and the last point."""
+    starts = np.arange(0, len(x), max(len(x) // bins, 1))
+    if len(starts) == len(x):
+        return x, upper, lower
+    high, low = np.fmax.reduceat(upper, starts), np.fmin.reduceat(lower, starts)
+    return np.append(x[starts], x[-1]), np.append(high, upper[-1]), np.append(low, lower[-1])
 
 
 @dataclass(frozen=True)
@@ -235,9 +245,9 @@ def _stretches(curve: Curve) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 def _plot(axes: Axes, chart: FigureChart, looks: list[dict[str, Any]]) -> None:
     for area in chart.areas:
         upper, lower = chart.curves[area.upper], chart.curves[area.lower]
-        few = slice(None, None, max(len(upper.x) // BINS, 1))
+        x, high, low = enclosed(upper.x, upper.y, lower.y, BINS)
         ink = inks_of(chart).get(area.color, printed(area.color))
-        axes.fill_between(upper.x[few], lower.y[few], upper.y[few], color=ink, alpha=0.35, linewidth=0.0)
+        axes.fill_between(x, low, high, color=ink, alpha=0.35, linewidth=0.0)
     for curve, look in zip(chart.curves, looks, strict=True):
         for x, y in _stretches(curve):
             axes.plot(x, y, clip_on=not curve.dotted, zorder=3 if curve.dotted else 2, **look)
@@ -262,7 +272,4 @@ def _scale(axes: Axes, chart: FigureChart) -> None:
     if chart.logarithmic:
         plain_decades(axes.yaxis)
     else:
-        from matplotlib.ticker import MaxNLocator
-
-        axes.yaxis.set_major_locator(MaxNLocator(4, min_n_ticks=3))
-        axes.yaxis.set_major_formatter(plain_number)
+        plain_steps(axes.yaxis)

@@ -96,7 +96,9 @@ class KnownSessions:
         if not resting:
             return False
         count = Counter(other.owner.address or other.owner.browser for other in others)
-        self._forget(min(resting, key=lambda o: (_standing(o, now), -count[o.owner.address or o.owner.browser], o.seen)))
+        self._forget(
+            min(resting, key=lambda o: (_standing(o, now), -count[o.owner.address or o.owner.browser], o.seen))
+        )
         return True
 
     def _forget(self, session: Session) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
+from environments.sensors import ForceSensor
 from parameters import Matrix
 
 SPREAD = 4.0  # of three normal numbers, the norm stays below this many standard deviations 99.9 % of the time
@@ -58,9 +59,10 @@ def _inequalities(scenario: Scenario, units: Units) -> Iterator[tuple[str, float
         yield "Coulomb friction", true.coulomb, declared.coulomb, torque
         yield "viscous friction", true.viscous, declared.viscous, damping
         yield "disturbance", true.disturbance, declared.disturbance, torque
-    if sensor.ideal and scenario.contact.nature.heavy:
+    if sensor.ideal and any(each.contact.nature.heavy for each in scenario.surfaces):
         return  # the reading is the force of the period itself
-    kept, formula = SPREAD * _kept_noise(scenario), f"(bias + {SPREAD:g}σ of noise)"
+    kept = SPREAD * ForceSensor(sensor, scenario.controller.period).noise_share
+    formula = f"(bias + {SPREAD:g}σ of noise)"
     error = float(np.linalg.norm(sensor.bias)) + kept * sensor.noise
     yield f"force error {formula}", error, declared.force_error, " N"
     error = float(np.linalg.norm(sensor.moment_bias)) + kept * sensor.moment_noise
@@ -92,12 +94,3 @@ def _of_links(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]:
 def _of_link(what: str, sizes: np.ndarray) -> str:
     """Words for the largest of these sizes, one for all links or one each."""
     return f"{what} of link {int(sizes.argmax()) + 1} off by" if len(sizes) > 1 else f"{what} off by"
-
-
-def _kept_noise(scenario: Scenario) -> float:
-    """Share of the noise's standard deviation that the sensor's low-pass leaves."""
-    sensor = scenario.sensor
-    if sensor.cutoff == 0.0:
-        return 1.0
-    gain = 1.0 - np.exp(-2 * np.pi * sensor.cutoff * scenario.controller.period)
-    return float(np.sqrt(gain / (2.0 - gain)))

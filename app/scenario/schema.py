@@ -23,6 +23,10 @@ from environments.trajectories.point_to_point import Hold
 from environments.trajectories.table import AnyRotation, AnyTrajectory
 from parameters import Matrix, Name, Section, Text, Vector, Vector3, Widget, decades, field
 
+Offset = Annotated[float, Meta(ge=-10, le=10)]  # m along an axis: no mass of an arm is farther off
+Offset3 = tuple[Offset, Offset, Offset]
+Offsets = Annotated[tuple[Offset | Annotated[tuple[Offset, ...], Meta(max_length=32)], ...], Meta(max_length=32)]
+
 
 class RobotSection(Section, frozen=True, forbid_unknown_fields=True):
     """The arm."""
@@ -45,7 +49,7 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     link_scaling: Annotated[float | Vector, field("factor on the inertia of every link, or one per link", "1")] = 1.0
     rotor_scaling: Annotated[float | Vector, field("factor on every joint's rotor inertia, or one each", "1")] = 1.0
     link_centre: Annotated[
-        Matrix, field("shift of every link's centre of mass along its axes, or one row of three per link", "m")
+        Offsets, field("shift of every link's centre of mass along its axes, or one row of three per link", "m")
     ] = (0.0, 0.0, 0.0)
     link_shape: Annotated[
         Matrix,
@@ -56,7 +60,7 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
         ),
     ] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     payload_mass: Annotated[float, field("point mass at the tool", "kg", ge=0, le=50)] = 0.0
-    payload_offset: Annotated[Vector3, field("place of that mass in the tool frame", "m")] = (0.0, 0.0, 0.0)
+    payload_offset: Annotated[Offset3, field("place of that mass in the tool frame", "m")] = (0.0, 0.0, 0.0)
     coulomb: Annotated[float, field("Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
     viscous: Annotated[float, field("viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
     disturbance: Annotated[float, field("norm of a disturbance torque", "N·m", ge=0, le=200)] = 0.0
@@ -327,7 +331,9 @@ class ShiftSection(Section, frozen=True, forbid_unknown_fields=True):
     """Shift of the desired motion as a whole; a change is made smoothly, so that r_d keeps two derivatives."""
 
     by: Annotated[Vector, field("shift along x, y, z or the tangents", "m")] = (0.0,)
-    duration: Annotated[float, field("duration of the shift; from the start or the change on", "s", gt=0, le=60)] = 1.0
+    duration: Annotated[
+        float, field("duration of the shift; from the start or the change on", "s", ge=0.001, le=60)
+    ] = 1.0
 
 
 class Simulation(Section, frozen=True, forbid_unknown_fields=True):

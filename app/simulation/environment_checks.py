@@ -151,3 +151,16 @@ def require_sampled_delays(scenario: Scenario) -> None:
                 f"sensor.{name}: {delay:g} s, less than half of controller.period = {period:g} s, of which it takes a "
                 f"whole number; allowed: 0, more than {0.5 * period:g} s, or a shorter controller.period"
             )
+
+
+def require_sampled_paths(scenario: Scenario) -> None:
+    """Raise ScenarioError for a path that is over and over again at its start within two control periods: the loop sees
+    a slower one."""
+    shortest = 2.0 * scenario.controller.period
+    for section in ("motion", "rotation"):
+        period = getattr(getattr(scenario, section), "period", None)
+        if period is not None and period <= shortest:
+            raise ScenarioError(
+                f"{section}.period: {period:g} s, at most two control periods, so that the loop sees a slower path; "
+                f"allowed: above {shortest:g} s, or a shorter controller.period"
+            )

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 ORIGIN = Widget("origin")
 NORMAL = Widget("normal")
+SHORTEST, LONGEST = 1e-9, 1e9  # of a vector that gives a direction: far from where squares vanish or overflow
 _SIDE = Widget("Tool", options=(("outside", "outside"), ("inside", "inside")))
 Radius = Annotated[float, field("radius", "m", decades("radius", 0.05, 2), gt=0, le=100)]
 Side = Annotated[Literal["outside", "inside"], field("where the tool is", "", _SIDE)]
@@ -106,10 +107,11 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
 
 
 def unit(path: str, vector: Any) -> np.ndarray:
-    """Unit vector along a vector (3,). Raises ValueError with `path` for a vector of length zero."""
-    length = float(np.linalg.norm(vector))
-    if length < 1e-9:
-        raise ValueError(f"{path}: {list(vector)}; allowed: a vector that is not zero")
+    """Unit vector along a vector (3,). Raises ValueError with `path` for one as good as zero, or too long."""
+    with np.errstate(over="ignore"):
+        length = float(np.linalg.norm(vector))
+    if not SHORTEST <= length <= LONGEST:
+        raise ValueError(f"{path}: {list(vector)}; allowed: a vector of a length from {SHORTEST:g} to {LONGEST:g}")
     return np.array(vector, dtype=float) / length
 
 

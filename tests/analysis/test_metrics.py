@@ -6,10 +6,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from app.analysis.metrics import TAIL, account, metrics_of, path_error
+from app.analysis.metrics import TAIL, account, metrics_of, path_error, settling_time
 from app.analysis.perturbation import PerturbationAnalysis
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
+from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.constants_store import kept_memory
 
@@ -93,6 +94,25 @@ def test_the_largest_error_and_the_settling_time_are_of_all_rows() -> None:
     assert seen.path_max == e.max()
     assert seen.path_rms == pytest.approx(np.sqrt((e**2).mean()), rel=1e-12)
     assert metrics_of(loop).settling_time is None
+
+
+def test_what_has_not_come_to_rest_where_it_is_wanted_has_no_settling_time() -> None:
+    """A force that never comes about, a run that stopped, and numbers that are none."""
+    loop, metrics = simulate(edited(shipped()["ur5-hybrid"], "surface.origin", [0.0, 0.0, -0.05]), until=1.0)
+    assert metrics.force_error_tail == pytest.approx(20.0)
+    assert loop.stopped is None
+    assert metrics.settling_time is None
+    touching = running(shipped()["ur5-hybrid"], 2.0)
+    settled = metrics_of(touching).settling_time
+    assert settled is not None
+    assert 0.0 < settled < 1.9
+    touching.fail("the loop", ValueError("planted"))
+    assert metrics_of(touching).settling_time is None
+    t = np.arange(100.0)
+    assert settling_time(t, np.ones(100), 1e-6) == 0.0
+    assert settling_time(t[:5], np.arange(5.0), 1e-6) == np.inf
+    for odd in (np.nan, np.inf):
+        assert settling_time(t, np.append(np.ones(99), odd), 1e-6) == np.inf
 
 
 @pytest.mark.parametrize("law", ["computed-torque", "pd-gravity"])

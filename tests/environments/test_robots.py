@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import xml.etree.ElementTree as ElementTree
 from io import BytesIO
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.storage import uploaded_urdfs
 from environments import robots, urdf
 from environments.robots import CATALOGUE, Robot, RobotError
-from environments.working_posture import Tool
+from environments.working_posture import LENGTH, Tool
 from tests.support.arms import arm
 
 BENT = Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf"
@@ -100,6 +101,70 @@ def test_arms_with_free_joints_get_supplemental_coordinates_that_make_J_q_regula
     assert np.linalg.svd(J_q, compute_uv=False)[-1] > 0.04
 
 
+def chain(joints: list[tuple[str, tuple[float, float, float], str, float, float]]) -> str:
+    """URDF of an arm of equal bodies. joints: kind, place in the link before, axis, lower and upper limit of each."""
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    links = "".join(f'<link name="l{i}">{body}</link>' for i in range(len(joints) + 1))
+    between = "".join(
+        f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="{x} {y} {z}"/><axis xyz="{axis}"/>'
+        f'<limit lower="{lower}" upper="{upper}" effort="50" velocity="3"/></joint>'
+        for i, (kind, (x, y, z), axis, lower, upper) in enumerate(joints)
+    )
+    return f'<robot name="chain">{links}{between}</robot>'
+
+
+def completed(tool: Tool, q: np.ndarray, joints: tuple[int, ...]) -> float:
+    """Smallest singular value of the Jacobian at q (n,) with the rates of these joints, times a length, below it."""
+    return float(np.linalg.svd(np.vstack([tool.jacobian(q), LENGTH * np.eye(len(q))[list(joints)]]))[1][-1])
+
+
+def test_free_joints_of_a_planar_arm_are_supplemented_by_joints_that_are_independent(tmp_path: Path) -> None:
+    """The three joints that self-motion moves most move together here: with them J_q is nearly singular."""
+    lengths = (0.0, 0.064, 0.306, 0.265, 0.060, 0.302)
+    (path := tmp_path / "arm.urdf").write_text(
+        chain([("revolute", (0.0, 0.0, length), "0 1 0", -3.1, 3.1) for length in lengths])
+    )
+    arm = {"urdf": str(path), "tool_offset": [0.0, 0.0, 0.256]}  # the last link, and a tool of 20 cm
+    system = assemble(edited(with_robot(shipped()["ur5-motion"], arm), "motion", "hold"))
+    robot, q = system.robot, system.q_0
+    tool = Tool(robot.model, robot.tool_joint, robot.tool_placement, robot.geometry)
+    assert (robot.geometry, tool.free) == ("planar", 3)
+    least = [completed(tool, q, joints) for joints in combinations(range(6), 3)]
+    assert completed(tool, q, robot.supplemental) == max(least)
+    J_q = system.observe(q, np.zeros(6), 0.0)[1].J_q
+    assert np.linalg.svd(J_q, compute_uv=False)[-1] == pytest.approx(max(least), rel=1e-6)
+    assert max(least) > 0.05
+
+
+@pytest.mark.parametrize("name", ["panda", "xarm7"])
+def test_one_free_joint_is_the_one_that_self_motion_moves_most(name: str) -> None:
+    own = robots.load(name)
+    for robot in (own, robots.load("", urdf=str(own.urdf))):
+        tool = Tool(robot.model, robot.tool_joint, robot.tool_placement, robot.geometry)
+        assert tool.free == 1
+        moved = np.abs(np.linalg.svd(tool.jacobian(robot.posture))[2][-1])
+        assert tool.supplemental(robot.posture) == (int(moved.argmax()),)
+
+
+TURN, SHORT = ("revolute", (0.3, 0.0, 0.0), "0 0 1", -2.0, 2.0), ("prismatic", (0.25, 0.0, 0.0), "0 0 1", 0.101, 0.104)
+SLIDES = [("prismatic", (0.1, 0.0, 0.1), axis, 0.001, 0.004) for axis in ("1 0 0", "0 1 0", "0 0 1")]
+
+
+@pytest.mark.parametrize("joints", [[TURN, TURN, SHORT], SLIDES])
+def test_a_working_posture_lies_within_the_shortest_stroke(
+    joints: list[tuple[str, tuple[float, float, float], str, float, float]], tmp_path: Path
+) -> None:
+    (path := tmp_path / "arm.urdf").write_text(chain(joints))
+    found = robots.load("", urdf=str(path))
+    assert (found.posture >= found.model.lowerPositionLimit).all()
+    assert (found.posture <= found.model.upperPositionLimit).all()
+    given = robots.load("", urdf=str(path), posture=tuple(found.posture.tolist()))
+    assert np.array_equal(found.posture, given.posture)
+    turning = np.array([not slides for slides in found.slides])
+    assert np.array_equal(found.posture[turning], found.posture[turning].round(2))
+
+
 def test_another_arm_brings_what_depends_on_it_and_can_be_saved() -> None:
     scenario = edited(edited(shipped()["ur5-hybrid"], "controller.K_s", [50.0] * 6), "truth.link_scaling", [1.1] * 6)
     scenario = with_robot(
@@ -172,6 +237,10 @@ def without(tag: str) -> str:
         (TEXT.replace("package://nobody_has_this", "http://example.com"), "is elsewhere on the network"),
         (TEXT.replace('mass value="3.0"', 'mass value="-3.0"'), "link 'column' has the mass -3 kg"),
         (TEXT.replace('mass value="3.0"', 'mass value="nan"'), "value = 'nan'; allowed: 1 finite number"),
+        (TEXT.replace('mass value="3.0"', f'mass value="0.{"0" * 197}1e300"'), "value has 204 characters; allowed: "),
+        (TEXT.replace('mass value="3.0"', 'mass value="2e6"'), "'2e6'; allowed: 1 finite number(s) of at most 1e+06"),
+        (TEXT.replace('mass value="3.0"', 'mass value="3.0 kg"'), "value = '3.0 kg'; allowed: 1 finite number(s)"),
+        (TEXT.replace('xyz="0 0 0.3"/><axis', f'xyz="0 0 0.{"0" * 200}1e302"/><axis'), "xyz has 211 characters"),
         (TEXT.replace('mass value="3.0"', 'mass value="0"'), "joint 'turn' moves a body of mass 0 kg"),
         (TEXT.replace('izz="0.01"', 'izz="-0.01"'), "link 'column': its inertia has the eigenvalue -0.01"),
         (TEXT.replace('ixz="0.001"', 'ixz="0.1"'), "link 'upper': its inertia has the eigenvalue -0.0"),

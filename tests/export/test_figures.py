@@ -9,18 +9,19 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.paper_figures import figure_of, plots_of, with_series
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.theme.colors import SERIES
-from app.export.figures import DOUBLE, SINGLE, Curve, Figure, FigureChart, FigureOptions, inches_of
+from app.export.figures import DOUBLE, SINGLE, Curve, Figure, FigureChart, FigureOptions, FilledArea, inches_of
 from app.export.formats import ALL_PLOTS
 from app.export.inks import inks_of
 from app.export.lettering import runs, wrapped
-from app.export.printing import drawn, render
-from app.export.sheet import SMALL, TITLE, looks_of
+from app.export.printing import STYLE, drawn, render
+from app.export.sheet import BINS, SMALL, TITLE, looks_of
 from app.scenario.data import edited, load
 from app.scenario.errors import ScenarioError
 from app.session.snapshot import Snapshot, snapshot_of
@@ -112,6 +113,40 @@ def test_every_axis_has_three_numbers_at_least() -> None:
     for axes in drawn(Figure(charts, ""), FigureOptions()).axes:
         least, most = axes.get_ylim()
         assert sum(least <= tick <= most for tick in axes.get_yticks()) >= 3, (least, most)
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(572.3899, 572.3921), (-572.3921, -572.3899), (999.9999, 1000.0009), (0.0, 8.4), (1e6, 1.00001e6)]
+)
+def test_numbers_of_an_axis_differ_as_its_ticks_do(low: float, high: float) -> None:
+    curve = Curve("a", (0, 0, 0), np.linspace(0.0, 1.0, 20), np.linspace(low, high, 20))
+    with rc_context(STYLE):
+        canvas = drawn(Figure((FigureChart("", "mm", (curve,)),), ""), FigureOptions())
+        canvas.draw_without_rendering()
+    least, most = canvas.axes[0].get_ylim()
+    ticks = [tick for tick in canvas.axes[0].yaxis.get_major_ticks() if least <= tick.get_loc() <= most]
+    places = np.array([tick.get_loc() for tick in ticks])
+    texts = [tick.label1.get_text().replace("−", "-") for tick in ticks]
+    assert len(set(texts)) == len(texts) >= 3
+    plain = [text.isascii() for text in texts]  # others have a power of ten
+    numbers = [float(text) for text in texts if text.isascii()]
+    np.testing.assert_allclose(numbers, places[plain], rtol=0.0, atol=0.02 * np.diff(places)[0])
+    assert min(tick.label1.get_window_extent().x0 for tick in ticks) > canvas.axes[0].yaxis.label.get_window_extent().x1
+
+
+@pytest.mark.parametrize("rows", [BINS + 7, 10_000])
+def test_a_filled_area_reaches_as_far_as_its_edges_do(rows: int) -> None:
+    """A term that changes its sign at every instant, stacked above and below zero."""
+    t, term = np.arange(rows) / 1000.0, 30.0 * (-1.0) ** np.arange(rows)
+    edges = (np.zeros(rows), np.maximum(term, 0.0), np.minimum(term, 0.0))
+    curves = tuple(Curve(str(number), SERIES[number], t, edge, width=0.0) for number, edge in enumerate(edges))
+    areas = FilledArea(1, 0, SERIES[1]), FilledArea(0, 2, SERIES[2])
+    axes = drawn(Figure((FigureChart("", "N", curves, areas),), ""), FigureOptions()).axes[0]
+    for area, (low, high) in zip(axes.collections, ((0.0, 30.0), (-30.0, 0.0)), strict=True):
+        corners = np.vstack([path.vertices for path in area.get_paths()])
+        assert len(corners) < 4 * BINS + 10
+        np.testing.assert_allclose(corners.min(axis=0), (0.0, low))
+        np.testing.assert_allclose(corners.max(axis=0), (t[-1], high))
 
 
 @pytest.mark.parametrize(

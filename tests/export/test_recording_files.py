@@ -12,6 +12,7 @@ import pytest
 
 from app.dashboard.export import ExportedStretch, FigureChoice, write
 from app.export.export_jobs import DataJob, ExportError, ExportJobs
+from app.export.formats import Kind
 from app.scenario.data import edited, from_toml, load
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -105,6 +106,27 @@ def test_data_come_from_the_other_process_as_from_this_one() -> None:
     for form in ("csv", "npz"):
         with pytest.raises(ExportError, match="allowed: 1 MB"):
             made(DataJob(data, form, 1e6), lambda _: None)
+
+
+def test_one_instant_is_written_where_no_figure_is_drawn_of_it(tmp_path: Path) -> None:
+    stretch = ExportedStretch(load("planar3r-hybrid"), noise(5, n=3), 0.002, 0.0025)
+    paths = list(write(stretch, ["csv", "npz", "toml"], FigureChoice(), tmp_path))
+    assert [path.suffix for path in paths] == [".csv", ".npz", ".toml"]
+    assert np.array_equal(bits(read_npz(paths[1])[1].rows()), bits(stretch.recording.rows(0.002, 0.0025)))
+    where = r"one instant recorded from 0\.002 s to 0\.0025 s, t = 0\.002 s; allowed: two or more, or --to csv, npz, t"
+    refused: tuple[tuple[Kind, ...], ...] = (("csv", "svg"), ("html",))
+    for kinds in refused:
+        with pytest.raises(ScenarioError, match=f"^--to {kinds[-1]}: {where}"):
+            list(write(stretch, kinds, FigureChoice(), tmp_path / "none"))
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_stretch_without_a_row_is_refused_with_those_that_have_one(tmp_path: Path) -> None:
+    scenario = load("planar3r-hybrid")
+    (saved,) = write(ExportedStretch(scenario, noise(5, n=3), 0.002, 0.003), ["npz"], FigureChoice(), tmp_path)
+    later = ExportedStretch(*read_npz(saved), 0.0, 0.001)
+    with pytest.raises(ScenarioError, match=r"nothing recorded from 0 s to 0\.001 s; allowed: within 0\.002 to 0\.003"):
+        list(write(later, ["csv"], FigureChoice(), tmp_path))
 
 
 def changes_in_csv(recording: Recording, scenario: Scenario, since: float = 0.0) -> tuple[Scenario, list[str]]:

@@ -190,6 +190,32 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
             ),
             "truth.push_every: 1 s, which cuts a sine of 2 s short; allowed: 0 for once, or at least",
         ),
+        # numbers whose squares are none, or whose inverses are not
+        (
+            ("run", "ur5-motion", "--set", "truth.link_centre=[1e155,0,0]"),
+            "truth.link_centre[0]: 1e+155; allowed: a number <= 10\n",
+        ),
+        (
+            ("run", "planar3r-hybrid", "--set", "truth.link_centre=[[0,0,0],[0,-11,0],[0,0,0]]"),
+            "truth.link_centre[1][1]: -11; allowed: a number >= -10\n",
+        ),
+        (
+            ("run", "ur5-motion", "--set", "truth.payload_mass=1", "truth.payload_offset=[1e200,0,0]"),
+            "truth.payload_offset[0]: 1e+200; allowed: a number <= 10\n",
+        ),
+        (("run", "ur5-motion", "--set", "shift.duration=1e-170"), "shift.duration: 1e-170; allowed: a number >= 0.001"),
+        (
+            ("run", "ur5-hybrid", "--set", "motion.period=1e-300"),
+            "motion.period: 1e-300 s, at most two control periods, so that the loop sees a slower path; allowed: above",
+        ),
+        (
+            ("run", "ur5-motion", "--set", "rotation=line", "rotation.period=0.002"),
+            "rotation.period: 0.002 s, at most two control periods",
+        ),
+        (
+            ("run", "ur5-hybrid", "--set", "surface.normal=[1e200,1e200,0]"),
+            "surface.normal: [1e+200, 1e+200, 0.0]; allowed: a vector of a length from 1e-09 to 1e+09\n",
+        ),
         # also where the value is the one that the option has without
         (("run", "ur5-hybrid", "--blend-at", "0"), "--blend-at or --blend-over without --blend-to; allowed: with"),
         (("export", "ur5-hybrid", "--to", "csv", "--type-size", "7"), "--type-size: with --to csv; allowed: with --to"),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -233,6 +236,22 @@ def test_the_force_loop_of_a_corner_swings_up_where_its_factor_says() -> None:
         changes.append([np.abs(np.diff(record[name][-20:])).max() for name in record])
     assert max(changes[0]) < 0.1
     assert max(changes[1]) > 100.0
+
+
+def test_two_planes_make_a_corner_from_the_angle_on_that_the_documentation_says() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "symbols.md").read_text(encoding="utf-8")
+    said = re.search(r"they are refused at an angle below ([\d.]+) rad", text)
+    assert said is not None
+    least = float(said[1])
+
+    def meet(angle: float) -> Corner:
+        normals = np.array([0.0, 0.0, -1.0]), np.array([0.0, np.sin(angle), -np.cos(angle)])
+        return Corner(tuple(plane(NEAR, normal, SurfaceMotion()) for normal in normals), NEAR)
+
+    for beside in (0.0, np.pi):  # normals that look the same way, and opposite ways
+        assert len(meet(beside + least + 0.0005).surfaces) == 2
+        with pytest.raises(ValueError, match="are not independent"):
+            meet(beside + least - 0.0005)
 
 
 def test_a_lost_contact_is_named() -> None:
