@@ -134,7 +134,7 @@ def importers(root: Path, changed: str) -> set[tuple[str, str]]:
     own. A file that imports by name, as tables of laws and surfaces do, imports its whole folder, and what it names."""
     files: dict[str, Path] = {}  # by module
     imports: dict[str, set[str]] = {}
-    for package in PACKAGES:
+    for package in (*PACKAGES, "tests"):  # tests hold kernels of their own
         for file in (root / package).rglob("*.py"):
             module = ".".join(file.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
             files[module], names = file, set[str]()
