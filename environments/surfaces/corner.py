@@ -11,7 +11,7 @@ from environments.surfaces.chart import Chart, Shapes
 from environments.surfaces.table import Surface, chart_at
 from kernels.records import Record
 
-INDEPENDENT = 0.05  # least sine of the angle between a gradient and the others, of surfaces that make a corner
+INDEPENDENT = 0.05  # least singular value of the unit normals of surfaces that make a corner
 STEPS, CLOSE = 30, 1e-12  # of Newton's method for `point`, and m
 
 
