@@ -109,7 +109,7 @@ class KnownSessions:
 
 def _standing(session: Session, now: float) -> int:
     """Rank of a session when others must be removed; what nobody comes back to is not in the way of newcomers."""
-    return 0 if not session.kept and now - session.seen > STALE else session.standing
+    return 0 if not session.kept and not session.pages and now - session.seen > STALE else session.standing
 
 
 def _stored(session: Session) -> StoredSession:

@@ -133,6 +133,11 @@ class Outlook:
     band: Band | None = None
     bandless: str = ""
 
+    def follows(self, t: float) -> bool:
+        """Whether the outlook was requested at t (s) of the run or before; not where somebody has looked back since."""
+        half = 0.5 * self.scenario.controller.period
+        return self.restarts or self.signals["t"][0] - self.ahead[0] < t + half
+
 
 @dataclass(frozen=True)
 class PreviewRefusal:

@@ -259,22 +259,23 @@ class Timeline:
         title = name or usual
         if title in others or (USUAL.fullmatch(title) and title != usual):
             raise ScenarioError(f"name of run {number}: {title} is another run; allowed: another name")
-        self.pinned = tuple(replace(p, name=name) if p.number == number else p for p in self.pinned)
+        given = "" if name == usual else name  # another number makes another usual name
+        self.pinned = tuple(replace(p, name=given) if p.number == number else p for p in self.pinned)
 
     def adopt(self, pinned: tuple[Pinned, ...]) -> None:
         """Pin runs that were pinned elsewhere; of those pinned here the newest come after them, as far as there are
-        places, and get the numbers after theirs; one whose name is among theirs loses it."""
+        places, and get the numbers after theirs. A name that another run has before, or may have, is lost."""
         if not pinned:
             return
         others = max((run.number for run in pinned), default=0)
-        here = self.pinned[max(len(self.pinned) + len(pinned) - PINS, 0) :]
-        names = {run.name for run in pinned}
-        renumbered = (
-            replace(run, number=number, name="" if run.name in names else run.name)
-            for number, run in enumerate(here, start=others + 1)
-        )
-        runs = (*pinned, *renumbered)[-PINS:]
-        self.pinned = tuple(replace(run, place=place) for place, run in enumerate(runs))
+        here, runs = self.pinned[max(len(self.pinned) + len(pinned) - PINS, 0) :], list[Pinned]()
+        renumbered = (replace(run, number=number) for number, run in enumerate(here, start=others + 1))
+        names = set[str]()
+        for run in (*pinned, *renumbered)[-PINS:]:
+            name = "" if run.name in names or USUAL.fullmatch(run.name) else run.name
+            names.add(name)
+            runs.append(replace(run, name=name, place=len(runs)))
+        self.pinned = tuple(runs)
         self._pins = max((run.number for run in self.pinned), default=self._pins)
 
     def _so_far(self, loop: ClosedLoop) -> Recording:

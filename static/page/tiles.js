@@ -36,11 +36,17 @@ document.addEventListener("focusin", (e) => {
   focusKeeper.observe(document.body, { childList: true, subtree: true });
 }, true);
 // what was chosen with a pointer does not keep the space key for itself (keys.js)
-let pointed = false, tapped = null; // tapped: the tile under a second touch, which may still become a scroll
-document.addEventListener("pointercancel", () => { tapped = null; }, true);
-document.addEventListener("pointerup", () => {
-  if (tapped) writeTo(tapped.field, tapped.point);
-  tapped = null;
+let pointed = false, tapped = null; // tapped: { field, point, id } of a second touch, which may still become a scroll
+document.addEventListener("pointercancel", (e) => {
+  pointed = false;
+  if (tapped?.id === e.pointerId) tapped = null;
+}, true);
+document.addEventListener("pointerup", (e) => {
+  if (tapped?.id === e.pointerId) {
+    const { field, point } = tapped, over = placeOf(tileOf(document.elementFromPoint(e.clientX, e.clientY)));
+    if (over?.field === field && over.point === point) writeTo(field, point);
+    tapped = null;
+  }
   if (!pointed) return;
   pointed = false;
   focused = null;
@@ -49,11 +55,11 @@ document.addEventListener("pointerup", () => {
 document.addEventListener("pointerdown", (e) => { // a click may lose its tile, which is drawn anew
   const tile = tileOf(e.target);
   if (!tile) { focused = null; return; }
-  if (e.button !== 0) return;
   pointed = true;
+  if (e.button !== 0) return;
   const again = described && described.field === fieldOf(tile) && described.point === tile.dataset.point;
   if (e.pointerType === "mouse") choose(tile);
-  else if (again) tapped = placeOf(tile);
+  else if (again) tapped = { ...placeOf(tile), id: e.pointerId };
   lookAt(tile);
 }, true);
 document.addEventListener("keydown", (e) => {

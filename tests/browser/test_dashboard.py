@@ -76,7 +76,7 @@ def test_a_held_slider_previews_and_let_go_it_applies(session: PageSession):
     asked = SliderScale(0.0, 60.0).value(place)
     assert 40.0 < asked < 50.0
     expect(text).to_have_value(written(asked))  # once the last position has gone and come back
-    session.wait(lambda _: session.ahead() > 4.9)
+    session.wait(lambda _: session.ahead() > 2.5)  # 5 s from when it was asked for, which a busy machine makes long ago
     forces = f"{SHOWN}[1]"
     foreseen = f"Math.abs({forces}?.data[2]?.at(-1) - {asked}) < 0.1"
     session.page.wait_for_function(f"{foreseen} && {forces}.scales.x.min === -8 && {forces}.scales.x.max === 5")

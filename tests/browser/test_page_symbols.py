@@ -40,7 +40,7 @@ def test_a_symbol_explains_itself_under_the_mouse_and_its_line_stands_out(sessio
     expect(tip).to_contain_text("now 0, 4000, 4000")
     page.keyboard.press("Escape")
     expect(tip).to_be_hidden()
-    explained(page, page.locator(".u-legend:visible th", has_text="‖s‖"), "Norm of the sliding variable")
+    explained(page, page.locator(".u-legend .u-series:visible th", has_text="‖s‖"), "Norm of the sliding variable")
     drawn = alphas(page)
     assert drawn["‖s‖"] == 1
     assert drawn["bound (20) + band"] < 0.5

@@ -80,7 +80,10 @@ def test_a_band_is_drawn_ahead_only_as_quantiles_of_the_arms_that_still_run(hybr
 
 def test_a_preview_that_the_run_has_followed_meanwhile_is_drawn_from_now_on() -> None:
     """Without an edit, line ahead and run are the same, however long ago the preview was requested."""
-    loop = ran(shipped()["ur5-hybrid"], 0.5)
+    loop = ran(shipped()["ur5-hybrid"], 0.3)
+    earlier = snapshot_of(loop)
+    for _ in range(200):
+        loop.step()
     foresight = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 1.0))
     foresight.advance(10_000)
     outlook = foresight.outlook()
@@ -104,3 +107,8 @@ def test_a_preview_that_the_run_has_followed_meanwhile_is_drawn_from_now_on() ->
         [ChartLine("s", (0, 0, 0), column("s_norm"))]
     )
     np.testing.assert_array_equal(x[x > 0.0], outlook.ahead)
+    shown: list[Shown] = []
+    plots._frame = lambda _, of: shown.append(of)  # pyright: ignore[reportAttributeAccessIssue]
+    for at, of in ((earlier, outlook), (seen, outlook), (earlier, begun_anew)):  # after a look back nothing lies ahead
+        plots.show(at, Shown(at.t, 2.0, outlook=of, horizon=1.0), ["Tracking"])
+    assert [of.outlook is None for of in shown] == [True, False, False]

@@ -16,8 +16,8 @@ from app.dashboard.scene.tool_drag import LEVER, RADIUS, Hand, HeldHandle
 from app.dashboard.scene.trails import error_colors
 from app.dashboard.scene.view import SceneView
 from app.dashboard.theme.colors import ERROR_COLORS
-from app.dashboard.view_options import Viewing, rounded_up
-from app.scenario.data import load
+from app.dashboard.view_options import SceneOptions, Viewing, rounded_up
+from app.scenario.data import edited, load
 from app.session.commands import Edit, Push
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
@@ -65,28 +65,38 @@ def test_task_directions_change_one_coordinate_each(t: float) -> None:
 
 
 @pytest.mark.parametrize(("seen_at", "starts"), [((0.2, 1.2), 0.0), ((0.2, 12.0), 2.0), ((3.0,), 0.0)])
-def test_paths_are_those_of_the_whole_run_also_where_nobody_looked(seen_at: tuple[float, ...], starts: float) -> None:
-    """Not a chord from where somebody looked last; after a long while the last seconds of it."""
-    loop = ClosedLoop.from_scenario(load("ur5-hybrid"))
-    view, tool, desired = SceneView(MagicMock()), [list[np.ndarray](), list[np.ndarray]()], 1
-    view._tool_path, view._desired_path = MagicMock(), MagicMock()
-    view._tool_path.extend, view._desired_path.extend = (lambda p, *_: tool[0].append(p)), tool[desired].append
-    view._tool_path.clear, view._desired_path.clear = tool[0].clear, tool[desired].clear
+def test_paths_are_those_of_the_whole_run_also_where_nobody_looked(
+    seen_at: tuple[float, ...], starts: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No chord from where somebody looked last; after a long while the last seconds, and of another run its own."""
+    loop, view = ClosedLoop.from_scenario(load("ur5-hybrid")), SceneView(MagicMock())
+    monkeypatch.setattr(view, "_arm", lambda *_: MagicMock())
+    drawn: dict[str, list[np.ndarray]] = {"_tool_path": [], "_desired_path": []}
+    for name, points in drawn.items():
+        extend = lambda p, *_, points=points: points.append(p)  # noqa: E731
+        monkeypatch.setattr(view, name, MagicMock(extend=extend, clear=points.clear, scale=1.0))
+
+    def require_whole(since: float) -> None:
+        run, system = loop.recording.stretch(since, loop.t), loop.system
+        desired = [system.tool_at(r_d, t) for r_d, t in zip(run["r_d"], run["t"], strict=True)]
+        for points, taken in zip(drawn.values(), (run["tool"], desired), strict=True):
+            apart = np.array([np.linalg.norm(np.array(points) - p, axis=1).min() for p in taken[::50]])
+            assert apart.max() < 0.005
+            assert np.abs(np.diff(points, axis=0)).max() < 0.02
+            assert np.linalg.norm(np.array(points[0]) - taken[0]) < 0.01
+
     for until in seen_at:
         while loop.t < until - 1e-9:
             loop.step()
-        seen = replace(snapshot_of(loop), first=0.0)
-        if view._run != seen.run:
-            view._run, view._traced = seen.run, seen.t - 10.0
-        view._extend_paths(seen)
-    run = loop.recording.stretch(starts, loop.t)
-    for drawn, taken in (
-        (tool[0], run["tool"]),
-        (tool[1], [loop.system.tool_at(r, t) for r, t in zip(run["r_d"], run["t"], strict=True)]),
-    ):
-        apart = np.array([np.linalg.norm(np.array(drawn) - p, axis=1).min() for p in taken[::50]])
-        assert apart.max() < 0.005
-        assert np.abs(np.diff(drawn, axis=0)).max() < 0.02
+            if abs(loop.t - 0.7) < 1e-6:
+                loop.edit(edited(loop.system.scenario, "controller.K_s", 50.0))  # r_d means what it meant
+        view.show(replace(snapshot_of(loop), run=1), SceneOptions())
+    require_whole(starts)
+    loop.reset()
+    for _ in range(600):
+        loop.step()
+    view.show(replace(snapshot_of(loop), run=2), SceneOptions())
+    require_whole(0.0)
 
 
 def test_a_ball_that_is_turned_follows_the_hand_on_its_outside() -> None:

@@ -170,6 +170,13 @@ def test_two_pinned_runs_never_have_one_name(noisy: Timeline) -> None:
     other.rename(1, "stiff")
     other.adopt(tuple(replace(pinned, number=pinned.number + 1) for pinned in noisy.pinned[:1]))
     assert [pinned.title for pinned in other.pinned] == ["stiff", "run 3"]
+    # of files that an earlier version has written
+    older = [
+        replace(pinned, number=7 + i, name=name)
+        for i, (pinned, name) in enumerate(zip(noisy.pinned, ("run 8", "soft", "soft"), strict=True))
+    ]
+    other.adopt(tuple(older))
+    assert [pinned.title for pinned in other.pinned] == ["run 7", "soft", "run 9"]
 
 
 def test_the_arm_of_another_run_with_the_same_number_is_another_arm(monkeypatch: pytest.MonkeyPatch) -> None:

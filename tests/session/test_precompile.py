@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import time
 from pathlib import Path
 from typing import NoReturn
 
@@ -12,6 +11,7 @@ import pytest
 from app.process import launcher, precompile
 from app.simulation.assembly import assemble
 from app.workers.precompile import to_compile
+from drivers.waiting import until
 from environments.robots import CATALOGUE
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -30,8 +30,7 @@ def test_it_ends_with_the_program_that_began_it(tmp_path: Path, monkeypatch: pyt
     assert process is not None
     assert process.stdin is not None
     process.stdin.close()
-    while process.returncode is None:  # set without a call of this test: no zombie remains
-        time.sleep(0.01)
+    until(lambda: process.returncode is not None)  # it is set without a call of this test: no zombie remains
     assert process.returncode == 0
     assert not (tmp_path / "complete").exists()
 

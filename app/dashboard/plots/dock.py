@@ -78,6 +78,8 @@ class Plots:
 
     def show(self, snapshot: Snapshot, shown: Shown, looked_at: Collection[str]) -> None:
         """Draw the visible tabs, unless they are drawn already."""
+        if shown.outlook is not None and not shown.outlook.follows(shown.now):
+            shown = replace(shown, outlook=None)
         setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
         pinned = tuple((p.look, id(p.recording)) for p in shown.pinned)
         ahead = shown.outlook

@@ -19,6 +19,7 @@ from app.dashboard.scene.surface_view import SurfaceView
 from app.dashboard.scene.trails import Trail
 from app.dashboard.theme.colors import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Theme
 from app.dashboard.view_options import Legend, SceneOptions
+from app.scenario.schema import Scenario
 from app.session.ghost import Ghost, Shade
 from app.session.snapshot import Snapshot
 from environments.robots import Robot
@@ -181,9 +182,9 @@ class _PathPoint(NamedTuple):
 
 
 def _recorded(snapshot: Snapshot, since: float) -> Iterator[_PathPoint]:
-    """Points between an instant (s) and the snapshot, as far as the present scenario goes back: of a fast run, of one
-    that nobody has looked at for a while, or of the beginning of a fork."""
-    begin, system = max(since, snapshot.recording.epochs[-1].t if snapshot.recording.epochs else since), snapshot.system
+    """Points between an instant (s) and the snapshot, as far as the present task goes back: of a fast run, of one that
+    nobody has looked at for a while, or of the beginning of a fork."""
+    begin, system = max(since, _task_begun(snapshot)), snapshot.system
     instants = np.arange(begin + _BETWEEN, snapshot.t - 0.5 * _BETWEEN, _BETWEEN)
     if not len(instants):
         return
@@ -192,6 +193,22 @@ def _recorded(snapshot: Snapshot, since: float) -> Iterator[_PathPoint]:
         if k < len(rows["t"]):
             t, r_d = float(rows["t"][k]), rows["r_d"][k]
             yield _PathPoint(t, rows["tool"][k], None if snapshot.tool_desired is None else system.tool_at(r_d, t))
+
+
+def _task_begun(snapshot: Snapshot) -> float:
+    """Instant (s) since which r_d has meant what it means now, -inf where nothing is known of an earlier one."""
+    begun = -math.inf
+    for epoch in reversed(tuple(snapshot.recording.epochs)):  # a copy: the loop's thread adds
+        if _task_of(epoch.scenario) != _task_of(snapshot.scenario):
+            break
+        begun = epoch.t
+    return begun
+
+
+def _task_of(scenario: Scenario) -> tuple[object, ...]:
+    """What the coordinates r depend on."""
+    surfaces = [(each.path, each.form) for each in scenario.surfaces]
+    return scenario.mode, scenario.robot, scenario.task_space, surfaces, scenario.face
 
 
 def _path_error(snapshot: Snapshot, at: _PathPoint) -> float:
