@@ -8,6 +8,7 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+import viser
 from scipy.spatial.transform import Rotation
 
 from app.dashboard.scene.arrows import LONGEST, UNIT, ForceScale, task_directions
@@ -66,10 +67,10 @@ def test_task_directions_change_one_coordinate_each(t: float) -> None:
 
 @pytest.mark.parametrize(("seen_at", "starts"), [((0.2, 1.2), 0.0), ((0.2, 12.0), 2.0), ((3.0,), 0.0)])
 def test_paths_are_those_of_the_whole_run_also_where_nobody_looked(
-    seen_at: tuple[float, ...], starts: float, monkeypatch: pytest.MonkeyPatch
+    seen_at: tuple[float, ...], starts: float, viser_server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No chord from where somebody looked last; after a long while the last seconds, and of another run its own."""
-    loop, view = ClosedLoop.from_scenario(load("ur5-hybrid")), SceneView(MagicMock())
+    loop, view = ClosedLoop.from_scenario(load("ur5-hybrid")), SceneView(viser_server)
     monkeypatch.setattr(view, "_arm", lambda *_: MagicMock())
     drawn: dict[str, list[np.ndarray]] = {"_tool_path": [], "_desired_path": []}
     for name, points in drawn.items():
