@@ -286,7 +286,7 @@ RUN_METRICS = (
     ShownMetric("band promised within", "band_time_bound", 1.0, lambda _: "s"),
     ShownMetric("boundary layer reached after", "reaching_time", 1.0, lambda _: "s"),
     ShownMetric("boundary layer promised within", "layer_time_bound", 1.0, lambda _: "s"),
-    ShownMetric("t_r of (18), if promised", "reaching_time_bound", 1.0, lambda _: "s"),
+    ShownMetric("s = 0 by (18), if promised", "reaching_time_bound", 1.0, lambda _: "s"),
     ShownMetric("‖s‖ beyond (20) and the band, largest", "envelope_violation", 1e3, lambda units: units.rate),
     ShownMetric("least margin of (17)", "gain_condition_margin", 1.0, lambda units: units.force),
     ShownMetric("residual of (8) at the end, RMS", "target_model_residual_tail", 1.0, lambda units: units.force),

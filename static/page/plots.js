@@ -202,12 +202,20 @@ const watch = () => {
   points.uplots = watched = new Proxy(known, { set: (all, id, entry) => { all[id] = enlist(entry); return true; } });
 };
 watch();
+// A plot that is wider than its dock, as when the window becomes narrow while it is built, would stay so, and the dock
+// would scroll sideways: viser sets its width only when that of its place changes.
+const SIDES = 20; // px, beside a plot
+const refit = (chart) => {
+  const room = chart.root.closest(".mantine-ScrollArea-viewport")?.clientWidth;
+  if (room > SIDES && chart.width > room && !chart.root.closest("[data-large]")) chart.setSize({ width: room - SIDES, height: chart.height });
+};
 setInterval(() => {
   watch();
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
     // now and then uPlot does not lay out the time axis of a chart that is made with its data, or keeps the numbers of a
     // size that it no longer has
     if (stands(chart) && (!chart.axes[0]._splits || crowded(chart))) chart.setSize({ width: chart.width, height: chart.height });
+    if (stands(chart)) refit(chart);
     follow(chart);
     const markers = chart.root.querySelectorAll(".u-legend .u-marker");
     chart.series.forEach((series, i) => {

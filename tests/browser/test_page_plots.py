@@ -59,6 +59,13 @@ def test_plots_fill_the_height_of_the_page_whatever_pixels_the_scene_has(
 
 
 @pytest.mark.usefixtures("spent_page")
+def test_a_plot_that_has_missed_that_its_dock_became_narrow_fits_into_it(session: PageSession):
+    page = session.page
+    page.wait_for_function(FULL)
+    page.evaluate(f"() => {SHOWN}[1].setSize({{ width: 700, height: 100 }})")
+    page.wait_for_function(f"{SHOWN}.every((c) => c.width <= c.root.closest('.uplot-container').clientWidth + 2)")
+
+
 def test_the_chosen_window_moves_the_axes_and_builds_no_chart_anew(session: PageSession):
     page = session.page
     session.wait(lambda now: now.t > 4.5)
