@@ -13,7 +13,6 @@ from app.gateway.visitors import Visitor
 from app.process.redaction import new_secret
 
 MOST_UNKEPT = 2000  # sessions without a folder
-STALE = 24 * 3600.0  # s: after so long without a visitor, a session without a folder ranks like one never looked at
 
 
 class KnownSessions:
@@ -92,24 +91,17 @@ class KnownSessions:
         if len(others) < (MOST if kept else MOST_UNKEPT):
             return True
         stays = set(waiting)
-        resting = [o for o in others if o.life is None and o not in stays and _standing(o, now) <= session.standing]
+        resting = [o for o in others if o.life is None and o not in stays and o.standing(now) <= session.standing(now)]
         if not resting:
             return False
         count = Counter(other.owner.address or other.owner.browser for other in others)
-        self._forget(
-            min(resting, key=lambda o: (_standing(o, now), -count[o.owner.address or o.owner.browser], o.seen))
-        )
+        self._forget(min(resting, key=lambda o: (o.standing(now), -count[o.owner.address or o.owner.browser], o.seen)))
         return True
 
     def _forget(self, session: Session) -> None:
         del self._by_name[session.name], self._by_watch[session.watch]
         if self._store is not None and session.kept:
             self._background(asyncio.to_thread(self._store.forget, session.folder))
-
-
-def _standing(session: Session, now: float) -> int:
-    """Rank of a session when others must be removed; what nobody comes back to is not in the way of newcomers."""
-    return 0 if not session.kept and not session.pages and now - session.seen > STALE else session.standing
 
 
 def _stored(session: Session) -> StoredSession:

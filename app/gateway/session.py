@@ -13,6 +13,7 @@ from app.access.session_messages import Answers, Asks, Begin, Changed, KeptFolde
 from app.gateway.visitors import NOBODY, Viewer, Visitor
 from app.process.redaction import new_secret
 
+STALE = 24 * 3600.0  # s
 Phase = Literal["resting", "waiting", "starting", "running", "failed"]
 
 
@@ -89,10 +90,12 @@ class Session:
     def __post_init__(self) -> None:
         self.folder = self.folder or self.watch
 
-    @property
-    def standing(self) -> int:
+    def standing(self, now: float) -> int:
         """Rank of the session when others must be removed: highest with pinned runs, and higher when somebody has
-        looked at it."""
+        looked at it. Without a folder it has none after `STALE` without a visitor: what nobody comes back to is not in
+        the way of newcomers. now: s of the pool's clock."""
+        if not self.kept and not self.pages and now - self.seen > STALE:
+            return 0
         return 2 if self.pinned else 1 if self.looked_at else 0
 
     def visitors(self, *kinds: Pass) -> list[Visitor]:

@@ -114,8 +114,8 @@ class PreviewMetrics(Struct, frozen=True):
 class Outlook:
     """Outlook: the answer to a request, or the beginning of one.
     number: of the request.
-    ahead: (N,) s after the instant of the request, or after the start where the edit begins the scenario anew.
-    signals: those of a recording, at these instants; epochs: of those rows.
+    since: s, the instant of the request, or the start where the edit begins the scenario anew.
+    signals: those of a recording, at (N,) instants after that; epochs: of those rows.
     whole: whether the answer reaches as far as the request.
     restarts: whether the edit begins the scenario anew.
     today: metrics of the running scenario; None until they are known.
@@ -123,7 +123,7 @@ class Outlook:
 
     number: int
     scenario: Scenario
-    ahead: np.ndarray
+    since: float
     signals: dict[str, np.ndarray]
     epochs: tuple[Epoch, ...]
     metrics: PreviewMetrics
@@ -133,10 +133,14 @@ class Outlook:
     band: Band | None = None
     bandless: str = ""
 
+    @property
+    def ahead(self) -> np.ndarray:
+        """Instants (N,) of the signals, s after `since`."""
+        return self.signals["t"] - self.since
+
     def follows(self, t: float) -> bool:
         """Whether the outlook was requested at t (s) of the run or before; not where somebody has looked back since."""
-        half = 0.5 * self.scenario.controller.period
-        return self.restarts or self.signals["t"][0] - self.ahead[0] < t + half
+        return self.restarts or self.since < t + 0.5 * self.scenario.controller.period
 
 
 @dataclass(frozen=True)
@@ -248,7 +252,7 @@ class Foresight:
         return Outlook(
             number,
             self.request.scenario,
-            signals["t"] - self._start,
+            self._start,
             signals,
             tuple(recording.epochs),
             self._metrics(recording.stretch(), signals),
@@ -264,8 +268,8 @@ class Foresight:
         deviations, behind = _path_error(system, thinned), tail_of(thinned["t"])
         path = np.linalg.norm(deviations, axis=1) if deviations.shape[1] else None
         angles = angle_error(system, thinned) if _turns(system) else None
-        error = predicted = settling = overshoot = pressing = pressed = None
-        stopped, never = self._loop.stopped is not None, None if path is None else np.inf
+        error = predicted = settling = overshoot = path_settling = pressing = pressed = None
+        stopped = self._loop.stopped is not None
         if system.m:
             deviation, f_nd = force_error(system, record), record["F_cd"][tail]
             error = float(deviation[tail].mean())
@@ -274,6 +278,8 @@ class Foresight:
                 predicted = steady_force_error(system, record["r_d"][-1], f_nd[-1], s)
             settling = np.inf if stopped else force_settling_time(system, record)
             overshoot = _beyond(deviation, error)
+        if path is not None:
+            path_settling = np.inf if stopped else settling_time(thinned["t"], path, MOTION_RESOLUTION)
         if system.plant.kind.touches:
             force = np.linalg.norm([record[name] for name in MULTIPLIERS[: len(system.surfaces)]], axis=0)
             pressing, pressed = float(force.max()), None if system.m else float(force[tail].mean())
@@ -289,7 +295,7 @@ class Foresight:
             motion_largest=None if path is None else float(path.max()),
             motion_grows=path is not None and _grows(path, behind),
             motion_error=None if path is None else float(path[behind].max()),
-            motion_settling=never if path is None or stopped else settling_time(thinned["t"], path, MOTION_RESOLUTION),
+            motion_settling=path_settling,
             motion_overshoot=_other_side(deviations) if self._push and path is not None else None,
             angle_largest=None if angles is None else float(angles.max()),
             angle_error=None if angles is None else float(angles[behind].max()),

@@ -143,8 +143,8 @@ const written = (at) => {
 // In the legend a pinned run has a piece of its line, and hides all its lines, which come behind the one that is listed.
 // A line of the shown run hides the same line of pinned runs with it, unless one of these stands alone, and the edges of
 // its areas and of its band.
-const ofRun = (series) => /vs-run/.test(series?.class ?? ""), unlisted = (series) => /vs-(unlisted|edge|quantile)/.test(series?.class ?? "");
-const edge = (series) => /vs-(edge|quantile)/.test(series?.class ?? "");
+const ofRun = (series) => /vs-run/.test(series?.class ?? ""), unlisted = (series) => /vs-unlisted/.test(series?.class ?? "");
+const edge = (series) => /vs-unlisted-edge/.test(series?.class ?? "");
 const piece = (marker, dash) => {
   let at = 0;
   const parts = dash.map((length, i) => `${i % 2 ? "transparent" : marker.style.borderColor} ${at}px ${(at += length)}px`);

@@ -29,14 +29,14 @@ const inLegend = (plot) => {
   if (idx !== null) plot.setLegend({ idx }, false);
   else for (const none of plot.root.querySelectorAll(".u-legend .u-value")) none.textContent = "";
 };
-const listed = (series) => series.label && !/vs-(unlisted|edge|quantile)/.test(series.class ?? "");
+const listed = (series) => series.label && !/vs-unlisted/.test(series.class ?? "");
 // A shading and the mark of an instant have an axis of their own, and no value.
 const measurable = (series) => listed(series) && series.scale !== "backdrop";
 // The values of line i by place: for a part of a stacked sum its own, not those of the edge of its area.
 const valuesOf = (plot, i) => {
   const { data, series } = plot, { label } = series[i];
   const areas = plot.bands.map(({ series: ends }) => [data[Math.max(...ends)], data[Math.min(...ends)], series[Math.max(...ends)]])
-    .filter(([, , edge]) => label && edge.label === label && !/vs-quantile/.test(edge.class ?? ""));
+    .filter(([, , edge]) => label && edge.label === label && !/vs-unlisted-edge-quantile/.test(edge.class ?? ""));
   return areas.length ? (k) => areas.reduce((sum, [edge, base]) => sum + edge[k] - base[k], 0) : (k) => data[i][k];
 };
 const valued = (plot) => {

@@ -28,6 +28,13 @@ DRAWN = f"""async (wait) => {{
 }}"""
 
 
+def pause_after(session: PageSession, t: float) -> None:
+    """Pause the run once it has come to t (s)."""
+    session.wait(lambda now: now.t > t)
+    session.runner.post(Pause())
+    session.wait(lambda now: now.phase == "paused")
+
+
 def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: PageSession):
     page = session.page
     setup = Setup.of(session.runner.snapshot, 0, 0)
@@ -196,9 +203,7 @@ def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: PageSess
 
 def test_the_legend_has_the_values_of_now_and_hides_a_line(session: PageSession):
     page = session.page
-    session.wait(lambda now: now.t > 1.0)
-    session.runner.post(Pause())
-    session.wait(lambda now: now.phase == "paused")
+    pause_after(session, 1.0)
     page.mouse.move(700, 300)  # over no plot
     legend_entry = (
         "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.innerText.startsWith(name))?.innerText"
@@ -219,9 +224,7 @@ def test_the_legend_has_the_values_of_now_and_hides_a_line(session: PageSession)
 
 def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: PageSession):
     page = session.page
-    session.wait(lambda now: now.t > 1.0)
-    session.runner.post(Pause())
-    session.wait(lambda now: now.phase == "paused")
+    pause_after(session, 1.0)
     session.tab("Guarantee")
     page.mouse.move(700, 300)  # over no plot
     value = "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.checkVisibility() && \
@@ -237,9 +240,7 @@ def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: P
 
 def test_a_part_of_a_sum_is_hidden_and_stands_alone_with_both_edges_of_its_area(session: PageSession):
     page = session.page
-    session.wait(lambda now: now.t > 1.0)
-    session.runner.post(Pause())
-    session.wait(lambda now: now.phase == "paused")
+    pause_after(session, 1.0)
     session.tab("Torque")
     stack = f"{SHOWN}.find((c) => c.series.filter((s) => s.label === 'gravity').length === 2)"
     page.wait_for_function(stack)
@@ -262,9 +263,7 @@ def test_a_part_of_a_sum_is_hidden_and_stands_alone_with_both_edges_of_its_area(
 
 def test_two_cursors_measure_a_step(session: PageSession):
     page = session.page
-    session.wait(lambda now: now.t > 2.0)
-    session.runner.post(Pause())  # so that the step comes, and the window ends, at an instant that is known
-    session.wait(lambda now: now.phase == "paused")
+    pause_after(session, 2.0)  # so that the step comes, and the window ends, at an instant that is known
     step = {"kind": "step", "start": 20.0, "value": 30.0, "time": session.now.t + 0.5, "rise": 0.1}
     session.runner.post(Edit("force", step))
     session.runner.post(Play())

@@ -13,7 +13,7 @@ import pytest
 
 from app.access.session_messages import Begin, Changed, KeptFolder
 from app.gateway import known_sessions, session_pool
-from app.gateway.session import Session
+from app.gateway.session import STALE, Session
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import LINK, MOST, SessionStore
 from app.gateway.visitors import NOBODY, Viewer, Visitor, VisitorLimit, VisitorLimits
@@ -283,7 +283,7 @@ def test_newcomers_displace_sessions_without_a_visitor_for_a_day_and_not_each_ot
         left = [town.pool.new() for _ in range(3)]
         for session in left:
             session.looked_at = True
-        await town.pass_time(known_sessions.STALE)
+        await town.pass_time(STALE)
         assert town.pool.named(town.pool.new().name) is not None
         assert all(town.pool.named(session.name) is session for session in left)  # not yet for so long
         await town.pass_time(1.0)

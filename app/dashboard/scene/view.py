@@ -121,7 +121,8 @@ class SceneView:
         if snapshot.t - self._traced > _BACK + _BETWEEN:
             self._tool_path.clear()
             self._desired_path.clear()
-        for point in (*_recorded(snapshot, max(self._traced, snapshot.t - _BACK)), _PathPoint.of(snapshot)):
+        newest = _PathPoint(snapshot.t, snapshot.tool, snapshot.tool_desired)
+        for point in (*_recorded(snapshot, max(self._traced, snapshot.t - _BACK)), newest):
             self._tool_path.extend(point.tool, lambda at=point: _path_error(snapshot, at))
             if point.desired is not None:
                 self._desired_path.extend(point.desired)
@@ -176,18 +177,14 @@ class _PathPoint(NamedTuple):
     tool: np.ndarray
     desired: np.ndarray | None
 
-    @classmethod
-    def of(cls, snapshot: Snapshot) -> _PathPoint:
-        return cls(snapshot.t, snapshot.tool, snapshot.tool_desired)
-
 
 def _recorded(snapshot: Snapshot, since: float) -> Iterator[_PathPoint]:
     """Points between an instant (s) and the snapshot, as far as the present task goes back: of a fast run, of one that
     nobody has looked at for a while, or of the beginning of a fork."""
-    begin, system = max(since, _task_begun(snapshot)), snapshot.system
+    if snapshot.t - since <= 1.5 * _BETWEEN:
+        return  # as in most frames
+    begin, system = _task_begun(snapshot, since), snapshot.system
     instants = np.arange(begin + _BETWEEN, snapshot.t - 0.5 * _BETWEEN, _BETWEEN)
-    if not len(instants):
-        return
     rows = snapshot.recording.stretch(begin, snapshot.t)
     for k in np.unique(np.searchsorted(rows["t"], instants)):
         if k < len(rows["t"]):
@@ -195,14 +192,16 @@ def _recorded(snapshot: Snapshot, since: float) -> Iterator[_PathPoint]:
             yield _PathPoint(t, rows["tool"][k], None if snapshot.tool_desired is None else system.tool_at(r_d, t))
 
 
-def _task_begun(snapshot: Snapshot) -> float:
-    """Instant (s) since which r_d has meant what it means now, -inf where nothing is known of an earlier one."""
-    begun = -math.inf
+def _task_begun(snapshot: Snapshot, since: float) -> float:
+    """Instant (s), `since` or later, from which on r_d has meant what it means now."""
+    begun, task = snapshot.t, _task_of(snapshot.scenario)
     for epoch in reversed(tuple(snapshot.recording.epochs)):  # a copy: the loop's thread adds
-        if _task_of(epoch.scenario) != _task_of(snapshot.scenario):
+        if _task_of(epoch.scenario) != task:
+            return begun
+        if epoch.t <= since:
             break
         begun = epoch.t
-    return begun
+    return since
 
 
 def _task_of(scenario: Scenario) -> tuple[object, ...]:

@@ -91,7 +91,7 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
         picture, ends, height = _course(plan, points, numbers, naming, present), "", COURSE_HEIGHT
     else:
         picture, ends, height = (*_tiles(plan, points, numbers, naming, present), HEIGHT)
-    if _scale(numbers, naming) is None and not sweep.going:
+    if not sweep.going and not np.isfinite(numbers).any():
         nowhere = "no run of this scenario has this figure"
         progress += f"; {nowhere if points.absent.any() else 'at every setting some arm has no value'}"
     going = ' data-going=""' if sweep.going else ""
