@@ -18,7 +18,7 @@ from app.storage.joint_kinds import units_of
 from app.sweep.axes import Axis
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import Kind, Points, SweepView, interval, points_of, statistic_of
-from app.sweep.run_metrics import COLUMNS
+from app.sweep.run_metrics import COLUMNS, metric_title
 from app.sweep.titles import named, title_of, unit_of, value_in_words
 from parameters import allowed
 
@@ -295,7 +295,7 @@ def _bar(canvas: Canvas, plot: Axes, colored: Any, sweep: Sweep, points: Points,
 
 
 def _label(sweep: Sweep, points: Points, view: SweepView) -> str:
-    column, name = COLUMNS[view.metric], view.metric.replace("_", " ")
+    column, name = COLUMNS[view.metric], metric_title(view.metric)
     unit = f" [{known}]" if (known := column.unit_in(units_of(sweep.scenario))) else ""
     if view.within is not None:
         unit = f" {known}".rstrip()

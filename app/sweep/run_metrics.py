@@ -95,9 +95,15 @@ COLUMNS: dict[str, Column] = {
     "stopped": Column("", "why the run ended before its time, or was refused", word=True),
     "wall_time": Column("s", "computing time", also_stopped=True),
 }
+TITLES = {"motion_error": "path error"}  # where the words of the page are others than those of the column's name
 METRIC_COLUMNS = tuple(
     name for name, column in COLUMNS.items() if not column.word and name not in ("row", "point", "arm")
 )
+
+
+def metric_title(name: str) -> str:
+    """Title of the metric in the column of this name."""
+    return TITLES.get(name, name.replace("_", " "))
 
 
 class SweepRunner:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from app.sweep.axes import Value
-from app.sweep.run_metrics import RunMetrics
+from app.sweep.run_metrics import RunMetrics, metric_title
 from app.tune.plan import Tuning
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
@@ -73,7 +73,7 @@ def _reason(tuning: Tuning, run: RunMetrics) -> str:
         return f"over its limit: {'; '.join(over)}"
     if run.get("verdict") == "broken":
         return "the promise was broken"
-    return next((f"no {aim}" for aim in tuning.aims if math.isinf(aim_of(run, aim))), "")
+    return next((f"no {metric_title(aim)}" for aim in tuning.aims if math.isinf(aim_of(run, aim))), "")
 
 
 def front(candidates: Iterable[Candidate]) -> list[Candidate]:

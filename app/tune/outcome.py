@@ -22,11 +22,11 @@ from app.storage.joint_kinds import units_of
 from app.sweep.charts import sheet, wide
 from app.sweep.folder import packed
 from app.sweep.plan import LONGEST_NAME
-from app.sweep.run_metrics import COLUMNS, RunMetrics
+from app.sweep.run_metrics import COLUMNS, RunMetrics, metric_title
 from app.sweep.run_store import RunStore, column
 from app.sweep.titles import unit_of
-from app.tune.candidates import Candidate, aim_of, front
-from app.tune.offers import offered, reason_against
+from app.tune.candidates import Candidate, aim_of
+from app.tune.offers import badged, front_left, offered, reason_against
 from app.tune.plan import Tuning, in_words, program
 from app.tune.running import Found
 
@@ -131,7 +131,7 @@ def _table(tuning: Tuning, found: Found) -> pa.Table:
     )
     files, rows = files_of(tuning, found), []
     own = {axis.path: v for axis in tuning.vary if isinstance(v := _own(tuning, axis.path), int | float)}
-    for each in found.candidates:
+    for each in badged(tuning, found):
         again = found.tried.get(each.number)
         gains = each.values if each.number else own
         row: dict[str, Any] = {"candidate": each.number, **gains, "promised": each.promised}
@@ -144,16 +144,19 @@ def _table(tuning: Tuning, found: Found) -> pa.Table:
 def _drawn(tuning: Tuning, found: Found) -> Canvas:
     arms = "its own arm" if not tuning.draw else f"the worst of {tuning.seen} true arms"
     caption = f"{tuning.scenario.name}, {len(found.candidates) - 1} candidates, {arms}. "
-    if any(each.badge for each in found.candidates):
-        caption += "A cross: over a limit, or stopped; never offered."
+    candidates = badged(tuning, found)
+    if any(each.badge for each in candidates):
+        caption += "A cross: never offered, such as over a limit."
     canvas, plot = sheet(SINGLE, caption)
-    (_draw_course if len(tuning.aims) == 1 else _draw_front)(plot, tuning, found.candidates)
+    if len(tuning.aims) == 1:
+        _draw_course(plot, tuning, candidates)
+    else:
+        _draw_front(plot, tuning, candidates, front_left(tuning, found))
     plot.legend(frameon=False, fontsize=6.0)
     return canvas
 
 
-def _draw_front(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> None:
-    best = front(candidates[1:])
+def _draw_front(plot: Axes, tuning: Tuning, candidates: list[Candidate], best: list[Candidate]) -> None:
     shown = [each for each in candidates[1:] if all(map(math.isfinite, each.aims))]
     for badge, marker, color in ((True, "x", "0.6"), (False, "o", "#5080c0")):
         dots = [each.aims for each in shown if bool(each.badge) == badge]
@@ -256,7 +259,7 @@ def verdict(tuning: Tuning, found: Found, names: Mapping[int, str] | None = None
     if not names:
         return [*sentences, f"the {OWN} are NOT beaten: no candidate may be offered"]
     beating = [names[n] for n in names if all(_beats(tuning, each) for each in comparisons(tuning, found, n))]
-    aims = " and ".join(aim.replace("_", " ") for aim in tuning.aims)
+    aims = " and ".join(metric_title(aim) for aim in tuning.aims)
     on = f"on the worst of {tuning.unseen} arms that were not seen and on most of them"
     if beating:
         sentences.append(f"{aims}: {', '.join(beating)} better than the {OWN}, {on}")
@@ -269,7 +272,7 @@ def verdict(tuning: Tuning, found: Found, names: Mapping[int, str] | None = None
 def _short(tuning: Tuning, found: Found) -> str:
     """Sentence on runs that are too short for metrics of their end, "" where they are not: what is best there may be
     worse in the long run."""
-    aims = [aim.replace("_", " ") for aim in tuning.aims if COLUMNS[aim].at_the_end]
+    aims = [metric_title(aim) for aim in tuning.aims if COLUMNS[aim].at_the_end]
     length, times = tuning.length, [run.get("settling_time") for run in found.runs.get(0, [])]
     known = [float(each) for each in times if each is not None]
     unsettled = len(known) < len(times) and "force_error" in tuning.aims

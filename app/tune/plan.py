@@ -15,7 +15,7 @@ from app.simulation.environment_builder import positions_of, robot_of
 from app.sweep.axes import Axis
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Design, Sweep, SweepPlan, arms_differ
-from app.sweep.run_metrics import COLUMNS
+from app.sweep.run_metrics import COLUMNS, metric_title
 from parameters import allowed
 
 AIMS = (
@@ -130,4 +130,4 @@ def program(tuning: Tuning | None = None) -> str:
 def in_words(aim: str, units: Units) -> str:
     """Aim with its unit in a task space with these units, as on an axis or at the head of a column."""
     unit = COLUMNS[aim].unit_in(units)
-    return aim.replace("_", " ") + (f" [{unit}]" if unit else "")
+    return metric_title(aim) + (f" [{unit}]" if unit else "")

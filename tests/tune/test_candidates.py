@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import msgspec
+import pyarrow.parquet as pq
 import pytest
 
 from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate, front, judged
-from app.tune.outcome import verdict
+from app.tune.outcome import FIGURE, TABLE, verdict, write
 from app.tune.running import Found
 from tests.tune.test_plan import TUNING
 
@@ -35,7 +37,7 @@ def test_a_candidate_is_as_good_as_its_worst_arm() -> None:
         ({"failed": "sampled_loop"}, "over its limit: closed loop, sampled"),
         ({"verdict": "broken"}, "the promise was broken"),
         ({"stopped": "t = 0.036 s: contact lost"}, "contact lost"),
-        ({"force_error": None}, "no force_error"),
+        ({"force_error": None}, "no force error"),
     ],
 )
 def test_one_arm_that_breaks_a_limit_or_stops_gives_a_badge(run: RunMetrics, badge: str) -> None:
@@ -50,6 +52,18 @@ def test_the_reason_why_candidates_are_not_offered_is_told_whole() -> None:
     own = judged(BOTH, 0, {}, [SOUND])
     found = Found([own, over], {0: own}, {0: [SOUND]})
     assert any("because of this: over its limit: d covers (17)" in each for each in verdict(BOTH, found))
+
+
+def test_a_candidate_that_fails_on_new_arms_is_a_cross_in_the_files_too(tmp_path: Path) -> None:
+    own, good, better = (judged(BOTH, n, {}, [SOUND | {"force_error": 1.0 / (n + 1.0)}]) for n in range(3))
+    over = judged(BOTH, 2, {}, [SOUND | {"failed": "gain"}])
+    runs = {0: [SOUND], 1: [SOUND | {"force_error": 0.5}], 2: [SOUND | {"failed": "gain"}]}
+    write(BOTH, Found([own, good, better], {0: own, 1: good, 2: over}, runs), tmp_path)
+    rows = pq.read_table(tmp_path / TABLE).to_pylist()
+    assert [(row["badge"], row["file"]) for row in rows[:2]] == [("", None), ("", "front/1.toml")]
+    assert rows[2]["badge"].startswith("on arms that were not seen, over its limit: d covers (17)")
+    assert rows[2]["file"] is None
+    assert "A cross: never" in (tmp_path / FIGURE).read_text()
 
 
 def test_equal_reasons_are_counted_together_and_no_others() -> None:

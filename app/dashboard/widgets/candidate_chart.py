@@ -11,7 +11,7 @@ import numpy as np
 
 from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, caption_html, plain
 from app.storage.joint_kinds import units_of
-from app.sweep.run_metrics import COLUMNS
+from app.sweep.run_metrics import COLUMNS, metric_title
 from app.sweep.titles import unit_of
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate
@@ -95,7 +95,7 @@ def _description(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[
     """Description of a candidate: its name, gains and aims, in words."""
     gains, units = gains_in_words(tuning, candidate, names), units_of(tuning.tuning.scenario)
     metrics = ", ".join(
-        f"{aim.replace('_', ' ')} {plain(value)} {COLUMNS[aim].unit_in(units)}".rstrip()
+        f"{metric_title(aim)} {plain(value)} {COLUMNS[aim].unit_in(units)}".rstrip()
         for aim, value in zip(tuning.tuning.aims, candidate.aims, strict=True)
     )
     return f"{name_of(candidate.number)}{gains and f', {gains}'}: {metrics}"
