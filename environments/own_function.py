@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import inspect
 from collections.abc import Callable
@@ -43,6 +44,12 @@ def own_function(
     source = Path(inspect.getfile(inspect.unwrap(users))).read_bytes()
     digest = int.from_bytes(hashlib.sha256(source).digest()[:8], "little")
     return OwnFunction(np.uint64(kept.address), np.uint64(digest), numbers)
+
+
+def write_at(own: OwnFunction, t: float, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> None:
+    """Call a function at time t (s), which writes into these arrays; outside of kernels."""
+    kind = ctypes.CFUNCTYPE(None, ctypes.c_double, *4 * (ctypes.c_size_t,))
+    kind(int(own.address))(t, *(array.ctypes.data for array in (own.parameters, a, b, c)))
 
 
 @cache  # compiled code must be kept as long as somebody may call it by its address

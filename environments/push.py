@@ -14,6 +14,7 @@ from kernels import inline
 # N/m, N, N m/rad, N m: largest values of a hand
 MOST_STIFF, MOST_FORCE, MOST_TORSION, MOST_MOMENT = 5000.0, 500.0, 500.0, 50.0
 NOTHING = np.zeros(3)
+ROUNDING = 1e-9  # s, of the instants of a run: less than any period, so that a push acts for as many as it lasts
 
 
 @dataclass(frozen=True)
@@ -98,9 +99,9 @@ def push_at(push, t, wrench):
     """Compute the wrench (6,) of a `TimedPush` at time t (s), and return whether it acts; else the wrench is left
     alone."""
     since = t - push.start
-    if push.every > 0.0:
-        since = since % push.every if since >= 0.0 else since
-    if not 0.0 <= since < push.duration:
+    if push.every > 0.0 and since >= -ROUNDING:
+        since = (since + ROUNDING) % push.every - ROUNDING
+    if not -ROUNDING <= since < push.duration - ROUNDING:
         return False
     share = 1.0
     if push.frequency > 0.0:

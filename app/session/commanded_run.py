@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import structlog
 
-from app.scenario.data import edited, with_values
+from app.scenario.data import edited, from_plain, to_plain, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session import changes
@@ -302,7 +302,8 @@ class CommandedRun:
     def _edit(self, scenario: Scenario) -> None:
         before = self.loop.system.robot
         try:
-            self.runs += self.line.edit(scenario)
+            # a change may have converted a number, or taken one of the run, beyond what a scenario's file may have
+            self.runs += self.line.edit(from_plain(to_plain(scenario)))
         except ScenarioError as error:
             self._way_out = way_out(scenario, error) or way_to_model(self.loop.system, scenario)
             raise

@@ -41,6 +41,7 @@ STEADY = 1e-6  # N, by which a desired force may vary in the tail and still coun
 STILL = 1e-6  # m, the same of a distance that is followed
 BEGINS, LASTS = 0.1, 1.0  # s after now, and s, of the push on an arm that nothing else would move
 GROWTH = 0.02  # share by which an error has to differ from another one to count as another
+SAME = 1e-4  # rad or m of a joint, within which a run is where it was foreseen; the two engines differ far less
 LOOKS = 50  # instants at which the reference is compared with the present one
 
 
@@ -209,6 +210,16 @@ class Foresight:
     def progress(self) -> float:
         """Share of the horizon that is computed, 0 to 1; 1 for a run that has stopped."""
         return 1.0 if self._loop.stopped else len(self._loop.recording) / self._rows
+
+    def leads_to(self, state: State) -> bool:
+        """Whether the run has come to this state as it was foreseen: without an edit, a hand, or a push in between, and
+        not in another run of the scenario. A push that only this preview has does not move the arm: it still rests."""
+        began = self.request.state
+        row = round((state.t - began.t) / self.request.scenario.controller.period)
+        if (state.grip, state.epoch.t) != (began.grip, began.epoch.t) or not 0 <= row < len(self._loop.recording):
+            return False
+        there = began.arm.views.q if self._push else self._loop.recording.picked(np.array([row]), ("q",))["q"][0]
+        return bool(np.abs(state.arm.views.q - there).max() < SAME)
 
     def _rests(self) -> bool:
         """Whether nothing moves the arm within the horizon: no reference, surface, push or disturbance."""

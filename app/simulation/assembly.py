@@ -68,7 +68,7 @@ from app.simulation.reuse_keys import (
     sampled_loops_key,
     surfaces_key,
 )
-from app.simulation.search_memory import Memory
+from app.simulation.search_memory import Memory, key_of
 from app.simulation.starting_posture import require_within_reach, starting_posture
 from app.simulation.stations import Stations
 from app.simulation.step_check import require_resolved, unresolved
@@ -247,7 +247,12 @@ def _constants(
         if mode.on_surface:
             require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
         require_derivatives(scenario, unshifted)
-        return postures_along(observer.record_at, unshifted, shift, q_0, rules.duration, rules.domain_radius)
+        paths = repr((plan.motion, plan.rotation))  # tells apart those of a user's own that have one name
+        key = key_of("postures", nominal.fingerprint, observer.fingerprint, repr(omega_key(scenario)), paths, q_0)
+        return memory.recall_here(
+            key,
+            lambda: postures_along(observer.record_at, unshifted, shift, q_0, rules.duration, rules.domain_radius),
+        )
 
     def build() -> Constants:
         known = _reused(

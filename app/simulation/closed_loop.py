@@ -15,7 +15,8 @@ from app.simulation.alarms import Alarm
 from app.simulation.assembly import assemble, with_truth
 from app.simulation.control_period import Evaluation, Setting
 from app.simulation.controlled_arm import ControlledArm
-from app.simulation.premise_watch import PremiseWatch, losses
+from app.simulation.controller_builder import law_of
+from app.simulation.premise_watch import NOT_FED_BACK, PremiseWatch, losses
 from app.simulation.recording import Recording
 from app.simulation.restarts import begins_anew, meets_another_load
 from app.simulation.sampled_stability import RespondingLoop
@@ -125,8 +126,9 @@ class ClosedLoop:
         if controller.on_change == "remove":
             seen = tracking_state(system, state.t, arm)
             evaluation.views.z[:] = system.controller.compensator.without_reaching(seen.e_r, seen.e_r_dot)
+        followed = law_of(state.scenario).robust  # else d is computed, but fed back to nothing
         loop = cls(system, state, recording)
-        before = loop.premise_watch.fed_back
+        before = loop.premise_watch.fed_back if followed else NOT_FED_BACK
         loop.premise_watch.begin()
         loop.premise_watch.require_bounded_gain(before)
         loop.premise_watch.require_bounded_blend(system.blend)

@@ -40,6 +40,9 @@ class GainFeedbackShares(NamedTuple):
     force: float
 
 
+NOT_FED_BACK = GainFeedbackShares(np.nan, np.nan)
+
+
 class PremiseWatch:
     """Watch of the promise of a run, in the memory of its state's evaluation; it writes into the state's `flagged` and
     `stopped` which premise the run has left, and when.
@@ -197,8 +200,9 @@ class PremiseWatch:
     @property
     def fed_back(self) -> GainFeedbackShares:
         """Feedback of the gain by (17) at present."""
-        value = self._table.value
-        return GainFeedbackShares(float(value[Premise.GAIN_BY_CHATTER]), float(value[Premise.GAIN_BY_FORCE]))
+        value, limit = self._table.value, self._table.limit
+        chatter = np.nan if np.isnan(limit[Premise.GAIN_BY_CHATTER]) else float(value[Premise.GAIN_BY_CHATTER])
+        return GainFeedbackShares(chatter, float(value[Premise.GAIN_BY_FORCE]))
 
     def require_bounded_gain(self, before: GainFeedbackShares) -> None:
         """Raise UnboundedGain where the gain by (17) feeds itself: it would grow without bound whatever else is

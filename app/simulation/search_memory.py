@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 MOST = 4096  # answers in memory, each of a few numbers
+MOST_RESULTS = 64  # in memory
 
 Numbers = tuple[float, ...]
 Part = str | bytes | float | np.ndarray
+T = TypeVar("T")
 
 
 class AnswerStore(Protocol):
@@ -32,6 +34,7 @@ class Memory:
     def __init__(self, store: AnswerStore | None = None) -> None:
         self._store = store
         self._known: dict[str, Numbers] = {}
+        self._results: dict[str, Any] = {}
 
     def recall(self, key: str, count: int, find: Callable[[], Numbers]) -> Numbers:
         """The answer of `count` numbers of this key, found where it is not known yet. Raises what `find` raises."""
@@ -46,6 +49,16 @@ class Memory:
                 self._known.clear()
             self._known[key] = known
         return known
+
+    def recall_here(self, key: str, find: Callable[[], T]) -> T:
+        """The result of this key, found where this process does not know it yet; nobody may change it. Raises what
+        `find` raises."""
+        if key not in self._results:
+            found = find()
+            if len(self._results) >= MOST_RESULTS:
+                self._results.clear()
+            self._results[key] = found
+        return self._results[key]
 
 
 def key_of(*parts: Part) -> str:

@@ -13,6 +13,8 @@ def path(t, p, value, rate, acceleration):
     """(width sin(theta), height sin(2 theta)), where theta takes a second to its full rate."""
     theta, theta_dot, theta_ddot = phase(t, 2 * np.pi / p.period, 1.0)
     for i, size, times in ((0, p.width, 1.0), (1, p.height, 2.0)):
+        if i == value.shape[0]:  # a planar arm that presses has one free coordinate
+            break
         s, c = size * np.sin(times * theta), size * np.cos(times * theta)
         value[i], rate[i] = s, times * c * theta_dot
         acceleration[i] = times * c * theta_ddot - times**2 * s * theta_dot**2

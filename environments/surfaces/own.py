@@ -13,7 +13,7 @@ import numpy as np
 from environments.own_function import call, own_function
 from environments.surfaces.chart import STILL, Shape
 from environments.surfaces.form import Form, grid, triangles
-from environments.surfaces.regular import require_derivatives
+from environments.surfaces.regular import require_derivatives, written
 from kernels import inline
 from parameters import Name, Parameter, field, values_of
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 HALF = 0.2  # m, of the part that is drawn
 NEAREST = 1e-14  # m, at which the search for a point ends
 FOUND = 1e-9  # m: largest error of its coordinates
+STEEP = 1e-6  # largest difference of the length of phi's gradient from 1 on the surface
 NEAR = 0.01  # m from its origin: where its derivatives are checked
 
 
@@ -105,10 +106,19 @@ class OwnForm(Form, frozen=True, forbid_unknown_fields=True, tag="own"):
         return vertices, faces[there[faces].all(axis=1)]
 
     def require_regular(self, surface: Surface, until: float) -> None:
-        """Raise ValueError unless the derivatives agree with differences at the tool's place."""
+        """Raise ValueError unless the derivatives agree with differences at the tool's place, and phi grows by a metre
+        in a metre there: else lambda would be no force in N."""
         random = np.random.default_rng(0)
         for t in np.linspace(0.0, until, 3):
             require_derivatives("surface.name", surface, surface.near + NEAR * random.uniform(-1.0, 1.0, 3), t)
+            beside = surface.chart(surface.near + self.motion.offset(t), t).g * (0.0, 1.0, 1.0)
+            p = self.point(surface, beside, t)
+            slope = np.linalg.norm(surface.chart(p, t).G[0])
+            if abs(slope - 1.0) > STEEP:
+                raise ValueError(
+                    f"surface.name: {self.name!r} has a gradient of phi of the length {slope:.6g} at {written(p)}; "
+                    "allowed: 1 on the surface, where phi is the penetration in metres"
+                )
 
 
 def _point(surface: Surface, g: np.ndarray, t: float, start: np.ndarray) -> np.ndarray:

@@ -9,10 +9,13 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from environments.own_function import call, own_function
+from environments.own_function import OwnFunction, call, own_function, write_at
 from environments.trajectories.trajectory import Course, Trajectory, in_plane
 from kernels import inline
 from parameters import Name, Parameter, field, values_of
+
+BEYOND = 256  # numbers behind the coordinates, which nothing may write
+INSTANTS = (0.0, 0.1, 1.7, 9.3)  # s, at which this is tried
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,7 @@ class OwnTrajectory:
     kind: its name in a scenario (`motion.name`); title: its name on the page; about: a sentence for the page.
     path: `path(t, parameters, value, rate, acceleration)` writes the displacement (k,) m of the k free coordinates from
     their start, its rate and its acceleration at time t (s); they are zero before. It is decorated with
-    `kernels.inline`. At t = 0 the displacement is zero.
+    `kernels.inline`. At t = 0 the displacement is zero. k is value.shape[0], and depends on mode and arm.
     """
 
     kind: str
@@ -37,7 +40,21 @@ class OwnTrajectory:
         values = values_of(self.parameters, path.parameters, "motion.parameters")
         k = (len(free),)
         own = own_function(self.path, self.path, values, (k, k, k))
+        _require_within(self.kind, own, len(free))
         return in_plane(np.zeros(n), np.zeros(n))._replace(first=free.start, own=own)
+
+
+def _require_within(kind: str, own: OwnFunction, k: int) -> None:
+    """Raise ValueError where the path writes beyond its k coordinates, which compiled code does not notice."""
+    written = np.zeros((3, k + BEYOND))
+    for t in INSTANTS:
+        write_at(own, t, *written)
+    beyond = np.flatnonzero(written[:, k:].any(axis=0))
+    if len(beyond):
+        raise ValueError(
+            f"motion.name: {kind!r} writes coordinate {k + 1 + beyond[0]}; allowed: 1 to {k} (value.shape[0]), the "
+            "free ones of this mode and arm"
+        )
 
 
 @inline

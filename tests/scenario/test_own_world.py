@@ -136,6 +136,31 @@ def test_a_path_with_wrong_derivatives_or_without_an_end_is_refused(
         ClosedLoop.from_scenario(edited(load("ur5-hybrid"), "motion", "own:ring"))
 
 
+def test_a_path_that_writes_beyond_its_coordinates_is_refused(written: Callable[[str], Path]) -> None:
+    use([written(CIRCLE.replace("    rate[0],", "    acceleration[4] = 0.01\n    rate[0],"))])
+    for name, k in (("ur5-hybrid", 2), ("planar3r-hybrid", 1)):
+        beyond = 5 if k == 2 else 2
+        with pytest.raises(ScenarioError, match=rf"'ring' writes coordinate {beyond}; allowed: 1 to {k} \(value"):
+            ClosedLoop.from_scenario(edited(load(name), "motion", "own:ring"))
+    use([EXAMPLES / "figure_eight.py"])
+    loop = ClosedLoop.from_scenario(edited(load("planar3r-hybrid"), "motion", "own:figure-eight"))
+    reference = loop.system.reference(2.3)
+    assert reference.r_d[1] != loop.system.reference(0.0).r_d[1]
+    assert reference.r_d[2] == loop.system.reference(0.0).r_d[2]  # the angle is not moved
+
+
+def test_a_surface_whose_phi_is_no_penetration_in_metres_is_refused(written: Callable[[str], Path]) -> None:
+    use(
+        [
+            written(
+                PLAIN.format(slope=-1.0).replace("= -zeta[2]", "= -3.0 * zeta[2]").replace("= -1.0, 1.0", "= -3.0, 1.0")
+            )
+        ]
+    )
+    with pytest.raises(ScenarioError, match=r"'plain' has a gradient of phi of the length 3 at .*; allowed: 1 on the"):
+        ClosedLoop.from_scenario(on_surface(load("ur5-hybrid"), "own:plain"))
+
+
 def test_one_without_parameters(written: Callable[[str], Path]) -> None:
     use([written(PLAIN.format(slope=-1.0))])
     form = OwnForm(name="plain", origin=(0.0, 0.0, 0.2))

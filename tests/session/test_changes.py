@@ -212,6 +212,20 @@ def test_a_contact_of_a_further_surface_that_the_mode_cannot_have_is_another_one
     assert refused.scenario == asked.scenario
 
 
+def test_a_change_that_no_file_could_hold_is_refused_and_nothing_is_lost() -> None:
+    """A layer is converted to the units of joints; a push begins at the run's time."""
+    runner = Runner(edited(shipped()["ur5-motion"], "controller.layer", 2.0))
+    for command, sentence in (
+        (Edit("task_space.kind", "joint"), "controller.layer: 13.3; allowed"),
+        (PushNow(), "truth.push_start: 36010.0; allowed"),
+    ):
+        runner._loop.state.t = 36010.0 if isinstance(command, PushNow) else 0.0
+        before = runner._loop.system.scenario
+        runner._obey([command])
+        assert sentence in (runner._publish().refusal or "")
+        assert runner._loop.system.scenario == before
+
+
 def test_a_time_that_is_refused_leaves_the_tool_in_the_hand() -> None:
     runner, hand = Runner(shipped()["ur5-hybrid"]), Grip((0.5, 0.0, 0.3))
     for _ in range(20):

@@ -350,6 +350,19 @@ def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> Non
         doubted.premise_watch.require_bounded_gain(GainFeedbackShares(np.nan, np.nan))
 
 
+@pytest.mark.parametrize(("path", "before"), [("controller.gain", "constant"), ("controller.law", "computed-torque")])
+def test_a_gain_that_would_feed_itself_is_refused_also_where_nothing_followed_it_before(path: str, before: str) -> None:
+    fatal = short("ur5-motion", controller__bounds="paper", controller__period=0.004, declared__link_scaling=0.3)
+    with pytest.raises(UnboundedGain, match=r"runs away at this control period: chattering feeds 3\.2"):
+        ClosedLoop.from_scenario(fatal)
+    loop = ClosedLoop.from_scenario(edited(fatal, path, before))
+    for _ in range(5):
+        loop.step()
+        with pytest.raises(UnboundedGain, match="runs away at this control period"):
+            loop.edit(fatal)
+    assert loop.system.scenario == edited(fatal, path, before)
+
+
 def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:
     """The formula is tried up to simulation.duration; later it is the root of a negative number."""
     loop = ClosedLoop.from_scenario(short("ur5-motion", declared__delta_f="1 + sqrt(0.31 - t)", truth__disturbance=0.5))

@@ -188,6 +188,18 @@ def test_a_timed_push_is_part_of_the_scenario() -> None:
     assert {t: again.at(t) is not None for t in acting} == acting
 
 
+@pytest.mark.parametrize(("duration", "every"), [(0.05, 0.0), (0.01, 0.0), (0.001, 0.1), (0.005, 0.3)])
+def test_a_push_acts_in_as_many_periods_as_it_lasts(duration: float, every: float) -> None:
+    """The instants of a run are rounded, those of an epoch that began at any of them twice."""
+    push = TimedPush(np.array([1.0, 2.0, 3.0]), 0.1, duration, every)
+    for begins in (0.0, 0.037):
+        acts = np.array([push.at(begins + 0.001 * k) is not None for k in range(10_000)])
+        starts = np.flatnonzero(np.diff(acts.astype(int)) == 1)
+        lasting = np.flatnonzero(np.diff(acts.astype(int)) == -1) - starts[: np.count_nonzero(np.diff(acts * 1) == -1)]
+        assert len(starts) == (1 if every == 0.0 else len(np.arange(0.1, begins + 9.9999, every)))
+        assert (lasting == round(duration / 0.001)).all()
+
+
 def test_push_now_begins_the_scenarios_push_or_one_sideways_and_the_run_goes_on() -> None:
     runner = Runner(shipped()["ur5-hybrid"])
     loop = runner._commanded.line.loop
