@@ -32,8 +32,8 @@ def cache_folder() -> Path:
 
 
 def _lasting() -> Path | None:
-    """Private folder below the user's cache, named after the place and the contents of every source file that holds
-    kernels; None, with a sentence on the terminal, where there can be none."""
+    """Private folder below the user's cache, named after the place and the contents of every source file that
+    kernels depend on; None, with a sentence on the terminal, where there can be none."""
     shelf = "the user's cache"
     try:
         shelf = base_directory("XDG_CACHE_HOME")
@@ -53,7 +53,8 @@ def _digest() -> str:
     for package in ("app", "controllers", "environments", "kernels"):
         for file in sorted((root / package).rglob("*.py")):
             source = file.read_bytes()
-            if package == "kernels" or b"\nfrom kernels" in source:
+            # of a package beside `app`, a file without kernels may have numbers that kernels were compiled with
+            if package != "app" or b"\nfrom kernels" in source:
                 digest.update(file.name.encode() + source)
     return digest.hexdigest()[:16]
 

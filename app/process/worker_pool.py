@@ -17,6 +17,12 @@ AHEAD = 4  # tasks for each worker that are handed out before they can begin
 TRIES = 2  # of a task whose process ends
 
 Task = TypeVar("Task")
+Part = TypeVar("Part")
+
+
+class Chunk(tuple[Part, ...]):
+    """Task of several parts, each of which could be a task of its own. Where its process ends, they are done one by
+    one, so that a part that ends it each time takes no other one with it."""
 
 
 class Fallen:
@@ -37,7 +43,8 @@ def results(
     workers: int,
 ) -> Iterator[tuple[Task, Any]]:
     """Tasks with their results, in the order in which they are done; `FALLEN` for a task whose process has ended twice.
-    Only a few tasks are taken ahead, so there may be any number of them.
+    A `Chunk` whose process has ended comes as several chunks of one part. Only a few tasks are taken ahead, so there
+    may be any number of them.
 
     make: called in each process, with the arguments; the function that it returns computes the tasks there. Raises what
     that function raises.
@@ -53,7 +60,7 @@ def results(
                 for each in pool.under_way:
                     each.falls += 1
                     if each.falls < TRIES:
-                        again.append(each)
+                        again.extend(each.parts)
                     else:
                         yield each.task, FALLEN
 
@@ -64,6 +71,13 @@ class _Handed(Generic[Task]):
 
     task: Task
     falls: int = 0
+
+    @property
+    def parts(self) -> list[_Handed[Any]]:
+        """The parts of a chunk, each as a chunk of its own; of another task the task itself."""
+        if not isinstance(self.task, Chunk):
+            return [self]
+        return [_Handed(Chunk((part,)), self.falls) for part in self.task]
 
 
 class _Pool:

@@ -95,10 +95,10 @@ def _computed(
     return worker_pool.results(SweepRunner.computing, (sweep,), tasks_of(numbers, workers), workers)
 
 
-def tasks_of(numbers: Sequence[int], workers: int) -> Iterator[tuple[int, ...]]:
+def tasks_of(numbers: Sequence[int], workers: int) -> Iterator[worker_pool.Chunk[int]]:
     """Runs of these numbers, a few at a time for one process; towards the end fewer."""
     at = 0
     while at < len(numbers):
         size = max(1, min(CHUNK, (len(numbers) - at) // (4 * workers)))
-        yield tuple(numbers[at : at + size])
+        yield worker_pool.Chunk(numbers[at : at + size])
         at += size

@@ -43,21 +43,22 @@ class _Known:
     """Results of earlier answers that the next one may use.
     band: of true arms.
     system: of the running scenario.
-    request, today: a request about the running scenario, and its metrics, which hold for its `horizon` s."""
+    running, today: an answer about the running scenario, and its metrics, which hold as long as the run is as it was
+    foreseen."""
 
     memory: Memory
     band: _GrowingBand
     system: System | None = None
-    request: PreviewRequest | None = None
+    running: Foresight | None = None
     today: PreviewMetrics | None = None
 
     def metrics_for(self, request: PreviewRequest) -> PreviewMetrics | None:
         """Metrics of this request about the running scenario, if they are known; else None."""
-        known = self.request
-        if known is None or (known.horizon, known.push) != (request.horizon, request.push):
+        if self.running is None:
             return None
-        passed = request.state.t - known.state.t
-        return self.today if 0.0 <= passed < known.horizon and known.scenario == request.scenario else None
+        known = self.running.request
+        same = (known.horizon, known.push, known.scenario) == (request.horizon, request.push, request.scenario)
+        return self.today if same and self.running.leads_to(request.state) else None
 
 
 class _GrowingBand:
@@ -236,12 +237,11 @@ def _send(answer: Outlook | PreviewRefusal, asker: Connection, band: _GrowingBan
 def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook | None:
     """Answer once more, with the metrics of the running scenario. A newer request does not interrupt this, because all
     answers while the slider is held have the same metrics beside theirs."""
-    request = foresight.unchanged
-    running = Foresight(request, known.system, known.memory, engine_ready())
+    running = Foresight(foresight.unchanged, known.system, known.memory, engine_ready())
     while running.progress < 1.0:
         running.advance(running.batch)
     if isinstance(outlook := running.outlook(), Outlook):
-        known.request, known.today = request, outlook.metrics
+        known.running, known.today = running, outlook.metrics
         return _send(foresight.outlook(outlook.metrics), asker, known.band)
     return None
 

@@ -37,8 +37,10 @@ const number = () => {
   form.append(input, label, button);
   form.addEventListener("submit", (e) => {
     e.preventDefault();
-    const value = Number(input.value.replace(",", ".").replace("−", "-"));
-    if (Number.isFinite(value) && input.value.trim()) send(value); else message.textContent = "A number, such as 12.5.";
+    const given = input.value.trim().replace("−", "-"), value = Number(given.replace(",", "."));
+    if (/^-?[1-9]\d{0,2},\d{3}$/.test(given)) // with a comma of decimals, or of thousands
+      message.textContent = `${given} can be read in two ways: write ${given.replace(",", ".")} or ${given.replace(",", "")}.`;
+    else if (Number.isFinite(value) && given) send(value); else message.textContent = "A number, such as 12.5.";
   });
   return [form];
 };

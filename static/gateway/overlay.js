@@ -14,14 +14,15 @@ const showNotice = (sentence) => { noticeText.textContent = sentence; notice.hid
 const copy = async (input, button) => {
   input.select();
   // a page without TLS has no clipboard
-  try { await navigator.clipboard.writeText(input.value); } catch { document.execCommand("copy"); }
-  button.textContent = "copied";
-  setTimeout(() => { button.textContent = "copy"; }, 1500);
+  const copied = await navigator.clipboard?.writeText(input.value).then(() => true, () => false) || document.execCommand("copy");
+  button.textContent = copied ? "copied" : "press Ctrl+C";
+  if (copied) setTimeout(() => { button.textContent = "copy"; }, 1500);
+  else input.focus();
 };
 const link = (card, text, address) => {
   card.append(make("p", "", text));
   const row = card.appendChild(make("div", "vg-link"));
-  const input = Object.assign(row.appendChild(make("input")), { readOnly: true, value: new URL(address, location.href).href });
+  const input = Object.assign(row.appendChild(make("input")), { readOnly: true, ariaLabel: text, value: new URL(address, location.href).href });
   const button = row.appendChild(make("button", "", "copy"));
   button.addEventListener("click", () => copy(input, button));
 };
@@ -73,11 +74,13 @@ const begin = (about) => {
         button.disabled = true;
       });
     }
-    share.addEventListener("click", () => {
-      card.hidden = !card.hidden;
-      share.setAttribute("aria-expanded", String(!card.hidden));
-    });
-    document.addEventListener("keydown", (e) => { if (e.key === "Escape") card.hidden = true; });
+    const show = (open) => {
+      if (!open && card.contains(document.activeElement)) share.focus();
+      card.hidden = !open;
+      share.setAttribute("aria-expanded", String(open));
+    };
+    share.addEventListener("click", () => show(card.hidden));
+    document.addEventListener("keydown", (e) => { if (e.key === "Escape") show(false); });
   }
   // keys typed here are text, not commands of the page
   root.addEventListener("keydown", (e) => { if (e.key !== "Escape") e.stopPropagation(); });
@@ -86,7 +89,7 @@ const begin = (about) => {
 
 // viser's client writes its web socket's address behind ours, again and again, where people would copy it along
 const replace = history.replaceState.bind(history);
-history.replaceState = (state, title) => replace(state, title, location.pathname);
+history.replaceState = (state, title) => replace(state, title, location.pathname + location.hash);
 history.replaceState(null, "");
 
 const ask = async () => {

@@ -8,7 +8,8 @@ const PLACES = {
   "#root": { role: "main" },
   "[data-dock-region=left]": { role: "region", "aria-label": "plots" },
   "[data-dock-region=right]": { role: "region", "aria-label": "controls" },
-  "[data-floating-window]": { role: "region", "aria-label": "target model" },
+  "[data-floating-window]:has(.vs-equation)": { role: "region", "aria-label": "target model" },
+  "[data-floating-window]:has(.vs-held)": { role: "region", "aria-label": "what if" },
   "div:has(> .vs-ticks) + form input:not([type=hidden])": { placeholder: "go to t" },
   ".mantine-Notification-closeButton": { "aria-label": "close" },
   ".uplot-container button:not(.vs-measure, .vs-unzoom)": { "aria-label": "enlarge the plot, or make it small again", title: "enlarge" },
@@ -67,5 +68,5 @@ document.addEventListener("keydown", (e) => {
   e.preventDefault();
   e.target.dispatchEvent(new MouseEvent("click", { bubbles: true, ctrlKey: e.ctrlKey, metaKey: e.metaKey }));
 }, true);
-// what belongs to viser's developers is there for who asks: ?dev behind the address
-document.documentElement.toggleAttribute("data-dev", new URLSearchParams(location.search).has("dev"));
+// what belongs to viser's developers is there for who asks: #dev behind the address
+document.documentElement.toggleAttribute("data-dev", location.hash === "#dev");

@@ -23,8 +23,9 @@ const now = (plot) => {
   while (k > 0 && x[k] > 1e-9) k--;
   return k;
 };
+const pointed = (plot) => plot.over.matches(":hover") || plot.cursor.left >= 0; // here, or in a plot that shares the crosshair
 const inLegend = (plot) => {
-  if (!plot.root.isConnected || plot.over.matches(":hover")) return;
+  if (!plot.root.isConnected || pointed(plot)) return;
   const idx = now(plot);
   if (idx !== null) plot.setLegend({ idx }, false);
   else for (const none of plot.root.querySelectorAll(".u-legend .u-value")) none.textContent = "";
@@ -43,7 +44,7 @@ const valued = (plot) => {
   plot.series.forEach((series, i) => {
     series.value = (_, value, __, k) => {
       if (value === null || value === undefined) return "";
-      if (!i) return plot.over.matches(":hover") ? short(value) : "";
+      if (!i) return pointed(plot) ? short(value) : "";
       return measurable(series) ? onAxis(plot, valuesOf(plot, i)(k)) : "";
     };
   });
@@ -83,18 +84,27 @@ const fillTable = (plot, fractions, table) => {
     return line;
   }));
 };
+const STRIDE = 0.01; // of the time axis, by an arrow key; a tenth of it with Shift
 const measured = new Map(); // what a plot's cursors are made of
 const put = (plot) => {
   const fractions = [0.3, 0.7], table = document.createElement("table");
   table.className = "vs-measured";
+  const show = () => {
+    const { min, max } = plot.scales.x;
+    cursors.forEach((cursor, i) => {
+      const t = short(min + fractions[i] * (max - min));
+      cursor.style.left = `${100 * fractions[i]}%`;
+      Object.assign(cursor, { ariaValueMin: min, ariaValueMax: max, ariaValueNow: t, ariaValueText: `${t} s` });
+    });
+    fillTable(plot, fractions, table);
+  };
   const cursors = fractions.map((_, i) => {
     const cursor = document.createElement("div");
-    cursor.className = "vs-cursor";
+    Object.assign(cursor, { className: "vs-cursor", tabIndex: 0, role: "slider", ariaLabel: `cursor ${"AB"[i]}` });
     cursor.dataset.name = "AB"[i];
     const place = (fraction) => {
       fractions[i] = Math.min(1, Math.max(0, fraction));
-      cursor.style.left = `${100 * fractions[i]}%`;
-      fillTable(plot, fractions, table);
+      show();
     };
     for (const kind of ["mousedown", "click", "dblclick"]) cursor.addEventListener(kind, (e) => e.stopPropagation());
     cursor.addEventListener("pointerdown", (e) => cursor.setPointerCapture(e.pointerId));
@@ -102,12 +112,18 @@ const put = (plot) => {
       const box = plot.over.getBoundingClientRect();
       if (cursor.hasPointerCapture(e.pointerId)) place((e.clientX - box.left) / box.width);
     });
-    place(fractions[i]);
+    cursor.addEventListener("keydown", (e) => {
+      if (e.key !== "ArrowLeft" && e.key !== "ArrowRight") return;
+      e.preventDefault();
+      e.stopPropagation(); // a command of the page, too
+      place(fractions[i] + (e.key === "ArrowRight" ? STRIDE : -STRIDE) * (e.shiftKey ? 0.1 : 1));
+    });
     return cursor;
   });
+  show();
   plot.over.append(...cursors);
   plot.root.append(table);
-  measured.set(plot, { parts: [...cursors, table], box: plot.root.closest(".uplot-container"), again: () => fillTable(plot, fractions, table) });
+  measured.set(plot, { parts: [...cursors, table], box: plot.root.closest(".uplot-container"), again: show });
 };
 const takeOff = (plot) => {
   for (const part of measured.get(plot)?.parts ?? []) part.remove();
@@ -143,14 +159,15 @@ const showValues = (plot) => {
   values.style.top = `${Math.max(4, Math.min(y, innerHeight - height - 4))}px`;
 };
 
-// The size of a plot's own letters, as a factor.
+// The size of a plot's own letters, as a factor. uPlot derives them from the last entry, in px of the page, when the
+// browser's zoom changes.
 const types = new WeakMap();
 window.vsmrcType = (plot, factor) => {
-  const own = types.get(plot) ?? plot.axes.map(({ font, size, space, gap }) => ({ font, size, space, gap }));
+  const own = types.get(plot) ?? plot.axes.map(({ font, size, space, gap }) => ({ letters: font[2], size, space, gap }));
   types.set(plot, own);
   plot.axes.forEach((axis, i) => {
-    const { font, size, space, gap } = own[i];
-    axis.font = [font[0].replace(/[\d.]+px/, (px) => `${factor * parseFloat(px)}px`), factor * font[1], ...font.slice(2)];
+    const { letters, size, space, gap } = own[i], px = factor * letters * devicePixelRatio;
+    axis.font = [axis.font[0].replace(/[\d.]+px/, `${px}px`), px, factor * letters];
     axis.gap = factor * gap;
     axis.size = (...args) => factor * size(...args);
     axis.space = (...args) => (i === 1 ? factor * factor : factor) * space(...args); // fewer numbers than room for

@@ -48,6 +48,7 @@ document.addEventListener("keydown", (e) => {
 }, true);
 // A tick of the timeline is looked at: its instant is typed into the field of the time, which stands behind the ticks.
 document.addEventListener("pointerdown", (e) => {
+  if (e.button !== 0) return;
   const tick = e.target instanceof Element && e.target.closest("[data-seek]");
   const input = tick && document.querySelector("div:has(> .vs-ticks) + form .mantine-TextInput-input");
   if (input) sendMarked(input, tick.dataset.seek, mark);

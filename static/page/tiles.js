@@ -82,22 +82,25 @@ document.addEventListener("keydown", (e) => {
 }, true);
 // A picture that the user has asked for comes into view when its first marks come, and stays there while the words above
 // it grow, unless the user does something else meanwhile.
-const GROWING = 10_000; // ms
+const BEGUN = 300_000, GROWING = 10_000; // ms; a busy machine takes long to begin
 const FIELDS = ["vs-tile-field", "vs-candidate-field"];
-let awaited = null; // { field, until, seen }
+const pictureOf = (field) => document.querySelector(`.vs-tiles[data-field="${field}"]`);
+let awaited = null; // { field, first, until }
 document.addEventListener("click", (e) => {
   const button = e.target instanceof Element && e.target.closest("button");
   const inItsPanel = (field) => document.querySelector(`.${field}`)?.closest(".mantine-Paper-root")?.contains(button);
   const field = button && FIELDS.find(inItsPanel);
-  const going = field && document.querySelector(`.vs-tiles[data-going][data-field="${field}"]`); // the button cancels it
-  if (field && !going) awaited = { field, until: performance.now() + 60_000 };
+  const old = field && pictureOf(field);
+  if (field && !old?.matches("[data-going]")) awaited = { field, first: !old, until: performance.now() + BEGUN }; // else it cancels
 }, true);
 for (const kind of ["wheel", "touchmove", "pointerdown", "keydown"])
   document.addEventListener(kind, () => { awaited = null; }, { capture: true, passive: true });
 const comeIntoView = () => {
-  const picture = document.querySelector(`.vs-tiles[data-going][data-field="${awaited.field}"]`);
-  if (picture && !awaited.seen) awaited = { field: awaited.field, until: performance.now() + GROWING, seen: true };
-  if (picture) picture.closest(".vs-checks").scrollIntoView({ block: "nearest" });
+  const picture = pictureOf(awaited.field);
+  if (picture && (awaited.first || picture.matches("[data-going]"))) { // the first may be done before it is looked at
+    awaited = { field: awaited.field, first: false, until: performance.now() + GROWING };
+    picture.closest(".vs-checks").scrollIntoView({ block: "nearest" });
+  }
   if (performance.now() > awaited.until) awaited = null;
 };
 setInterval(() => {

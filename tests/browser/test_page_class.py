@@ -16,6 +16,7 @@ from app.gateway import pages
 
 STATIC = Path(__file__).parents[2] / "static" / "gateway"
 CURVE = ClassQuestion(1, "curve", "Draw the force.", end=2.0, high=30.0, axis="F_n [N]")
+NUMBER = ClassQuestion(3, "number", "How far?", unit="mm")
 CHOICE = ClassQuestion(2, "choice", "Which?", options=("less", "more"))
 
 
@@ -74,6 +75,10 @@ def lecture(room: Classroom) -> Iterator[Lecture]:
 def test_a_class_is_answered_by_keyboard(room: Classroom, lecture: Lecture, open_page) -> None:
     room.ask(CURVE)
     page = open_page(lecture.url, viewport={"width": 390, "height": 700})
+    page.emulate_media(color_scheme="dark")
+    expect(page.locator("#message")).to_have_css("color", "rgb(255, 143, 143)")
+    page.emulate_media(color_scheme="light")
+    expect(page.locator("#message")).to_have_css("color", "rgb(179, 38, 30)")
     news, content = page.locator("#news"), page.locator("#class")
     expect(news).to_have_text("Draw the force.")
     page.keyboard.press("Tab")
@@ -101,3 +106,13 @@ def test_a_class_is_answered_by_keyboard(room: Classroom, lecture: Lecture, open
     expect(page.get_by_role("button", name="B more")).to_be_focused()
     room.ask(msgspec.structs.replace(CHOICE, open=False, result="<b>more</b>"))
     expect(news).to_have_text("more")
+
+    room.ask(NUMBER)
+    expect(news).to_have_text("How far?")
+    page.get_by_role("textbox").fill("1,000")
+    page.keyboard.press("Enter")
+    expect(page.locator("#message")).to_have_text("1,000 can be read in two ways: write 1.000 or 1000.")
+    page.get_by_role("textbox").fill("1,5")
+    page.keyboard.press("Enter")
+    expect(content.get_by_text("Answered. You may change it")).to_be_visible()
+    assert room.own("b") == 1.5

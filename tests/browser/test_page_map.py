@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.sweep.plan import FILE
-from drivers.pages import PATIENCE, VIEWPORT, PageSession, resting_box, type_over
+from drivers.pages import PATIENCE, VIEWPORT, PageSession, type_over
 from tests.support.layout import lasting, lasting_faults
 
 SAID = re.compile(
@@ -94,8 +94,8 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     tiles = page.locator(".vs-tiles[data-field=vs-tile-field] [data-point]")
     expect(tiles).to_have_count(25)
     expect(page.get_by_role("button", name="Compute the map")).to_be_visible()
-    filled = resting_box(page.locator(".vs-tiles[data-field=vs-tile-field]"))
-    assert filled["y"] + filled["height"] < VIEWPORT["height"] + 1  # it came into view
+    bottom = "document.querySelector('.vs-tiles[data-field=vs-tile-field]').getBoundingClientRect().bottom"
+    page.wait_for_function(f"{bottom} < {VIEWPORT['height'] + 1}")  # it comes into view
     page.evaluate("document.querySelector('.mantine-ScrollArea-viewport:has(.vs-status)').scrollTop = 0")
     assert not lasting_faults(page)
     with page.expect_download() as download:

@@ -236,6 +236,17 @@ def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: P
     page.wait_for_function(f"+({value})('‖s‖') > 0")
     unmeasured = ("reaching", "sliding", "t_r ≤ (18)", "t_r")
     session.wait(lambda _: [page.evaluate(value, name) for name in unmeasured] == 4 * [""])
+    page.locator(".u-over:visible").first.hover()
+    time = page.locator(".u-legend:visible").nth(1).locator(".u-value").first  # of a plot that shares the crosshair
+    expect(time).not_to_have_text("")
+    session.runner.post(Play())  # drawn again and again
+    session.wait(lambda now: now.t > 2.0)
+    assert time.inner_text()
+    session.runner.post(Pause())
+    session.wait(lambda now: now.phase == "paused")
+    page.mouse.move(700, 300)
+    expect(time).to_have_text("")
+    page.wait_for_function(f"+({value})('‖s‖') > 0")
 
 
 def test_a_part_of_a_sum_is_hidden_and_stands_alone_with_both_edges_of_its_area(session: PageSession):
@@ -288,6 +299,16 @@ def test_two_cursors_measure_a_step(session: PageSession):
         if "Δt = 1.84 s" in table.inner_text():
             break
     assert "Δt = 1.84 s" in table.inner_text()  # of a window of 8 s
+    cursor = page.get_by_role("slider", name="cursor B")
+    cursor.focus()
+    page.keyboard.press("ArrowLeft")
+    expect(table).to_contain_text("Δt = 1.76 s")
+    expect(cursor).to_have_attribute("aria-valuetext", re.compile(r"^-0\.1\d* s$"))
+    page.keyboard.press("ArrowRight")
+    expect(table).to_contain_text("Δt = 1.84 s")
+    assert session.now.t == pytest.approx(step["time"] + 1.6)  # the arrow keys have not stepped through the run
+    fonts = f"{SHOWN}.map(({{ axes }}) => axes.map(({{ font }}) => font[1] / font[2] / devicePixelRatio)).flat()"
+    assert page.evaluate(fonts) == pytest.approx([1.0] * len(page.evaluate(fonts)), rel=0.05)
     row = table.locator("tr", has_text="desired normal").locator("td").all_inner_texts()
     now = session.now
     rows = now.recording.signals(("t", "F_cd"), now.t - 8.0 * 0.24, now.t - 8.0 * 0.01)

@@ -24,7 +24,7 @@ LOADED = """async (families) => {
 
 def links_of(page: Page) -> list[str]:
     """Links of the card that the button Share opens: to watch, and to steer."""
-    fields = page.locator(".vg-card input")
+    fields = page.locator(".vg-card").get_by_role("textbox", name=re.compile("^To "))
     expect(fields).to_have_count(2)
     return [field.input_value() for field in fields.all()]
 
@@ -56,10 +56,21 @@ def test_watcher_cannot_steer_and_a_private_copy_recovers_from_a_crash(
     lecturer.get_by_role("button", name="Share").click()
     watch, steer = links_of(lecturer)
     assert steer == lecturer.url.partition("?")[0]
+    lecturer.evaluate("""() => {
+        Object.defineProperty(navigator, "clipboard", { value: undefined }); // as without TLS
+        document.execCommand = () => false;
+    }""")
+    card, share = lecturer.locator(".vg-card:visible"), lecturer.get_by_role("button", name="Share")
+    card.get_by_role("button", name="copy").first.click()
+    expect(card.get_by_role("button").first).to_have_text("press Ctrl+C")
+    expect(card.get_by_role("textbox").first).to_be_focused()
     lecturer.keyboard.press("Escape")
     expect(lecturer.locator(".vg-card input").first).to_be_hidden()
+    expect(share).to_have_attribute("aria-expanded", "false")
+    expect(share).to_be_focused()
 
-    student = opened(watch)
+    student = opened(f"{watch}#dev")
+    expect(student.locator("html")).to_have_attribute("data-dev", "")
     expect(student.get_by_text("Watching live")).to_be_visible()
     row = student.locator("form:visible", has=student.get_by_text("F_d [N]", exact=True))
     force = row.locator(".mantine-TextInput-input")

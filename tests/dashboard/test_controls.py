@@ -239,6 +239,36 @@ def test_a_click_that_comes_late_forgets_no_other_run(monkeypatch: pytest.Monkey
     assert click("Forget run 6") == [4, 5]
 
 
+def test_an_emptied_name_of_a_run_is_a_cancel_and_a_half_typed_one_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    page, now = Page(), [0.0]
+    monkeypatch.setattr(runs.time, "monotonic", lambda: now[0])
+    cast(Any, page.desk).viewing = Viewing()
+    panel = RunsPanel(page.desk)
+    panel._over.value = next(iter(runs.OVER))
+    text = panel._rows[0]._text
+    page.desk.post(StepOnce())
+    page.desk.post(Pin())
+
+    def shown_after(seconds: float) -> str:
+        now[0] += seconds
+        panel.show(page.snapshot())
+        return text.value
+
+    assert shown_after(0.0) == "run 1"
+    page.give(text, f"stiff{COMMIT}")
+    assert shown_after(2.0) == "stiff"
+    page.give(text, "sti")
+    page.give(text, COMMIT)  # as Esc sends it
+    assert text.value == "stiff"
+    assert [run.name for run in page.snapshot().pinned] == ["stiff"]
+    page.give(text, "half")
+    assert shown_after(50.0) == "half"
+    assert shown_after(20.0) == "stiff"  # its page has closed
+    page.give(text, f"run 1{COMMIT}")
+    assert [run.name for run in page.snapshot().pinned] == [""]
+    assert shown_after(2.0) == "run 1"
+
+
 def test_the_note_on_a_pinned_run_says_how_to_see_both() -> None:
     page = Page()
     assert "press reset (R)" in _note(page.snapshot(), 8.0, "own")

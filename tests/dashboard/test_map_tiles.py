@@ -161,6 +161,18 @@ def test_over_one_field_there_is_a_course_with_an_interval_at_each_share() -> No
     assert share.count("vs-interval") == 3
 
 
+def test_a_course_ends_at_a_value_of_which_there_is_no_figure_and_begins_anew_behind_it() -> None:
+    sweep = sweep_of("contact.K_e=1e3:1e5:5:log", draw=2)
+    table = columns(sweep)
+    table |= {"stopped": np.full(len(table["point"]), None)}
+    broken = table | {"force_error": np.where(table["point"] == 2, np.nan, table["force_error"])}
+    counts = [
+        [len(line.split(", ")) for line in re.findall(r'class="vs-course" points="(.*?)"', drawn)]
+        for drawn in (picture(SweepView("force_error"), sweep=sweep, table=each) for each in (table, broken))
+    ]
+    assert counts == [[5], [2, 2]]
+
+
 def test_a_map_that_failed_says_so() -> None:
     assert "its process has ended" in picture(SweepView("force_error"), problem="its process has ended")
     assert "24 of 24 runs" in picture(SweepView("force_error"), going=True)

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import pytest
 
-from app.dashboard.theme.colors import EDGE, INKS, PAGE, SERIES, Rgb, css_variables
+from app.dashboard.theme.colors import EDGE, INKS, MEASURED, PAGE, SERIES, Rgb, css, css_variables, line_css, on_white
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.help import DOCUMENTS, help_html
 from app.dashboard.widgets.shortcuts import Shortcuts
@@ -54,6 +54,17 @@ def test_borders_of_buttons_are_seen(theme):
 
 def test_lines_of_plots_are_seen_on_the_dark_page():
     assert min(contrast(color, PAGE["dark"]) for color in SERIES) >= 3.0
+
+
+def test_lines_of_pictures_are_seen_on_the_light_page_and_stay_apart():
+    dark, light = css_variables().strip().split("\n")
+    inks = {color: on_white(color) for color in (*SERIES, MEASURED)}
+    assert min(contrast(ink, PAGE["light"]) for ink in inks.values()) >= 3.0
+    assert len({*inks.values()}) == len(inks)
+    for color, ink in inks.items():
+        name = line_css(color).removeprefix("var(").removesuffix(")")
+        assert f"{name}: {css(color)};" in dark
+        assert f"{name}: {css(ink)};" in light
 
 
 def test_every_variable_of_the_style_sheet_has_a_value_in_both_themes():

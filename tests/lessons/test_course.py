@@ -13,14 +13,15 @@ from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 
 from app.dashboard.panels.lessons import LessonsPanel
 from app.dashboard.plots.lesson_figures import run_colors
-from app.dashboard.theme.colors import MEASURED, css
-from app.dashboard.widgets.lesson_answers import CurveAnswer
+from app.dashboard.theme.colors import MEASURED, line_css
+from app.dashboard.widgets.lesson_answers import CurveAnswer, NumberAnswer
 from app.dashboard.widgets.lesson_list import _state
 from app.dashboard.widgets.outcome_chart import outcome_html
 from app.lessons.answers import (
@@ -219,7 +220,7 @@ def test_a_run_has_one_colour_in_all_pictures_of_its_lesson() -> None:
     for step in (5, 9):
         run = LessonStep(step, step, "run", "", LessonRun("softer wall", 1.0, (line,), {}), None)
         drawn = outcome_html(run, traces, (), colors)
-        assert re.findall(r'stroke="(rgb[^"]*)"', drawn) == [css(colors[trace.run]) for trace in traces]
+        assert re.findall(r'stroke="(var[^"]*)"', drawn) == [line_css(colors[trace.run]) for trace in traces]
 
 
 def test_a_lesson_whose_goal_was_not_met_says_so_when_it_is_done() -> None:
@@ -283,6 +284,33 @@ def test_a_lesson_that_was_left_does_not_unlock_the_one_that_computes_now() -> N
 def test_what_is_no_answer_is_refused(question: ChoiceQuestion | NumberQuestion | CurveQuestion, given: object) -> None:
     with pytest.raises(ScenarioError, match="answer: "):
         admitted(question, given)
+
+
+def test_another_lesson_begins_with_an_empty_answer_and_a_comma_of_three_digits_is_no_number() -> None:
+    given, complaints = list[object](), list[str]()
+
+    def add(*_: object, **__: object) -> Any:
+        return MagicMock(value="")
+
+    gui = SimpleNamespace(add_form=add, add_text=add, add_button=add)
+    desk: Any = SimpleNamespace(gui=gui, complain=complaints.append)
+    number = NumberAnswer(desk, given.append)
+    course: Any = SimpleNamespace(lesson=SimpleNamespace(name="one", steps=()), open=True)
+    step = LessonStep(2, 2, "question", "", NUMBER, None)
+    number.show(step, None, course)
+    number._text.value = "1,000"
+    number.show(step, None, course)
+    assert number._text.value == "1,000"
+    asyncio.run(number._on_lock(None))
+    assert complaints == ["your answer: 1,000 can be read in two ways; allowed: 1.000 or 1000"]
+    for text, value in (("29,5", 29.5), ("−0,125", -0.125), ("1000", 1000.0)):
+        number._text.value = text
+        asyncio.run(number._on_lock(None))
+        assert given.pop() == value
+    number.show(step, Answer(12.0, 1.0, "right"), course)
+    course.lesson.name = "another"
+    number.show(step, None, course)
+    assert number._text.value == ""
 
 
 @pytest.mark.parametrize("drawn", ["", "{", "[" * 100_000, '"\ud800"'], ids=["none", "cut", "deep", "no UTF-8"])

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from app.process.worker_pool import AHEAD, BARRIER, FALLEN, Barrier, Fallen, results
+from app.process.worker_pool import AHEAD, BARRIER, FALLEN, Barrier, Chunk, Fallen, results
 
 ROOT = Path(__file__).parents[2]
 
@@ -36,6 +36,21 @@ def test_a_task_whose_process_ends_is_told_and_all_others_are_done() -> None:
     assert isinstance(found.pop(17), Fallen)
     assert found == {number: number * number for number in range(60) if number != 17}
     assert isinstance(FALLEN, Fallen)
+
+
+def squares_of(deadly: int) -> Callable[[tuple[int, ...]], list[int]]:
+    square = squares(deadly, -1)
+    return lambda numbers: [square(number) for number in numbers]
+
+
+@pytest.mark.slow
+def test_a_part_that_ends_its_process_takes_no_other_part_of_its_chunk_with_it() -> None:
+    chunks = [Chunk(range(begun, begun + 4)) for begun in range(0, 40, 4)]
+    found = list(results(squares_of, (17,), chunks, 2))
+    assert [chunk for chunk, result in found if isinstance(result, Fallen)] == [(17,)]
+    squared = {number: each for chunk, of in found if chunk != (17,) for number, each in zip(chunk, of, strict=True)}
+    assert squared == {number: number * number for number in range(40) if number != 17}
+    assert sum(len(chunk) for chunk, _ in found) == 40  # nothing twice
 
 
 @pytest.mark.slow

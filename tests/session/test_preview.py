@@ -17,6 +17,9 @@ from app.session.preview import (
     PreviewRequest,
 )
 from app.simulation.closed_loop import ClosedLoop
+from app.storage.constants_store import kept_memory
+from app.workers.preview import _GrowingBand, _Known
+from environments.push import Grip
 from tests.support.previews import preview_metrics, running
 
 pytestmark = pytest.mark.slow  # long runs
@@ -158,6 +161,53 @@ def test_only_errors_of_what_is_free_are_told(scenario: str, path: bool, angle: 
     metrics = preview_metrics(PreviewRequest(1, state, state.scenario, 0.05, push=30.0))
     assert all((error is not None) == path for error in (metrics.motion_largest, metrics.motion_error))
     assert all((error is not None) == angle for error in (metrics.angle_largest, metrics.angle_error))
+
+
+@pytest.mark.parametrize("push", [0.0, 20.0])
+def test_metrics_of_the_running_scenario_count_until_the_run_goes_another_way(push: float) -> None:
+    free = edited(edited(shipped()["ur5-impedance"], "contact.kind", "free"), "truth.push", [0.0, 0.0, 0.0])
+    scenario = edited(free, "motion", "hold") if push else free
+    loop = ClosedLoop.from_scenario(scenario)
+    foresight = Foresight(PreviewRequest(1, loop.state.copy(), scenario, 1.0, push=push))
+    while foresight.progress < 1.0:
+        foresight.advance(100)
+    assert foresight._push == push
+    outlook, memory = foresight.outlook(), kept_memory()
+    assert isinstance(outlook, Outlook)
+    known = _Known(memory, _GrowingBand(memory), running=foresight, today=outlook.metrics)
+
+    def count() -> bool:
+        request = PreviewRequest(2, loop.state.copy(), loop.system.scenario, 1.0, push=push)
+        return known.metrics_for(request) is outlook.metrics
+
+    def go_on(seconds: float) -> None:
+        for _ in range(round(seconds / loop.period)):
+            loop.step()
+
+    def back_at_an_edit() -> None:
+        loop.edit(edited(scenario, "controller.layer", 0.02))
+        loop.edit(scenario)
+
+    assert count()
+    go_on(0.4)
+    assert count()
+    loop.reset()
+    go_on(0.2)
+    assert count()  # the same run once more
+    x, y, z = loop.view().tool
+    loop.hold(Grip((x, y + 0.1, z), stiffness=3000.0, limit=200.0))
+    assert not count()
+    go_on(0.2)
+    loop.hold(None)
+    assert not count()
+    loop.reset()
+    go_on(0.4)
+    assert count()
+    back_at_an_edit()
+    assert not count()
+    loop.reset()
+    go_on(1.0)
+    assert not count()  # beyond what was foreseen
 
 
 @pytest.mark.parametrize("periods", [1, 2, 3, 1000])

@@ -13,7 +13,7 @@ from app.analysis.metrics import ACCOUNT_METRICS, Account, ShownMetric, account
 from app.dashboard.theme.colors import RUNS, css
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.transport.page_values import PageEvent, from_pages
-from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.controls import AwaitedAnswer, Desk
 from app.dashboard.widgets.field_words import differences_in_words
 from app.session.commands import Load, Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
@@ -56,7 +56,7 @@ class RunsPanel:
         self._key, self._due = key, time.monotonic() + _EVERY
         placed = {run.place: run for run in snapshot.pinned}  # a run keeps its row when another one is forgotten
         for place, row in enumerate(self._rows):
-            row.show(placed.get(place))
+            row.show(placed.get(place), snapshot)
         for widget in (self._over, self._copy):
             if widget.visible != bool(snapshot.pinned):
                 widget.visible = bool(snapshot.pinned)
@@ -71,7 +71,8 @@ class _PinnedRow:
     empty for a while before it shows the next one, and does nothing meanwhile."""
 
     def __init__(self, desk: Desk) -> None:
-        self._desk, self._run, self._typing = desk, None, False
+        self._desk, self._run = desk, None
+        self._typing = AwaitedAnswer()  # of the one who types a name
         self._empty_until = -math.inf
         self._form = desk.gui.add_form(None, visible=False)
         with self._form:
@@ -85,10 +86,15 @@ class _PinnedRow:
         self._forget.on_click(self._on_forget)
 
     async def _on_text(self, _: PageEvent) -> None:
-        self._typing = not self._text.value.endswith(COMMIT)
+        done = self._text.value.endswith(COMMIT)
+        self._typing.expect(self._desk.snapshot(), 0.0 if done else 60.0)  # a page may close amid a name
+        if self._run is None or not done:
+            return
         name = self._text.value.rstrip("".join(MARKS)).strip()
-        if self._run is not None and not self._typing:
+        if name:
             self._desk.post(Rename(self._run.number, "" if name == f"run {self._run.number}" else name))
+        else:  # Esc, or nothing to read
+            self._text.value = self._run.title
 
     async def _on_back(self, _: viser.GuiEvent) -> None:
         if self._run is not None:
@@ -98,7 +104,7 @@ class _PinnedRow:
         if self._run is not None:
             self._desk.post(Unpin(self._run.number))
 
-    def show(self, run: Pinned | None) -> None:
+    def show(self, run: Pinned | None, snapshot: Snapshot) -> None:
         if self._run is not None and (run is None or run.number != self._run.number):
             self._empty_until = time.monotonic() + _EVERY
         if time.monotonic() < self._empty_until:
@@ -108,8 +114,8 @@ class _PinnedRow:
         for widget in (self._form, self._back, self._forget):
             if widget.visible != (run is not None):
                 widget.visible = run is not None
-        if run is not None and (another or not self._typing):
-            self._typing = False
+        if run is not None and (another or not self._typing.awaited(snapshot)):
+            self._typing.expect(snapshot, 0.0)
             self._text.label, self._text.value = f"run {run.number}", run.title
             self._back.label = f"Settings of run {run.number}"
             self._forget.label = f"Forget run {run.number}"

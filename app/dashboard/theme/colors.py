@@ -44,6 +44,9 @@ SERIES: tuple[Rgb, ...] = (
 )
 
 
+_LINES: dict[Rgb, str] = {MEASURED: "measured"} | {color: f"series-{k}" for k, color in enumerate(SERIES)}
+
+
 @dataclass(frozen=True)
 class Ink:
     """Colours of a text and of the ground below it, which is the page's colour with a share of a tint."""
@@ -87,6 +90,21 @@ def css(color: Rgb, alpha: float = 1.0) -> str:
     return f"rgba({color[0]}, {color[1]}, {color[2]}, {alpha:g})"
 
 
+def on_white(color: Rgb) -> Rgb:
+    """Colour of a line on the light page, as plots.js darkens it: at least 3:1 with white, and the lightest colours
+    become the darkest, so that they stay apart."""
+    light = [(part / 255) ** 2.2 for part in color]
+    luminance = 0.2126 * light[0] + 0.7152 * light[1] + 0.0722 * light[2]
+    factor = 1.0 if luminance <= 0.28 else (0.28 - 0.35 * (luminance - 0.28)) / luminance
+    r, g, b = (round(255 * (factor * part) ** (1 / 2.2)) for part in light)
+    return r, g, b
+
+
+def line_css(color: Rgb) -> str:
+    """Variable of a line's colour in both themes, as CSS writes it: of MEASURED or one of SERIES."""
+    return f"var(--vs-{_LINES[color]})"
+
+
 def css_variables() -> str:
     """The page's colours in both themes, as the variables --vs-… that the style sheet uses."""
     return "".join(f'[data-mantine-color-scheme="{theme}"] {{ {_variables(theme)} }}\n' for theme in ("dark", "light"))
@@ -95,6 +113,8 @@ def css_variables() -> str:
 def _variables(theme: Theme) -> str:
     plain = {"accent": ACCENT, "push": PUSH, "sky": SKY[theme], "line": LINE[theme], "edge": EDGE[theme]}
     colors = {name: css(color) for name, color in plain.items()}
+    for color, name in _LINES.items():
+        colors[name] = css(color if theme == "dark" else on_white(color))
     for name, ink in INKS[theme].items():
         colors[name] = css(ink.text)
         colors[f"{name}-ground"] = css(ink.tint, ink.opacity)

@@ -9,7 +9,7 @@ from html import escape
 
 import numpy as np
 
-from app.dashboard.theme.colors import SERIES, css
+from app.dashboard.theme.colors import SERIES, line_css
 from app.dashboard.widgets.equation import symbol
 from app.export.response_files import summary
 from app.session.push_measurement import Measured
@@ -71,7 +71,7 @@ def _map(drawn: _Drawn, push: PushKind, axes: Sequence[int]) -> str:
         *(_upright(k, response) for k in range(math.ceil(math.log10(LOWEST)), last + 1)),
         *(_level(k, low, high) for k in range(low, high + 1)),
         *(
-            f'<path fill="none" stroke="{css(SERIES[place])}" stroke-width="{width}" {dash} d="{path}">'
+            f'<path fill="none" stroke="{line_css(SERIES[place])}" stroke-width="{width}" {dash} d="{path}">'
             f"<title>{escape(what)} {escape(response.axes[axis].words)}</title></path>"
             for what, line, width, dash in (
                 ("target model", drawn.target, 1.4, 'stroke-dasharray="5 4"'),
@@ -85,7 +85,7 @@ def _map(drawn: _Drawn, push: PushKind, axes: Sequence[int]) -> str:
         f'<text x="{_RIGHT}" y="{_SIZE[1] - 4}" text-anchor="end">f [Hz]</text>',
     ]
     legend = ", ".join(
-        f'<b style="color:{css(SERIES[place])}">{symbol(response.axes[axis].words)}</b>'
+        f'<b style="color:{line_css(SERIES[place])}">{symbol(response.axes[axis].words)}</b>'
         for place, axis in enumerate(axes)
     )
     return (
@@ -124,7 +124,7 @@ def _dots(drawn: _Drawn, axes: Sequence[int], low: int, high: int) -> list[str]:
     inside = np.isfinite(impedance) & (impedance <= 10.0**high) & (impedance >= 10.0**low)
     return [
         f'<circle class="measured" cx="{_x(points[k].frequency, response):.1f}" '
-        f'cy="{_y(float(impedance[k, place]), low, high):.1f}" r="2.6" fill="none" stroke="{css(SERIES[place])}">'
+        f'cy="{_y(float(impedance[k, place]), low, high):.1f}" r="2.6" fill="none" stroke="{line_css(SERIES[place])}">'
         f"<title>measured {escape(axis.words)}: {impedance[k, place]:.3g} {axis.kind.impedance} at "
         f"{points[k].frequency:.3g} Hz</title></circle>"
         for k, place in np.argwhere(inside)

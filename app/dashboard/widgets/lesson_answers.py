@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Coroutine
 from html import escape
 
@@ -24,6 +25,7 @@ from app.session.commands import Play, Reset
 from app.session.snapshot import Snapshot
 
 MOST_OPTIONS = 5
+_GROUPED = re.compile(r"-?[1-9]\d{0,2},\d{3}")  # with a comma of decimals, or of thousands
 
 
 class OptionAnswer:
@@ -70,14 +72,19 @@ class NumberAnswer:
         self._lock = desk.gui.add_button("Lock my answer", visible=False, hint="It counts once, before the run.")
         self._text.on_update(from_pages(self._on_text))
         self._lock.on_click(self._on_lock)
-        self._step = 0
+        self._question: object = None  # the shown one
 
     async def _on_text(self, _: PageEvent) -> None:
         if self._text.value.endswith(MARKS):
             self._text.value = self._text.value.rstrip("".join(MARKS))
 
     async def _on_lock(self, _: object) -> None:
-        text = self._text.value.rstrip("".join(MARKS)).strip().replace(",", ".").replace("−", "-")
+        text = self._text.value.rstrip("".join(MARKS)).strip().replace("−", "-")
+        if _GROUPED.fullmatch(text):
+            ways = f"{text.replace(',', '.')} or {text.replace(',', '')}"
+            self._desk.complain(f"your answer: {text} can be read in two ways; allowed: {ways}")
+            return
+        text = text.replace(",", ".")
         try:
             self._answer(float(text))
         except ValueError:
@@ -94,9 +101,9 @@ class NumberAnswer:
         self._text.disabled = not course.open
         if answer is not None:
             self._text.value = f"{answer.given:g}"
-        elif self._step != step.number:
+        elif self._question != (course.lesson.name, step.number):
             self._text.value = ""
-        self._step = step.number
+        self._question = course.lesson.name, step.number
 
 
 def answer_unit(step: LessonStep, course: LessonCourse) -> str:
@@ -141,6 +148,7 @@ class CurveAnswer:
         content = pad_html(step.block, drawn)
         if self._html.content != content:  # sent again, the axes would lose the strokes that are being drawn
             self._html.content = content
+            self._field.value = ""  # of other axes
 
 
 class GoalControls:

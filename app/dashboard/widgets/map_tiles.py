@@ -171,7 +171,7 @@ def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming
     (x,) = plan.sweep.vary
     scale = _scale(numbers, naming)
     wide = (RIGHT - LEFT) / len(x.values)
-    dots, line = [], []
+    dots, lines = [], [list[str]()]
     for k in np.argsort(np.asarray(points.values[x.path], dtype=float)):
         number, i = float(numbers[k]), x.values.index(float(points.values[x.path][k]))
         across, label = LEFT + (i + 0.5) * wide, escape(_label(plan, points, int(k), number, naming))
@@ -181,7 +181,9 @@ def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming
         if points.stopped[k]:
             shape = f'<path d="M {across - 4:.1f} {up - 4:.1f} l 8 8 m -8 0 l 8 -8" stroke="currentColor"/>'
         elif known:
-            line.append(f"{across:.1f} {up:.1f}")
+            lines[-1].append(f"{across:.1f} {up:.1f}")
+        if points.stopped[k] or not known:
+            lines.append([])
         if known and naming.share:
             low, high = (_up(end) for end in interval(int(points.good[k]), int(points.arms[k])))
             shape += f'<path d="M {across:.1f} {low:.1f} V {high:.1f}" class="vs-interval"/>'
@@ -196,7 +198,7 @@ def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming
     now = "" if at is None else f'<path class="vs-present" d="M {LEFT + at * wide:.1f} {TOP} V {BOTTOM}"/>'
     return "".join([
         f'<path class="axis" fill="none" d="M {LEFT} {TOP} V {BOTTOM} H {RIGHT}"/>{now}',
-        f'<polyline class="vs-course" points="{", ".join(line)}"/>',
+        *(f'<polyline class="vs-course" points="{", ".join(line)}"/>' for line in lines if line),
         *dots,
         *([] if scale is None else _ticks_up(scale, naming)),
         *_ticks_across(x, wide),

@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from app.dashboard.theme.colors import MEASURED, Rgb, css
+from app.dashboard.theme.colors import MEASURED, Rgb, line_css
 from app.lessons.answers import Answer
 from app.lessons.blocks import CurveQuestion, LessonRun, PictureLine
 from app.lessons.lesson import LessonStep
@@ -57,8 +57,8 @@ def pad_html(question: CurveQuestion, drawn: Sequence[tuple[float, float]] | Non
         f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" {ends} data-left="{LEFT}" data-right="{RIGHT}" '
         f'data-top="{TOP}" data-bottom="{BOTTOM}" {role} aria-label="{escape(label)}">'
         f"{_grid(frame, f'{question.line.title} [{question.line.unit}]')}"
-        f'<path class="vs-drawn" fill="none" stroke="{css(MEASURED)}" stroke-width="2.5" d="{course}"/>'
-        f'<circle class="vs-pen" r="4" fill="{css(MEASURED)}" visibility="hidden"/></svg></div>'
+        f'<path class="vs-drawn" fill="none" stroke="{line_css(MEASURED)}" stroke-width="2.5" d="{course}"/>'
+        f'<circle class="vs-pen" r="4" fill="{line_css(MEASURED)}" visibility="hidden"/></svg></div>'
     )
 
 
@@ -66,7 +66,8 @@ def courses_html(title: str, ends: tuple[float, float, float, float], courses: S
     """Picture of curves (N, 2) of t and value over each other, as HTML. ends: of the axes: start, end, low, high."""
     frame = _Frame(*ends)
     lines = "".join(
-        f'<path fill="none" stroke="{css(MEASURED)}" stroke-width="1.5" opacity="0.45" d="{_path(frame, course)}"/>'
+        f'<path fill="none" stroke="{line_css(MEASURED)}" stroke-width="1.5" opacity="0.45" '
+        f'd="{_path(frame, course)}"/>'
         for course in courses
     )
     return (
@@ -108,10 +109,12 @@ def _picture(
         last = number == len(traces) - 1
         color = colors[trace.run]
         parts.append(
-            f'<path fill="none" stroke="{css(color)}" stroke-width="{2 if last else 1.2}" '
+            f'<path fill="none" stroke="{line_css(color)}" stroke-width="{2 if last else 1.2}" '
             f'd="{_path(frame, np.column_stack([trace.t, trace.values]))}"><title>{escape(trace.run)}</title></path>'
         )
-        legend.append(f'<span><i class="vs-swatch" style="background: {css(color)}"></i>{escape(trace.run)}</span>')
+        legend.append(
+            f'<span><i class="vs-swatch" style="background: {line_css(color)}"></i>{escape(trace.run)}</span>'
+        )
     parts += [_predicted(_path(frame, drawn)) for drawn in found.courses]
     parts += [_predicted(f"M {LEFT} {frame.y(value):.1f} L {RIGHT} {frame.y(value):.1f}") for value in found.levels]
     parts += [
@@ -120,7 +123,7 @@ def _picture(
         if frame.start <= t <= frame.end
     ]
     if found:
-        legend.append(f'<span><i class="vs-swatch" style="background: {css(MEASURED)}"></i>your prediction</span>')
+        legend.append(f'<span><i class="vs-swatch" style="background: {line_css(MEASURED)}"></i>your prediction</span>')
     return (
         f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(line.title)} over time">'
         f'{"".join(parts)}</svg><div class="vs-lines">{"".join(legend)}</div>'
@@ -129,7 +132,7 @@ def _picture(
 
 def _predicted(path: str) -> str:
     return (
-        f'<path class="vs-predicted" fill="none" stroke="{css(MEASURED)}" stroke-width="2" stroke-dasharray="6 4" '
+        f'<path class="vs-predicted" fill="none" stroke="{line_css(MEASURED)}" stroke-width="2" stroke-dasharray="6 4" '
         f'd="{path}"><title>your prediction</title></path>'
     )
 
