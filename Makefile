@@ -36,12 +36,13 @@ test:
 	@rm -rf build/tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=line test-browser test-others \
 		|| { $(BIN)/python -m drivers.failures build/tests/browser.xml build/tests/others.xml; exit 1; }
+	@grep -qs "<testcase" build/tests/*.xml || { echo "No test was run" >&2; exit 1; }
 
 test-browser:
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m browser --junitxml=build/tests/browser.xml $(ARGS) || test $$? -eq 5
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m browser --junitxml=build/tests/browser.xml $(or $(ARGS),tests/browser) || test $$? -eq 5
 
 test-others:
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser" --junitxml=build/tests/others.xml $(ARGS) || test $$? -eq 5
+	$(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/browser -m "not browser" --junitxml=build/tests/others.xml $(ARGS) || test $$? -eq 5
 
 test-fast: .venv/dev.stamp kernels
 	$(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/browser -m "not slow" $(ARGS)

@@ -14,8 +14,8 @@ A row is caught when a test fails, and survives when the tests of its own file a
 others. There is a copy for each core, with a cache of compiled kernels of its own; in it every test file is tried
 without any mistake before it judges one. A row begins with the kernels of those modules that do not import the changed
 one, since numba looks only at a function's own file. A row whose tests fail without it, too, gets no verdict. Exit
-status: 0 all caught, 1 some survived or got no verdict, 2 a row does not fit the sources, or the document does not fit
-the rows.
+status: 0 all caught, 1 some survived or got no verdict, 2 a row does not fit the sources, the document does not fit the
+rows, or nothing has what `--only` names.
 """
 
 from __future__ import annotations
@@ -283,6 +283,7 @@ def main(
     missing: bool = False,
     write: bool = False,
     check: bool = False,
+    record: bool = True,
     tests: tuple[str, ...] = TESTS,
     jobs: int = os.cpu_count() or 1,
 ) -> int:
@@ -293,6 +294,7 @@ def main(
         missing: only rows on which no verdict is kept.
         write: only write the document anew.
         check: only see whether the rows fit the sources, and the document the rows.
+        record: keep each verdict, and write the document with it.
         tests: what pytest is given; verdicts of other tests than these are not kept.
         jobs: how many at once; each takes a core and 3.7 GB.
     """
@@ -305,13 +307,16 @@ def main(
     if wrong or write or check:
         return 2 if wrong else 0
     known = kept_verdicts()
+    if unknown := [o for o in only if not any(o in m.file or o in m.meaning for m in table())]:
+        print(f"--only {unknown[0]}: no row has this in its file or meaning", file=sys.stderr)
+        return 2
     rows = tuple(m for m in table() if not only or any(o in m.file or o in m.meaning for o in only))
     rows = tuple(m for m in rows if not (missing and m in known))
     results = Counter[str]()
     for number, verdict in enumerate(verdicts(rows, tests, jobs), start=1):
         print(f"{number:3d}/{len(rows)}  {verdict}", flush=True)
         results[verdict.result] += 1
-        if tests == TESTS and verdict.result != UNJUDGED:
+        if record and tests == TESTS and verdict.result != UNJUDGED:
             keep(verdict)
     caught, survived, unjudged = (results[each] for each in (CAUGHT, SURVIVED, UNJUDGED))
     print(f"{caught} of {len(rows)} caught, {survived} survived, {unjudged} not judged")

@@ -169,6 +169,14 @@ def grown(readings: Sequence[object], names: Sequence[str] = ("resident", "threa
     return found
 
 
+def halted(readings: Sequence[Reading]) -> list[str]:
+    """What is to be said of a loop that computed no step in the second half; nothing where it did."""
+    later = readings[len(readings) // 2 :]
+    if any(reading.rate > 0.0 for reading in later):
+        return []
+    return [f"no step was computed: {later[-1].reason or 'the loop is paused'}"]
+
+
 def page(readings: list[Reading], failures: list[str], errors: list[str], clients: int, described: str) -> str:
     """Text of the soak test's part of docs/reliability.md."""
     last = readings[-1]
@@ -186,7 +194,7 @@ def page(readings: list[Reading], failures: list[str], errors: list[str], client
     ]
     latenesses = ("late p50, ms", "p99, ms", "max, ms")
     header = ("minute", "visits so far", "resident, MB", "threads", "files", "steps per s", *latenesses)
-    growth = "; ".join(grown(readings)) or "nothing grew"
+    growth = "; ".join(grown(readings) + halted(readings)) or "nothing grew"
     broken = failures_in_words(failures, errors)
     return f"""## In company
 
@@ -243,8 +251,8 @@ def main(
     seed: int = 0,
     write: Annotated[bool, tyro.conf.arg(help="docs/reliability.md")] = True,
 ) -> None:
-    """Exit status 1 when memory, threads or files grew, a visitor was thrown out, or the server logged an
-    error."""
+    """Exit status 1 when memory, threads or files grew, no step was computed in the second half, a visitor was thrown
+    out, or the server logged an error."""
     described = machine.describe()
     readings, failures, errors = soak(minutes, clients, every, seed)
     text = page(readings, failures, errors, clients, described)
@@ -254,7 +262,7 @@ def main(
         PAGE.write_text(f"{before}{PLACE}\n\n{text}", encoding="utf-8")
         (PAGE.parent / PICTURE).write_bytes(picture(readings))
         print(f"written to {PAGE}")
-    sys.exit(1 if grown(readings) or failures or errors else 0)
+    sys.exit(1 if grown(readings) or halted(readings) or failures or errors else 0)
 
 
 if __name__ == "__main__":

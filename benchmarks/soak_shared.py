@@ -63,7 +63,7 @@ def soak(
     asked = ("--shared", "--max-sessions", str(sessions))
     with (
         server_log() as log,
-        serving(*asked, "--log-file", str(log.file), lines=2, fps=30) as server,
+        serving(*asked, "--log-file", str(log.file), lines=2, fps=30, faultless=False) as server,
         ExitStack() as stack,
     ):
         urls, watchers = [], list[VisitingPage]()

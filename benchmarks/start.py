@@ -15,7 +15,7 @@ from app.process.markdown import Table
 from benchmarks.browser import chromium, opened
 from benchmarks.effort import Effort
 
-COMMAND = (sys.executable, "-m", "app", "serve", "ur5-hybrid", "--port", "0", "--token", "never")
+COMMAND = (sys.executable, "-m", "app", "serve", "ur5-hybrid", "--port", "0", "--token", "never", "--stateless")
 
 
 def measure(effort: Effort) -> Table:

@@ -78,12 +78,18 @@ class Together:
     """Runs of one scenario together: compiled, each advanced by a thread of its own at the same time."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._runs = [CompiledRun(ClosedLoop.from_scenario(scenario, HISTORY)) for _ in range(THREADS)]
+        self._loops = [ClosedLoop.from_scenario(scenario, HISTORY) for _ in range(THREADS)]
+        self._runs = [CompiledRun(loop) for loop in self._loops]
         self._pool = ThreadPoolExecutor(THREADS)
 
     def advance(self, periods: int) -> None:
         """Advance every run by a number of control periods."""
         list(self._pool.map(lambda run: run.advance(periods), self._runs))
+
+    @property
+    def stopped(self) -> str | None:
+        """Why one of the runs has stopped, None where all of them run."""
+        return next((loop.stopped for loop in self._loops if loop.stopped), None)
 
     def close(self) -> None:
         """End the threads."""
@@ -110,7 +116,7 @@ def measure(effort: Effort) -> Table:
     times = interleaved(calls | contenders, effort.rounds, effort.steps)
     together.close()
     times[TOGETHER] = [us / (THREADS * LONGER) for us in times[TOGETHER]]
-    for name, loop in loops.items():
+    for name, loop in (*loops.items(), (TOGETHER, together)):
         if loop.stopped:
             raise RuntimeError(f"{name}: {loop.stopped}")
     header = (

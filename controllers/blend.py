@@ -137,7 +137,9 @@ def certify(
     if surfaces is not None and (surface := unstable_surface(start, end, surfaces)) is not None:
         touching = Rightmost(surface.alpha, surface.pole, surface.pole.real)
         return BlendCertificate("nothing", touching, sliding, surface)
-    return BlendCertificate("eigenvalues" if open_questions else "theorem 4", rightmost_of_all, sliding)
+    # Theorem 4 compares the models in one environment: a tool that touches and leaves a surface switches between two
+    certain = not open_questions and surfaces is None
+    return BlendCertificate("theorem 4" if certain else "eigenvalues", rightmost_of_all, sliding)
 
 
 def _normalised(model: TargetModel, K_e: np.ndarray, moving: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

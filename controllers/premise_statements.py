@@ -87,7 +87,8 @@ STATEMENTS: dict[Premise, Statement] = {
         "",
         "K_s and the boundary layer are too stiff for the control period: (K_s + d/s_b)T/H = {value} (must be below 2)",
         "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), without d/s_b where there is no layer; from 2 on one period "
-        "can make s larger; infinite where M̂ minus its declared error is not positive definite",
+        "can make s larger; infinite where M̂ minus its declared error is not positive definite, or where d grows with "
+        "‖s‖ faster than η comes near 1",
     ),
     Premise.GAIN_BY_CHATTER: Statement(
         "d fed back by chattering",

@@ -267,7 +267,8 @@ def check_posture(given, output, record, period, scratch, table, check):
     gains, work, estimate, task = given.gains, scratch.work, given.estimate, given.task
     u = gains.uncertainty
     check.H_min, check.H_max = inertia_range(given, work)
-    growth = inertia_error(given, work) * gains.damping_rate * period / check.H_min
+    steepness = inertia_error(given, work) * gains.damping_rate  # by which (17) grows with ||s||, N s/m
+    growth = steepness * period / check.H_min
     table.limit[GAIN_BY_CHATTER] = 1.0 if gains.by_theorem else NEVER
     table.value[GAIN_BY_CHATTER] = growth
     raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # largest factor of chattering on d
@@ -280,7 +281,10 @@ def check_posture(given, output, record, period, scratch, table, check):
 
     # outside of `radius` one period makes V smaller; from within it V can rise to `V` (docs/theory.md)
     check.d = raised * gain_on_surface(given, output, scratch)
-    check.layer_width = layer_width(gains.switching, gains.layer, check.d, gains.epsilon)
+    slope = raised * steepness if gains.by_theorem else 0.0
+    check.layer_width = layer_width(gains.switching, gains.layer, check.d, slope, gains.epsilon)
+    if np.isinf(check.layer_width):
+        table.value[LAYER] = np.inf
     stopping = check.H_min - 0.5 * period * (gains.K_s_largest + held)
     chatter = period * check.d / stopping if stopping > 0.0 else np.inf
     check.radius = max(check.layer_width, chatter)

@@ -9,6 +9,7 @@ import numpy as np
 from kernels import choice, inline, kernel
 
 SAMPLING_SHARE = 0.25  # of epsilon in (17) and of K_s s: kept for changes within a period, unknown to the law
+STEPS, FOUND = 1000, 1e-12  # of the search for the layer's width, whose steps become smaller; of the layer
 
 
 class Switching(IntEnum):
@@ -75,13 +76,20 @@ _width = choice((_no_width, _saturation_width, _rational_width, _tanh_width))
 
 
 @kernel
-def layer_width(kind, layer, d, epsilon):
+def layer_width(kind, layer, d, slope, epsilon):
     """Norm ||s|| (m/s) from which on d eta keeps its share of the margin epsilon in (17): outside of it, the proof
-    holds."""
+    holds. Infinite where there is none, since d grows too fast.
+    d: N, for s = 0; slope: N s/m, by which it grows with ||s||."""
     if d <= 0.0:
         return 0.0
-    given_up = min(0.5 * epsilon / d, 1.0)  # a d below half of epsilon keeps that share nowhere, and promises nothing
-    return _width(kind, layer, given_up)
+    width = 0.0
+    for _ in range(STEPS):
+        before = width
+        # a d below half of epsilon keeps that share nowhere, and promises nothing
+        width = _width(kind, layer, min(0.5 * epsilon / (d + slope * before), 1.0))
+        if width - before <= FOUND * layer:
+            return width
+    return np.inf
 
 
 @kernel

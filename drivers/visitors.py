@@ -8,11 +8,12 @@ import select
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 from urllib.parse import urlsplit
 
 import msgspec
@@ -24,6 +25,7 @@ from drivers.viser_protocol import CAMERA, PROTOCOL, messages
 
 _PANEL = re.compile(r'class="vs-panel" data-plots="([^"]*)"')
 _RUNNING = re.compile(r'class="vs-status"[^>]* data-phase="running"')
+_FAULT = re.compile(r' event=(fault|"thread failed") |^Traceback ', re.MULTILINE)  # as the log has them
 PATIENCE = 180.0  # s; on an idle machine, a wait takes a fraction of a second
 
 
@@ -176,13 +178,19 @@ class Server(NamedTuple):
 
 
 @contextmanager
-def serving(*arguments: str, lines: int, fps: int = 8) -> Iterator[Server]:
+def serving(*arguments: str, lines: int, fps: int = 8, faultless: bool = True) -> Iterator[Server]:
     """Context with `vsmrc serve` at a free port, once it has printed `lines` lines. Without a token, unless the
-    arguments name one, even on a machine with other users."""
+    arguments name one, even on a machine with other users. Raises AssertionError with what it complained of where it
+    ended before, and at the end where it logged a fault.
+    faultless: False where faults are provoked, or judged elsewhere."""
     asks = any(name in arguments for name in ("--token", "--token-file", "--origin", "--host"))
     command = [sys.executable, "-m", "app", "serve", "--port", "0", "--fps", str(fps), *arguments]
     command += [] if asks else ["--token", "never"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    # what it complains of goes to a file: a pipe that nobody reads would be full one day, and the server stand still
+    with (
+        tempfile.TemporaryFile("w+") as complaints,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True) as process,
+    ):
         try:
             assert process.stdout is not None
             printed: list[str] = []
@@ -191,11 +199,20 @@ def serving(*arguments: str, lines: int, fps: int = 8) -> Iterator[Server]:
                     printed.append(line)
                 if len(printed) == lines:
                     break
+            assert len(printed) == lines, f"the server ended: {_text(complaints)}"
             yield Server(process, printed)
         finally:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
                 process.communicate(timeout=30)
+        if faultless:
+            assert not _FAULT.search(text := _text(complaints)), text
+
+
+def _text(file: IO[str]) -> str:
+    """Everything that was written to a file."""
+    file.seek(0)
+    return file.read()
 
 
 def gone(pid: int, seconds: float = PATIENCE) -> bool:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+import threading
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import pytest
 import structlog
-from structlog.typing import EventDict, WrappedLogger
+from structlog.typing import EventDict, Processor, WrappedLogger
 
 import app  # noqa: F401  # says where kernels are cached, which must come before numba
-from app.process import priority
+from app.process import log, priority
 
 if TYPE_CHECKING:
     from app.simulation.extremes import Effort, Objectives, Omega
@@ -20,30 +22,69 @@ if TYPE_CHECKING:
 # All cores are busy with tests meanwhile: what steps back for a loop would wait for minutes.
 os.environ[priority.SAME] = "1"
 
+PLAINLY = structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback)
+
 
 @pytest.fixture(scope="session")
-def logged_faults() -> list[EventDict]:
-    """Faults that the program has caught and logged in this process, oldest first."""
-    faults: list[EventDict] = []
+def logged_faults() -> Iterator[list[str]]:
+    """Faults that the program has caught and logged in this process, with their tracebacks, oldest first; whoever
+    configures the log, as each command does that runs within this process, cannot hide them."""
+    faults: list[str] = []
 
-    def note(_: WrappedLogger, __: str, event: EventDict) -> EventDict:
+    def note(logger: WrappedLogger, level: str, event: EventDict) -> EventDict:
         if event["event"] in ("fault", "thread failed"):
-            faults.append(event)
+            faults.append(PLAINLY(logger, level, {**event}))
         return event
 
-    plainly = structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback)
-    structlog.configure(processors=[note, plainly])
-    return faults
+    def configure(processors: list[Processor], **others: Any) -> None:
+        really(processors=[note, *processors], **others)
+
+    with pytest.MonkeyPatch.context() as patch:
+        really = structlog.configure
+        patch.setattr(structlog, "configure", configure)
+        structlog.configure(processors=[PLAINLY])
+        yield faults
 
 
 @pytest.fixture(autouse=True)
-def no_fault(request: pytest.FixtureRequest, logged_faults: list[EventDict]) -> Iterator[None]:
+def no_fault(request: pytest.FixtureRequest, logged_faults: list[str]) -> Iterator[None]:
     """A fault that was only logged, as one in drawing a page is, fails the test in which it occurred, unless it has the
     mark "faults"."""
     logged_faults.clear()
     yield
     if request.node.get_closest_marker("faults") is None:
-        assert not logged_faults, "a fault was caught and logged: see the captured output"
+        assert not logged_faults, "\n".join(["a fault was caught and logged:", *logged_faults])
+
+
+@pytest.fixture(scope="session")
+def log_of_tests(logged_faults: list[str]) -> Callable[[], None]:
+    """Function that makes the log what it is in a process that no command has configured."""
+    del logged_faults  # but they come first
+    root, hook, named = logging.getLogger(), threading.excepthook, (log._LEVEL, log._FILE)  # pyright: ignore[reportPrivateUsage]
+    level, environment = root.level, {name: os.environ[name] for name in named if name in os.environ}
+
+    def restore() -> None:
+        structlog.reset_defaults()
+        structlog.configure(processors=[PLAINLY])
+        for handler in root.handlers[:]:
+            if isinstance(handler, log._Lines):  # pyright: ignore[reportPrivateUsage]
+                root.removeHandler(handler)
+                handler.close()
+        root.setLevel(level)
+        logging.captureWarnings(False)
+        threading.excepthook = hook
+        for name in named:
+            os.environ.pop(name, None)
+        os.environ.update(environment)
+
+    return restore
+
+
+@pytest.fixture(autouse=True)
+def own_log(log_of_tests: Callable[[], None]) -> Iterator[None]:
+    """How a command in one test has configured the log is over in the next."""
+    yield
+    log_of_tests()
 
 
 @pytest.fixture(scope="session")

@@ -23,13 +23,13 @@ from app.cli.options import UnwritableOutput
 from app.cli.response import response
 from app.cli.run import run
 from app.cli.serve import serve
-from app.cli.status import BAD_INPUT, DONE, FAULT
+from app.cli.status import BAD_INPUT, FAULT
 from app.cli.sweep import sweep
 from app.cli.sweep_plot import sweep_plot
 from app.cli.tune import tune
 from app.cli.typed_options import require_options
 from app.process import log
-from app.process.terminal_text import drop_output, printable, stand_in, unread
+from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
 from parameters import allowed
 
@@ -54,8 +54,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
 
 def execute(arguments: list[str]) -> int:
     """Execute the command with these arguments; returns its exit status, see `app.__main__`. Raises
-    KeyboardInterrupt."""
-    stand_in()
+    KeyboardInterrupt, and SystemExit after --help."""
     log.configure_as_parent()
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["serve", *arguments]
@@ -78,11 +77,8 @@ def execute(arguments: list[str]) -> int:
         print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
         return FAULT
     except Exception as error:
-        if isinstance(error, BrokenPipeError) and unread():
-            return DONE
         if isinstance(error, OSError) and error.errno in FULL and error.filename is None:
-            print(f"vsmrc: standard output or a file cannot be written: {error.strerror}", file=sys.stderr)
-            drop_output()
+            print(f"vsmrc: a file cannot be written: {error.strerror}", file=sys.stderr)
             return FAULT
         events.info("fault", stage=arguments[0], exc_info=error)
         print(f"vsmrc: internal error: {printable(f'{type(error).__name__}: {error}')}", file=sys.stderr)

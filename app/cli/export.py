@@ -94,7 +94,7 @@ def export(
     _require_kinds(kinds, (*ON_PAPER, "html"), {"--plots": plots, "--series": series})
     _require_kinds(kinds, ON_PAPER, printed)
     _require_kinds(kinds, tuple(kind for kind in KINDS_OF_FILES if kind != "toml"), {"--start": start, "--end": end})
-    chosen = PLOTS.unless(plots)
+    chosen = PLOTS.unless(tuple(ALL_PLOTS if each == "all" else each for each in plots))
     plots_of(chosen)  # before the simulation, which would be in vain
     with scenario_errors():
         wide, high = _inches("--width", width), _inches("--height", height)

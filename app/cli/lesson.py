@@ -7,8 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from app.cli.options import one_of, require_folder
-from app.cli.status import BAD_INPUT, DONE
+from app.cli.options import one_of, require_folder, written_to
+from app.cli.status import BAD_INPUT, DONE, STOPPED
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
 
@@ -31,6 +31,7 @@ def lesson(
     from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure
     from app.export.printing import render
     from app.lessons.answers import Notebook
+    from app.lessons.blocks import LessonRun
     from app.lessons.checking import check
     from app.lessons.course import LessonCourse
     from app.lessons.lesson import load as load_lesson
@@ -53,7 +54,7 @@ def lesson(
         return DONE
     if not lessons and doing == "run":
         raise ScenarioError("lesson run: no lesson; allowed: one or more (see `vsmrc lesson list`)")
-    memory, problems = kept_memory(), 0
+    memory, problems, stopped = kept_memory(), 0, False
     for each in [load_lesson(name) for name in lessons or shipped_lessons()]:
         print(f"{each.name}: {each.head.title}")
         if doing == "check":
@@ -68,15 +69,16 @@ def lesson(
                 outcome = play(step, memory)
                 course.take(step, outcome)
                 text = ", ".join(f"{name} = {value}" for name, value in outcome.measurements.items())
+                if isinstance(step.block, LessonRun):  # a lesson may mean it
+                    stopped |= bool(outcome.stopped and not step.block.stops)
+                    stopped |= bool(outcome.refusal and not step.block.refused)
                 ended = " ".join(filter(None, (outcome.refusal, outcome.stopped)))
                 print(f"  {printable(getattr(step.block, 'title', ''))}: {text}  {printable(ended)}".rstrip())
                 if figures is not None:
                     drawn = figure_of_run(each, step, outcome, course.traces(step), ())
                     path = figures / name_of_figure(each, step, "svg")
-                    try:
+                    with written_to(figures, flag="--figures"):
                         figures.mkdir(parents=True, exist_ok=True)
                         write_whole(path, lambda file, drawn=drawn: file.write(render(drawn, "svg")))
-                    except OSError as error:
-                        raise ScenarioError(f"--figures {figures}: cannot be written: {error.strerror}") from error
                     print(f"  written: {path}")
-    return BAD_INPUT if problems else DONE
+    return BAD_INPUT if problems else STOPPED if stopped else DONE

@@ -32,6 +32,7 @@ Settings = Annotated[
 ]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 LONGEST_NAME = 200  # letters of a scenario's name
+DURATION = "simulation.duration"
 MOST_WORKERS = 512  # processes of one machine
 
 
@@ -102,7 +103,8 @@ def require_folder(out: Path, flag: str = "--out") -> None:
             raise ScenarioError(f"{flag} {out}: cannot be written: {error.strerror}") from error
         if not place.is_dir():
             named = "" if place == out else f"{place} "
-            raise ScenarioError(f"{flag} {out}: {named}is a file; allowed: a folder")
+            what = "a file" if os.path.exists(place) else "a link to what is not there"
+            raise ScenarioError(f"{flag} {out}: {named}is {what}; allowed: a folder")
         if not os.access(place, os.W_OK | os.X_OK):
             raise ScenarioError(f"{flag} {out}: {place} cannot be written; allowed: a folder of your own")
         return
@@ -125,13 +127,13 @@ class UnwritableOutput(Exception):
 
 
 @contextmanager
-def written_to(out: Path, besides: str = "") -> Iterator[None]:
-    """Context in which files are written to `--out`; raises UnwritableOutput where they cannot be. besides: words after
-    the reason."""
+def written_to(out: Path, besides: str = "", flag: str = "--out") -> Iterator[None]:
+    """Context in which files are written to the folder or file of a flag; raises UnwritableOutput where they cannot
+    be. besides: words after the reason."""
     try:
         yield
     except OSError as error:
-        raise UnwritableOutput(f"--out {out}: cannot be written: {error.strerror}{besides}") from error
+        raise UnwritableOutput(f"{flag} {out}: cannot be written: {error.strerror}{besides}") from error
 
 
 def use_own(files: tuple[Path, ...]) -> None:
@@ -165,7 +167,14 @@ def note_unused(*scenarios: Scenario) -> None:
 def configured(name_or_file: str, settings: Settings, duration: float | None = None) -> Scenario:
     """A shipped scenario or that of a file, with these settings and this duration, s. Raises ScenarioError."""
     scenario = load(name_or_file)
-    changes = settings_of(settings)
+    changes = [_whole_section(scenario, *change) for change in settings_of(settings)]
+    for number, (path, _) in enumerate(changes):
+        if part := next((other for other, _ in changes[:number] if f"{other}.".startswith(f"{path}.")), None):
+            raise ScenarioError(f"--set {path}: it would undo {part}, set before it; allowed: {path} first")
+        if path in ("simulation", DURATION) and duration is not None:
+            raise ScenarioError(f"--duration {duration:g}: --set {path} is given, too; allowed: one of both")
+    if "robot" in dict(changes):
+        scenario = with_value(scenario, "robot", dict(changes)["robot"])
     of_arm = [(path, value) for path, value in changes if path.startswith("robot.")]
     # the arm first, all its fields at once, then their entries: everything else may depend on it
     if of_arm:
@@ -182,13 +191,27 @@ def configured(name_or_file: str, settings: Settings, duration: float | None = N
                 name = field.removeprefix("robot.")
                 scenario = with_robot(scenario, {name: getattr(with_value(scenario, path, value).robot, name)})
     for path, value in changes:
-        if not path.startswith("robot."):
+        if path.split(".")[0] != "robot":
             scenario = with_value(scenario, path, value)
     if scenario.controller.law not in KINDS:
         from app.simulation.controller_builder import law_of
 
         law_of(scenario)
-    return scenario if duration is None else edited(scenario, "simulation.duration", duration)
+    return scenario if duration is None else edited(scenario, DURATION, duration)
+
+
+def _whole_section(scenario: Scenario, path: str, value: object) -> tuple[str, object]:
+    """Path and value of a setting; the kind of a section that is to become another one, such as surface.kind, is that
+    of the whole section, and the name of an arm that of its model."""
+    if not isinstance(value, str):
+        return path, value
+    if path == "robot":
+        return "robot.name", value
+    section, _, last = path.rpartition(".")
+    held = getattr(scenario, section, None)
+    if last == "kind" and isinstance(held, msgspec.Struct) and held.__struct_config__.tag not in (None, value):
+        return section, value
+    return path, value
 
 
 def settings_of(settings: Settings) -> list[tuple[str, object]]:

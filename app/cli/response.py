@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from app.simulation.search_memory import Memory
 
 NEWTONS, NEWTON_METRES = Default(2.0), Default(0.1)  # N, N m
+LARGEST_PUSH = 1e6  # N, N m; no number overflows
 
 
 def response(
@@ -60,8 +61,8 @@ def response(
     if not 0.0 <= at < math.inf:
         raise ScenarioError(f"--at {at:g}: allowed: 0 s or more")
     for flag, size, unit in (("--newtons", newtons, "N"), ("--newton-metres", newton_metres, "N·m")):
-        if size is not None and not 0.0 < size < math.inf:
-            raise ScenarioError(f"{flag} {size:g}: allowed: more than 0 {unit}")
+        if size is not None and not 0.0 < size <= LARGEST_PUSH:
+            raise ScenarioError(f"{flag} {size:g}: allowed: more than 0 {unit}, at most {LARGEST_PUSH:g} {unit}")
         if size is not None and not measure and chirp is None:
             raise ScenarioError(f"{flag} {size:g}: nothing is pushed; allowed: with --measure or --chirp")
     require_folder(out)
@@ -132,6 +133,8 @@ def _write(out: Path, seen: RespondingLoop, predicted: PushResponse, points: lis
         }
         if seen.force_loop is not None:
             files["force_loop.csv"] = force_table_of(seen.force_loop).encode()
+        else:
+            (out / "force_loop.csv").unlink(missing_ok=True)  # of an earlier response
         for name, content in files.items():
             write_whole(out / name, lambda file, content=content: file.write(content))
     print(f"written to {out}")

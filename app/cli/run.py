@@ -16,6 +16,7 @@ from app.cli.options import (
     engine_of,
     note_unused,
     require_folder,
+    settings_of,
     shown,
     typed,
     use_own,
@@ -84,17 +85,21 @@ def run(
         raise ScenarioError("run: no scenario; allowed: one (see `vsmrc list`), or --from FOLDER --row N")
     else:
         chosen, by, until = configured(scenario, settings, duration), engine_of(engine), 0.0
+    if blend_to is not None and (both := [path for path, _ in settings_of(settings) if path.split(".")[0] == "blend"]):
+        raise ScenarioError(f"--set {both[0]}: --blend-to sets it, too; allowed: one of both")
     chosen = _blending(chosen, blend_to, blend_at, blend_over)
     note_unused(chosen)
     loop, metrics = headless_run.simulate(chosen, until=until, engine=by, show_progress=True, memory=kept_memory())
-    _print_metrics(metrics, loop.system)
-    _print_promise(metrics)
-    for violation in loop.standing.outsiders:
-        print(f"the truth is outside what was declared: {violation}")
-    if loop.warning:
-        print(f"flagged: {loop.warning}")
-    with written_to(out):
-        headless_run.write(loop, metrics, out)
+    try:
+        with written_to(out):  # first: whoever reads what is printed may be in no hurry
+            headless_run.write(loop, metrics, out)
+    finally:  # on a full disk this is all that is left of the run
+        _print_metrics(metrics, loop.system)
+        _print_promise(metrics)
+        for violation in loop.standing.outsiders:
+            print(f"the truth is outside what was declared: {violation}")
+        if loop.warning:
+            print(f"flagged: {loop.warning}")
     print(f"written to {out}")
     if strict and metrics.promise.verdict != "holds":
         return BROKEN if metrics.promise.verdict == "broken" else UNPROMISED

@@ -12,7 +12,7 @@ import tyro
 from app.access.admission import Names
 from app.access.given_token import given_token
 from app.access.rate_limits import ConnectionLimits
-from app.cli.options import Default, Files, Settings, braces, configured, one_of, typed, use_own
+from app.cli.options import Default, Files, Settings, braces, configured, one_of, require_folder, typed, use_own
 from app.cli.status import DONE
 from app.dashboard.theme.colors import Theme
 from app.gateway.server_settings import PageStyle, ServerSettings, Token
@@ -101,10 +101,14 @@ def serve(
         raise ScenarioError(f"--host {host!r}: no address; allowed: an address, 0.0.0.0 for all of this machine")
     if stateless and state_dir is not None:
         raise ScenarioError(f"--state-dir {state_dir}: --stateless keeps nothing; allowed: one of both")
+    if state_dir is not None:
+        require_folder(state_dir, "--state-dir")
     limits = {"--max-sessions": max_sessions, "--per-address": per_address, "--idle-minutes": idle_minutes}
     limits["--copies" if copies else "--no-copies"] = copies
     if not shared and (needless := [flag for flag, given in limits.items() if typed(given)]):
         raise ScenarioError(f"{needless[0]}: this server has one session; allowed: with --shared")
+    if max_sessions is not None and per_address is not None and per_address > max_sessions:
+        raise ScenarioError(f"--per-address {per_address}; allowed: at most {max_sessions}, as --max-sessions says")
     use_own(use)
     chosen = configured(scenario, settings)
     people = other_people() if asking == "auto" else []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple, get_args
@@ -23,7 +24,8 @@ from app.cli.options import (
     typed,
     written_to,
 )
-from app.cli.status import DONE
+from app.cli.status import BAD_INPUT, DONE
+from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -126,6 +128,8 @@ def _request(scenario: str, options: _SweepOptions) -> Sweep:
     for name, given in (("points", options.points), ("draw", options.draw), ("seed", options.seed)):
         if given is not None and given < 0:
             raise ScenarioError(f"--{name} {given}; allowed: 0 or more")
+    if options.points is not None and DESIGN.unless(options.design) == "grid":
+        raise ScenarioError(f"--points: {options.points} in a grid; allowed: with --design latin or sobol")
     require_until(options.until)
     chosen = configured(scenario, options.settings, options.duration)
     request = plan.Sweep(
@@ -191,5 +195,28 @@ def _sweep_into(out: Path, request: Sweep, on: int | Cluster | None) -> int:
             store.flush()  # for `vsmrc sweep plot`
             print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
             raise
+        refused = _refused(out)
     print(f"{count} runs in {out}" + (f", {failed} of the last {len(left)} stopped or refused" if failed else ""))
-    return DONE
+    if not refused:
+        return DONE
+    (reason, times), everything = refused.most_common(1)[0], refused.total() == count
+    print(f"{refused.total()} of {count} runs were refused, {times} of them for: {printable(reason)}")
+    return BAD_INPUT if everything else DONE
+
+
+def _refused(out: Path) -> Counter[str]:
+    """Reasons for which runs in this folder were refused, each with the number of these runs."""
+    import pyarrow.parquet as pq
+
+    from app.sweep.run_metrics import REFUSED
+    from app.sweep.run_store import parts
+
+    # of this column alone: there may be millions of rows
+    ends = pq.ParquetDataset([str(part) for part in parts(out)]).read(columns=["stopped"])["stopped"].value_counts()
+    return Counter(
+        {
+            each["values"].removeprefix(REFUSED): each["counts"]
+            for each in ends.to_pylist()
+            if (each["values"] or "").startswith(REFUSED)
+        }
+    )

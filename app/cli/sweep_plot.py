@@ -9,7 +9,7 @@ from typing import Annotated, get_args
 
 import tyro
 
-from app.cli.options import one_of, written_to
+from app.cli.options import one_of, require_folder, written_to
 from app.cli.status import DONE
 from app.export.formats import Format
 from app.process.terminal_text import print_line
@@ -50,6 +50,8 @@ def sweep_plot(
     if within is not None and not math.isfinite(within):
         raise ScenarioError(f"--within {within}; allowed: a finite number")
     form = _form(to, out)
+    if out is not None:
+        require_folder(out.parent)
     view = points.SweepView(
         metric=of,
         within=within,

@@ -11,6 +11,8 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
+import tyro
+
 from app.scenario.errors import ScenarioError
 from parameters import allowed
 
@@ -25,12 +27,14 @@ class _Option:
     kind: of its values; bool for a switch, which has none.
     count: number of its values; None for one or more.
     noun: one of its values, in words.
-    needed: whether the command does nothing without it."""
+    needed: whether the command does nothing without it.
+    repeats: whether it may be typed more than once, each time with further values."""
 
     kind: type
     count: int | None
     noun: str
     needed: bool
+    repeats: bool
 
     def require(self, flag: str, values: list[str]) -> None:
         """Raise ScenarioError for values that it does not take."""
@@ -51,12 +55,12 @@ class _Option:
 
 def require_options(name: str, command: Command, typed: list[str], others: Mapping[str, Command]) -> None:
     """Raise ScenarioError where an option that was typed behind a command is none of its own, or has no value or one of
-    another kind, for an empty text, and where a name or an option that it needs is missing. others: commands that are
-    named where they have the option."""
+    another kind, for an empty text, where it is typed twice, and where a name or an option that it needs is missing.
+    others: commands that are named where they have the option."""
     if {"--", "-h", "--help"} & set(typed):
         return
     options, waiting, most, names = _options(command), list(typed), _most_names(command), 0
-    given: set[str] = set()
+    given: dict[str, str] = {}  # flags as they were typed, by the option
     needed = _needed_names(command)
     while waiting:
         token = waiting.pop(0)
@@ -65,8 +69,10 @@ def require_options(name: str, command: Command, typed: list[str], others: Mappi
             if not token:
                 raise ScenarioError(f"{name}: an empty text; allowed: a name, see `vsmrc {name} --help`")
             if most is not None and names > most:
+                single = [each for each in given if options[each].repeats and options[each].count == 1]
+                more = f"{most}, and {single[0]} before each of its values" if single else most
                 raise ScenarioError(
-                    f"{name}: {token!r:.60} is one name too many; allowed: {most}, see `vsmrc {name} --help`"
+                    f"{name}: {token!r:.60} is one name too many; allowed: {more}, see `vsmrc {name} --help`"
                 )
             continue
         flag, equals, value = token.partition("=")
@@ -76,7 +82,11 @@ def require_options(name: str, command: Command, typed: list[str], others: Mappi
             raise ScenarioError(f"{name}: {flag:.60}: no such option; {_instead(flag, options, others)}")
         values = [value] if equals else list(takewhile(lambda each: not _flag(each), waiting))
         option.require(flag, values)
-        given.add(flag)
+        plain = flag.replace("--no-", "--", 1) if option.kind is bool else flag
+        if plain in given and not option.repeats:
+            several = ", with all its values behind it" if option.count is None else ""
+            raise ScenarioError(f"{flag}: {given[plain]} was typed before; allowed: once{several}")
+        given[plain] = flag
         if not equals:
             taken = 0 if option.kind is bool else len(values) if option.count is None else option.count
             del waiting[:taken]
@@ -131,7 +141,7 @@ def _options(command: Command) -> dict[str, _Option]:
         if kind is Path and name in FOLDERS:
             noun = "the name of a folder"
         needed = parameter.default is inspect.Parameter.empty
-        found[f"--{name}"] = _Option(kind, count, noun, needed)
+        found[f"--{name}"] = _Option(kind, count, noun, needed, _repeats(hint))
         if kind is bool:
             found[f"--no-{name}"] = found[f"--{name}"]
     return found
@@ -142,11 +152,19 @@ def _arguments(hint: Any) -> Iterator[Any]:
     return (each for each in getattr(hint, "__metadata__", ()) if hasattr(each, "metavar"))
 
 
+def _repeats(hint: Any) -> bool:
+    """Whether an option of a parameter's type may be typed more than once."""
+    return tyro.conf.UseAppendAction in getattr(hint, "__metadata__", ())
+
+
 def _kind(hint: Any) -> tuple[type, int | None]:
-    """Kind and number of the values of a parameter's type."""
+    """Kind and number of the values of a parameter's type; of an option that is repeated, of each time."""
+    repeats = _repeats(hint)
     while hasattr(hint, "__metadata__"):
         hint = hint.__origin__
     origin, inner = get_origin(hint), get_args(hint)
+    if repeats:
+        return _kind(inner[0])
     if origin in (Union, UnionType):
         return _kind(next(each for each in inner if each is not NoneType))
     if origin is not tuple:

@@ -27,18 +27,17 @@ class KeptFile(Generic[T]):
 
     def read(self) -> tuple[T | None, str]:
         """Value of the file, None where there is none, and a sentence where the file cannot be read, else "". A file
-        with faults is renamed, so that it is not overwritten. Raises OSError where it cannot be renamed."""
+        that cannot be read is renamed, so that it is not overwritten. Raises OSError where it cannot be renamed."""
         try:
             with self._path.open("rb") as file:
                 return msgspec.json.decode(file.read(LARGEST + 1), type=self._kind), ""
         except FileNotFoundError:
             return None, ""
-        except OSError as error:
-            return None, f"{self._what} cannot be read: {error.strerror}; it is kept as {self._path}"
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             aside = self._path.with_name(f"set-aside-{self._path.name}")
             self._path.replace(aside)
-            return None, f"{self._what} cannot be read: {error}; it is kept as {aside}"
+            reason = error.strerror if isinstance(error, OSError) else error
+            return None, f"{self._what} cannot be read: {reason}; it is kept as {aside}"
 
     def write(self, value: T) -> None:
         """Write the value to the file. Raises OSError where it cannot be written, or would be too large to be read."""

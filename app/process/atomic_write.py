@@ -8,6 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
+import structlog
+
+log = structlog.get_logger()
+
 
 def write_whole(path: Path, write: Callable[[BinaryIO], object], mode: int = 0o666, *, synced: bool = True) -> None:
     """Write a file atomically: the file at `path` becomes what `write` writes. Until then the old file stays, also when
@@ -15,7 +19,8 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object], mode: int = 0o6
     the file, with the number of its thread. Raises OSError, and what `write` raises.
 
     mode: permissions, of which the user's umask may take some away.
-    synced: whether it is on the disk on return; else a power cut may lose the file, and nothing waits for the disk.
+    synced: whether it is on the disk on return, as far as its file system can flush; else a power cut may lose the
+        file, and nothing waits for the disk.
     """
     being_written = path.with_name(f".{path.name}.{threading.get_native_id()}")
     try:
@@ -32,9 +37,13 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object], mode: int = 0o6
 
 
 def _sync_folder(folder: Path) -> None:
-    """Flush this folder to disk, so that a file moved in it stays moved."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    """Flush this folder to disk, so that a file moved in it stays moved. Where that fails it is only logged: the new
+    file is in place, and whoever was told that it cannot be written would go on with what the old one says."""
     try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:  # some file systems flush no folder
+        log.info("folder not flushed", folder=str(folder), reason=error.strerror)

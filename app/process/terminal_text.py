@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import select
 import sys
 
 LONGEST = 1000  # characters
@@ -14,16 +13,6 @@ def printable(text: str) -> str:
     of writing are written as Python writes them, and a very long text is cut."""
     shown = text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in shown)
-
-
-def unread() -> bool:
-    """Whether nobody reads standard output any more, as after `| head`; what is printed from then on is dropped."""
-    poll = select.poll()
-    poll.register(sys.stdout.fileno(), 0)
-    if not any(event & select.POLLERR for _, event in poll.poll(0)):
-        return False
-    drop_output()
-    return True
 
 
 def drop_output() -> None:

@@ -92,8 +92,14 @@ class _Pool:
         return self
 
     def __exit__(self, *_: object) -> None:
-        # waited for: the interpreter at its end would wait for ever for processes that wait for tasks
-        self._pool.shutdown(wait=True, cancel_futures=True)
+        processes = list(self._pool._processes.values())
+        try:
+            # waited for: the interpreter at its end would wait for ever for processes that wait for tasks
+            self._pool.shutdown(wait=True, cancel_futures=True)
+        except KeyboardInterrupt:  # a second Ctrl-C
+            for process in processes:
+                process.terminate()
+            raise
 
     @property
     def under_way(self) -> list[_Handed[Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import os
 import re
 import tomllib
@@ -229,8 +230,8 @@ def _without_none(value: Any) -> Any:
 
 
 def _refuse_unfit(value: object, path: str, depth: int) -> None:
-    """Raise ScenarioError for values that msgspec would accept, or fail on: numbers beyond float and 64 bits, nesting
-    that is too deep, and what was typed in another encoding, which no file can hold."""
+    """Raise ScenarioError for values that msgspec would accept, or fail on: numbers beyond float and 64 bits, dates,
+    nesting that is too deep, and what was typed in another encoding, which no file can hold."""
     if depth > DEEPEST:
         raise ScenarioError(f"{path:.60}…: {depth} tables or lists within each other; allowed: at most {DEEPEST}")
     if isinstance(value, float) and not (float("-inf") < value < float("inf")):
@@ -239,6 +240,8 @@ def _refuse_unfit(value: object, path: str, depth: int) -> None:
         raise ScenarioError(f"{path:.200}: a whole number of {value.bit_length()} bits; allowed: at most 63")
     if isinstance(value, str) and not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
         raise WrongKind(f"{path:.200}: {value!r:.60}; allowed: a text in UTF-8")
+    if isinstance(value, datetime.date | datetime.time):
+        raise WrongKind(f"{path:.200}: {value}, a date or a time; allowed: a number, or a text in quotes")
     if isinstance(value, dict):
         for key, item in value.items():
             _refuse_unfit(item, f"{path}.{key}" if path else str(key), depth + 1)

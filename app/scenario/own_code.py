@@ -8,7 +8,7 @@ the names from the environment.
 from __future__ import annotations
 
 import inspect
-import math
+import json
 import os
 import re
 import sys
@@ -66,7 +66,7 @@ class OwnCode:
 def use(paths: Sequence[Path]) -> None:
     """Make the contents of these files available, in this process and in those that it starts. Raises OwnCodeError."""
     before = os.environ.get(VARIABLE, "")
-    os.environ[VARIABLE] = os.pathsep.join(str(path.resolve()) for path in paths)
+    os.environ[VARIABLE] = json.dumps([str(path.resolve()) for path in paths])
     own_code.cache_clear()
     try:
         own_code()
@@ -79,14 +79,14 @@ def use(paths: Sequence[Path]) -> None:
 def own_code() -> OwnCode:
     """Contents of the files named by `--use`. Raises OwnCodeError."""
     found = OwnCode()
-    for path in (Path(name) for name in os.environ.get(VARIABLE, "").split(os.pathsep) if name):
+    for path in map(Path, json.loads(os.environ.get(VARIABLE) or "[]")):
         module, empty = _loaded(path), True
         for name, kind, ours, known in _kinds(found):
-            own = getattr(module, name, None)
+            own = vars(module).get(name)
             if own is None:
                 continue
             if not isinstance(own, kind):
-                raise OwnCodeError(f"--use {path}: {name} is {own!r:.60}; allowed: {_ALLOWED}")
+                raise OwnCodeError(f"--use {path}: {name} is {shown(own)}; allowed: {_ALLOWED}")
             _check(own, ours, path)
             if own.kind in known:
                 raise OwnCodeError(
@@ -157,7 +157,9 @@ def _loaded(path: Path) -> ModuleType:
     sys.modules[module.__name__] = module
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise OwnCodeError(f"--use {located(error, path)}") from error
     return module
 
@@ -167,7 +169,7 @@ def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
     _require_texts(f"--use {path}:", kind=own.kind, title=own.title, about=own.about)
     if not (isinstance(own.parameters, tuple) and all(isinstance(p, Parameter) for p in own.parameters)):
         raise OwnCodeError(
-            f"--use {path}: parameters {own.parameters!r:.60}; allowed: a tuple, (Parameter(...), Parameter(...))"
+            f"--use {path}: parameters {shown(own.parameters)}; allowed: a tuple, (Parameter(...), Parameter(...))"
         )
     if not _KIND.fullmatch(own.kind) or own.kind in ours:
         raise OwnCodeError(
@@ -197,19 +199,37 @@ def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
 def _require_texts(place: str, **given: object) -> None:
     for name, value in given.items():
         if not isinstance(value, str):
-            raise OwnCodeError(f"{place} {name} {value!r:.60}; allowed: text")
+            raise OwnCodeError(f"{place} {name} {shown(value)}; allowed: text")
 
 
 def _check_parameter(p: Parameter, path: Path) -> None:
     _require_texts(f"--use {path}: parameter", name=p.name)
     _require_texts(f"--use {path}: parameter {p.name:.60},", unit=p.unit, meaning=p.meaning)
     for name, number in (("value", p.value), ("low", p.low), ("high", p.high)):
-        if not isinstance(number, float | int) or not math.isfinite(number):
-            raise OwnCodeError(f"--use {path}: parameter {p.name:.60}, {name} {number!r:.60}; allowed: a finite number")
+        if not isinstance(number, float | int) or not abs(number) <= sys.float_info.max:
+            raise OwnCodeError(
+                f"--use {path}: parameter {p.name:.60}, {name} {shown(number)}; allowed: a finite number"
+            )
     if not _NAME.fullmatch(p.name):
         raise OwnCodeError(f"--use {path}: parameter {p.name!r:.60}; allowed: letters, digits and '_'")
     if not p.low <= p.value <= p.high:
         raise OwnCodeError(f"--use {path}: {p.name} = {p.value:g}; allowed: {p.low:g} to {p.high:g}, its bounds")
+
+
+def shown(value: object) -> str:
+    """Beginning of a value of the user's own, which may not be able to show itself."""
+    try:
+        return f"{value!r:.60}"
+    except Exception:
+        return f"of the class {type(value).__name__}"
+
+
+def _said(error: BaseException) -> str:
+    """Text of an exception, "" where the user's own class does not give it."""
+    try:
+        return str(error)
+    except Exception:
+        return ""
 
 
 def located(error: BaseException, path: Path) -> str:
@@ -217,9 +237,10 @@ def located(error: BaseException, path: Path) -> str:
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
     if isinstance(error, SyntaxError) and error.filename == str(path):
         lines = [error.lineno]
-    compiling = re.findall(rf'File "[^"]*{re.escape(path.name)}", line (\d+)', str(error))  # as numba says it
+    text = _said(error)
+    compiling = re.findall(rf'File "[^"]*{re.escape(path.name)}", line (\d+)', text)  # as numba says it
     line = compiling[-1] if compiling else lines[-1] if lines else None
-    texts = [text.strip() for text in str(error).splitlines()]
+    texts = [text.strip() for text in text.splitlines()]
     said = next((text for text in texts if text and not text.startswith("Failed in nopython mode")), "")
     said = re.sub(" of type .*| \\(.*, line \\d+\\)$", "", said)  # types as numba writes them fill pages
     where = str(path) if line is None else f"{path}, line {line}"

@@ -7,7 +7,7 @@ import operator
 from collections.abc import Iterable
 from pathlib import Path
 
-from app.scenario.own_code import OwnCodeError, located
+from app.scenario.own_code import OwnCodeError, located, shown
 from controllers.control_law import ControlLaw
 
 MOST_STATES = 1000
@@ -18,13 +18,13 @@ def require_callable(laws: Iterable[ControlLaw]) -> None:
     """Raise OwnCodeError for a law whose torque is no function, or whose `states` gives no length of a state."""
     for law in laws:
         if not callable(law.torque):
-            raise OwnCodeError(f"--use: law {law.kind}: torque {law.torque!r:.60}; allowed: a function")
+            raise OwnCodeError(f"--use: law {law.kind}: torque {shown(law.torque)}; allowed: a function")
         if law.states is None:
             continue
         path = file_of(law)
         if not callable(law.states):
             raise OwnCodeError(
-                f"--use {path}: states {law.states!r:.60}; allowed: a function of the number of coordinates, such as "
+                f"--use {path}: states {shown(law.states)}; allowed: a function of the number of coordinates, such as "
                 "states=lambda n: n"
             )
         for n in COORDINATES:
@@ -44,7 +44,9 @@ def _require_length(law: ControlLaw, n: int, path: Path) -> None:
     assert law.states is not None
     try:
         length = law.states(n)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise OwnCodeError(f"--use {located(error, path)}") from error
     try:
         whole = operator.index(length)
@@ -52,6 +54,6 @@ def _require_length(law: ControlLaw, n: int, path: Path) -> None:
         whole = -1
     if not 0 <= whole <= MOST_STATES:
         raise OwnCodeError(
-            f"--use {path}: states gives {length!r:.60} for {n} coordinates; allowed: a whole number, 0 to "
+            f"--use {path}: states gives {shown(length)} for {n} coordinates; allowed: a whole number, 0 to "
             f"{MOST_STATES}"
         )

@@ -80,6 +80,7 @@ class StateFolder:
         self.path, self._lock = occupied(path)
         self.problem = ""
         self._kept: tuple[tuple[Pinned, str], ...] = ()
+        self._indexed = set[str]()  # files that `session.json` names, as this process has written it
         self._taken_up = _TakenUp()
         try:
             if self._readable(SESSION) is not None:
@@ -136,12 +137,15 @@ class StateFolder:
         runs = [SavedRun(run.number, run.t, file, run.name) for run, file in kept]
         index = Index(time.time(), to_toml(scenario), runs)
         text = msgspec.json.format(msgspec.json.encode(index))
-        write_whole(self.path / SESSION, lambda file: file.write(text), _PRIVATE)
-        self._kept = tuple(kept)
-        if self._taken_up.in_session(scenario, pinned):  # the loop takes it some periods after it has been read
-            (self.path / OFFER).unlink(missing_ok=True)
-            self._taken_up = _TakenUp()
-        self._tidy()
+        self._kept = tuple(kept)  # where the index cannot be written, the next one names the same files
+        try:
+            write_whole(self.path / SESSION, lambda file: file.write(text), _PRIVATE)
+            self._indexed = {run.file for run in runs}
+            if self._taken_up.in_session(scenario, pinned):  # the loop takes it some periods after it has been read
+                (self.path / OFFER).unlink(missing_ok=True)
+                self._taken_up = _TakenUp()
+        finally:
+            self._tidy()
         if failure is not None:
             raise failure
 
@@ -177,11 +181,11 @@ class StateFolder:
         return self.path / run.file
 
     def _tidy(self) -> None:
-        """Remove unfinished files of a killed process, and runs that no index names any more, set aside or not."""
-        named = {name for _, name in self._kept}
-        for name in (SESSION, OFFER):
-            index = self._readable(name)
-            named |= {run.file for run in index.pinned} if index is not None else set()
+        """Remove unfinished files of a killed process, and runs that no index names any more, set aside or not. The
+        index of this process is not read: it stays whatever is in it."""
+        named = {name for _, name in self._kept} | self._indexed
+        if (offer := self._readable(OFFER)) is not None:
+            named |= {run.file for run in offer.pinned}
         runs = [file for file in self.path.iterdir() if _RUN_FILE.fullmatch(file.name)]
         for name in (SESSION, OFFER):  # now, since a file may have been set aside just before
             named |= _named_aside(self.path / (ASIDE + name), runs)

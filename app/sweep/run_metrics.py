@@ -20,6 +20,7 @@ from app.storage.constants_store import kept_memory
 from app.sweep.plan import Sweep, SweepPlan, SweepRow
 
 RunMetrics = dict[str, Any]
+REFUSED = "refused: "  # begins the reason of a run that never began
 
 
 class Column(NamedTuple):
@@ -138,7 +139,7 @@ class SweepRunner:
                 memory=self._memory,
             )
         except (ScenarioError, ArithmeticError, np.linalg.LinAlgError) as error:
-            return begun | {"stopped": f"refused: {error}", "wall_time": time.perf_counter() - started}
+            return begun | {"stopped": f"{REFUSED}{error}", "wall_time": time.perf_counter() - started}
         self._previous = loop.system
         inside = all(each.failed is None for each in metrics.premises if each.premise == "declared")
         return begun | _of(metrics) | {"declared": float(inside), "wall_time": time.perf_counter() - started}

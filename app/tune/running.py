@@ -140,4 +140,4 @@ class TuningCourse:
                 raise ScenarioError(f"--out: candidate {number} there is another one; allowed: a folder of its own")
         left = [row for row in rows if row.number not in self.known]
         for begun in range(0, len(left), CHUNK):
-            yield tuple(left[begun : begun + CHUNK])
+            yield worker_pool.Chunk(left[begun : begun + CHUNK])

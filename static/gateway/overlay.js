@@ -89,7 +89,7 @@ const begin = (about) => {
 
 // viser's client writes its web socket's address behind ours, again and again, where people would copy it along
 const replace = history.replaceState.bind(history);
-history.replaceState = (state, title) => replace(state, title, location.pathname + location.hash);
+history.replaceState = (state, title) => replace(state, title, location.pathname);
 history.replaceState(null, "");
 
 const ask = async () => {

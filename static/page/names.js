@@ -1,7 +1,7 @@
 // Names and roles for whoever hears the page or goes through it by keyboard: many of viser's labels are tied
 // to nothing, its icons have no words, a slider's value is a share of its track, and what folds or hides a line
 // answers to a mouse only.
-const ICONS = { "tabler-icon-list-search": "search all commands", "tabler-icon-adjustments": "settings of viser" };
+const ICONS = { "tabler-icon-list-search": "search all commands" };
 // viser writes a key's name as a program does
 const KEYS = { arrowleft: "←", arrowright: "→", arrowup: "↑", arrowdown: "↓", pageup: "PgUp", pagedown: "PgDn", end: "End", home: "Home" };
 const PLACES = {
@@ -68,5 +68,3 @@ document.addEventListener("keydown", (e) => {
   e.preventDefault();
   e.target.dispatchEvent(new MouseEvent("click", { bubbles: true, ctrlKey: e.ctrlKey, metaKey: e.metaKey }));
 }, true);
-// what belongs to viser's developers is there for who asks: #dev behind the address
-document.documentElement.toggleAttribute("data-dev", location.hash === "#dev");

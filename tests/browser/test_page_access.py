@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
@@ -28,12 +29,15 @@ from tests.support.layout import lasting
 PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
 APART = 10.0  # least CIE Delta E 2000 of two lines of one plot that have the same style; 1 is just noticeable
 WIDER = 1.5  # factor between two widths that makes them different styles
-SMALL = """() => [...document.querySelectorAll(
-  "button, [role=tab], [role=button], [role=combobox], .mantine-Input-input, .mantine-Slider-trackContainer")]
-  .filter((e) => e.checkVisibility({ opacityProperty: true, visibilityProperty: true }))
-  .map((e) => [e.ariaLabel || e.textContent || e.className, e.getBoundingClientRect()])
-  .filter(([, box]) => box.width > 0 && Math.min(box.width, box.height) < 43.5)
-  .map(([name, box]) => `${name}: ${box.width} x ${box.height}`)"""
+SMALL = """() => {
+  const targets = [...document.querySelectorAll(
+    "button, [role=tab], [role=button], [role=combobox], .mantine-Input-input, .mantine-Slider-trackContainer")]
+    .filter((e) => e.checkVisibility({ opacityProperty: true, visibilityProperty: true }))
+    .map((e) => [e.ariaLabel || e.textContent || e.className, e.getBoundingClientRect()])
+    .filter(([, box]) => box.width > 0);
+  return targets.length ? targets.filter(([, box]) => Math.min(box.width, box.height) < 43.5)
+    .map(([name, box]) => `${name}: ${box.width} x ${box.height}`) : ["nothing to touch is visible"];
+}"""
 # Where the keyboard is, and whether one sees it there: a ring, within the window and on top.
 FOCUSED = """() => {
   const e = document.activeElement, ring = getComputedStyle(e), box = e.getBoundingClientRect();
@@ -218,11 +222,12 @@ def test_lines_stay_apart_for_the_colour_blind_in_both_themes(browser: Browser):
         content=Path("static/page/plots.js").read_text(encoding="utf-8")
     )  # has the light page's colours
 
+    @cache
     def seen(color: str, sight: str, theme: str) -> Color:
         shown = ColorAll(page.evaluate("onWhite", color) if theme == "light" else color)
         return shown.filter(sight) if sight else shown
 
-    near = []
+    near, compared = [], 0
     runs = [RunLook(f"run {i}", color, dashes) for i, (color, dashes) in enumerate(zip(RUNS, RUN_DASHES, strict=True))]
     pinned = Drawing("pinned runs", [ChartLine(run.name, run.color, lambda _: None) for run in runs])  # pyright: ignore[reportArgumentType]
     for title, drawing in (*drawings(), ("Pinned", pinned)):
@@ -232,10 +237,12 @@ def test_lines_stay_apart_for_the_colour_blind_in_both_themes(browser: Browser):
         for one, other in combinations([*listed, *drawn], 2):
             if not alike(one, other):
                 continue
+            compared += 1
             for theme in ("dark", "light"):
                 for sight in ("", "protan", "deutan"):
                     pair = [seen(css(line.color), sight, theme) for line in (one, other)]
                     if (apart := pair[0].delta_e(pair[1], method="2000")) < APART:
                         near.append(f"{title}: {one.name}, {other.name}: {apart:.1f} ({theme} {sight})")
     page.close()
+    assert compared > 100
     assert not near, "\n".join(near)

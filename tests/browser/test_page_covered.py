@@ -16,18 +16,20 @@ COVERED = """() => {
   const controls = [...document.querySelectorAll(
     "button, [role=tab], [role=button], [role=combobox], [role=slider], .mantine-Input-input, input[type=checkbox]")];
   const faults = [], SLIDER = ".mantine-Slider-root";
+  let seen = 0;
   for (const control of controls) {
     if (!control.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
     if (control.closest(".uplot-container") && !control.matches(".u-label")) continue; // shown under the mouse
     control.scrollIntoView({ block: "nearest", inline: "nearest" });
     const box = control.getBoundingClientRect();
     if (box.width < 1 || box.height < 1) continue;
+    seen += 1;
     const there = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
     const label = (e) => e?.ariaLabel || e?.textContent?.trim().slice(0, 40) || e?.className || "the window's edge";
     const own = there && (control.contains(there) || (control.matches("[role=slider]") && there.closest(SLIDER)));
     if (!own) faults.push(`${label(control)} is under ${label(there)}`);
   }
-  return faults;
+  return seen ? faults : ["no control is visible"];
 }"""
 SIZES = ((1024, 768), (1280, 720), (1920, 1080), (853, 480), (390, 844))  # 853 x 480 is 1280 x 720 at 150 %
 

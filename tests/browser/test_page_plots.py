@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -168,6 +169,8 @@ def test_points_that_came_one_after_the_other_are_the_whole_data(
     page.evaluate(f"window.vsCame = {SHOWN}.map((c) => c.data)")
     page.evaluate("window.dispatchEvent(new Event('vsmrc-behind'))")  # all of them at once
     page.wait_for_function(f"{SHOWN}.every((c, k) => c.data !== vsCame[k])")
+    lengths = "map((data) => data.map((line) => line.length))"
+    assert page.evaluate(f"{SHOWN}.map((c) => c.data).{lengths}") == page.evaluate(f"vsCame.{lengths}")
     differ = page.evaluate(f"""{SHOWN}.flatMap((c, k) => c.data.flatMap((line, j) => Array.from(line).filter(
         (y, i) => !(Math.abs(y - vsCame[k][j][i]) <= 1e-5 || Object.is(y, vsCame[k][j][i])))))""")
     assert differ == []

@@ -69,8 +69,7 @@ def test_watcher_cannot_steer_and_a_private_copy_recovers_from_a_crash(
     expect(share).to_have_attribute("aria-expanded", "false")
     expect(share).to_be_focused()
 
-    student = opened(f"{watch}#dev")
-    expect(student.locator("html")).to_have_attribute("data-dev", "")
+    student = opened(watch)
     expect(student.get_by_text("Watching live")).to_be_visible()
     row = student.locator("form:visible", has=student.get_by_text("F_d [N]", exact=True))
     force = row.locator(".mantine-TextInput-input")

@@ -13,10 +13,11 @@ from app.session.commands import Edit, Pause, PushNow
 from controllers.modes import MODES
 from drivers.pages import SHOWN, PageSession, resting_box
 
+# Whether one of these parts lies on another, or is not there.
 OVER = """(parts) => {
   const boxes = parts.map((part) => [...document.querySelectorAll(part)].filter((e) => e.checkVisibility()));
   const rects = boxes.flat().map((e) => e.getBoundingClientRect());
-  return rects.some((a, i) => rects.some((b, j) => i < j &&
+  return boxes.some((found) => !found.length) || rects.some((a, i) => rects.some((b, j) => i < j &&
     Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 &&
     Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1));
 }"""

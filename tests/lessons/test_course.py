@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import asyncio
 import csv
+import errno
 import io
 import json
+import os
 import re
 import threading
 from collections.abc import Callable
@@ -150,6 +152,22 @@ def test_a_damaged_file_of_progress_is_set_aside_and_lessons_go_on(damaged: byte
     assert (tmp_path / f"set-aside-{FILE}").read_bytes() == damaged
     LessonCourse(lesson(), notebook).go(1)
     assert json.loads((tmp_path / FILE).read_text(encoding="utf-8"))["test"]["step"] == 2
+
+
+def test_progress_that_cannot_be_read_is_not_written_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / FILE).write_text("{}")
+    with monkeypatch.context() as broken:
+        broken.setattr(Path, "open", unreadable)
+        notebook = Notebook()
+        problem = notebook.keep_in(tmp_path)
+    assert problem.endswith(f"cannot be read: Input/output error; it is kept as {tmp_path / f'set-aside-{FILE}'}")
+    LessonCourse(lesson(), notebook).go(1)
+    assert (tmp_path / f"set-aside-{FILE}").read_text() == "{}"
+    assert json.loads((tmp_path / FILE).read_text())["test"]["step"] == 2
+
+
+def unreadable(*_: object) -> None:
+    raise OSError(errno.EIO, os.strerror(errno.EIO))
 
 
 def test_a_full_disk_loses_no_score(tmp_path: Path) -> None:

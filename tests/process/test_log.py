@@ -8,8 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import structlog
 
-from app.process import log_file
+from app.process import log, log_file
 
 pytestmark = pytest.mark.slow  # processes of its own
 
@@ -158,3 +159,15 @@ def test_a_file_that_is_full_gets_a_number_whoever_of_its_writers_finds_it(
     assert path.read_text() == "goes on\n"
     for writer in writers:
         writer.close()
+
+
+@pytest.mark.faults
+def test_a_fault_in_a_test_is_noted_after_a_command_has_configured_the_log(logged_faults: list[str]) -> None:
+    log.configure_as_parent()  # as every command does that runs within this process
+    try:
+        raise ValueError("provoked")
+    except ValueError as error:
+        structlog.get_logger().info("fault", stage="a command", exc_info=error)
+    (fault,) = logged_faults
+    assert "a command" in fault
+    assert "ValueError: provoked" in fault

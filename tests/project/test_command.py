@@ -20,6 +20,7 @@ from app.cli.run import run
 from app.scenario.data import edited, from_toml, load, to_toml
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT
+from drivers.waiting import until
 from tests.support.commands import Done, vsmrc
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -150,21 +151,27 @@ def test_toml_keeps_every_field() -> None:
     assert from_toml(to_toml(scenario)) == scenario
 
 
+def interrupted(pid: int) -> bool:
+    """Whether a process has not received the last SIGINT yet; another one would be lost."""
+    pending = re.search(r"^ShdPnd:\s*(\w+)", Path(f"/proc/{pid}/status").read_text(), re.MULTILINE)
+    return pending is not None and bool(int(pending[1], 16) >> (signal.SIGINT - 1) & 1)
+
+
 def test_serve_says_its_address_and_a_busy_port_and_ends_on_ctrl_c() -> None:
-    command = [sys.executable, "-m", "app", "serve", "planar2r-semicircle", "--port", "8137", "--stateless"]
+    command = [sys.executable, "-m", "app", "serve", "planar2r-semicircle", "--port", "0", "--stateless"]
     command += ["--token", "never"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert server.stdout is not None
         line = next(line for line in server.stdout if line.startswith("VSMRC Lab"))
-        assert "http://127.0.0.1:8137" in line
-        second = vsmrc("serve", "--port", "8137")
+        port = re.search(r"http://127\.0\.0\.1:(\d+)", line)
+        assert port is not None
+        second = vsmrc("serve", "--port", port[1])
         assert second.returncode == 2
-        assert "8137" in second.stderr
-        time.sleep(1.0)
+        assert port[1] in second.stderr
         for _ in range(2):  # an impatient one
-            os.kill(server.pid, signal.SIGINT)
-            time.sleep(0.1)
+            server.send_signal(signal.SIGINT)
+            until(lambda: server.poll() is not None or not interrupted(server.pid))
         _, complaints = server.communicate(timeout=120)
         assert server.returncode == 0
         assert "Traceback" not in complaints
@@ -291,8 +298,9 @@ def test_another_arm_keeps_the_scenarios_name(tmp_path: Path, here: Callable[...
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_a_reader_that_has_read_enough_is_no_fault(unbuffered: str) -> None:
-    listed = [sys.executable, "-m", "app", "list"]
+@pytest.mark.parametrize("command", ["list", "--help"])
+def test_a_reader_that_has_read_enough_is_no_fault(command: str, unbuffered: str) -> None:
+    listed = [sys.executable, "-m", "app", command]
     with subprocess.Popen(
         listed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"PYTHONUNBUFFERED": unbuffered}
     ) as listing:
@@ -328,3 +336,91 @@ main()
 """
     done = subprocess.run([sys.executable, "-c", interrupted], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_a_run_whose_output_nobody_reads_leaves_its_files_and_status(encoding: str, tmp_path: Path) -> None:
+    ours, theirs = os.pipe()
+    os.close(ours)
+    run = ["run", "planar2r-semicircle", "--duration", "0.01", "--strict", "--set", "controller.law=pd-gravity"]
+    done = subprocess.run(
+        [sys.executable, "-m", "app", *run, "--out", str(tmp_path)],
+        stdout=theirs,
+        stderr=theirs,  # the bar's
+        env=os.environ | {"PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": encoding},
+        check=False,
+    )
+    os.close(theirs)
+    assert {path.name for path in tmp_path.iterdir()} == {"metrics.json", "recording.npz", "scenario.toml"}
+    assert done.returncode == 5  # nothing is promised for this law
+
+
+def test_a_full_disk_behind_standard_output_is_no_reason_to_stop(tmp_path: Path) -> None:
+    arguments = ["export", "planar2r-semicircle", "--set", "simulation.duration=0.01", "--to", "toml", "csv"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "app", *arguments, "--out", str(tmp_path)],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            env=os.environ | {"PYTHONUNBUFFERED": "1"},
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 1
+    assert "vsmrc: standard output cannot be written: No space left on device\n" in done.stderr
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_section_of_another_kind_and_another_arm_are_set_by_their_names(
+    tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    done = here(
+        "run", "planar3r-hybrid", "--duration", "0.01", "--out", str(tmp_path),
+        "--set", "robot=planar2r", "motion.kind=hold",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    written = load(str(tmp_path / "scenario.toml"))
+    assert (written.robot.name, type(written.motion)) == ("planar2r", type(edited(written, "motion", "hold").motion))
+
+
+def test_a_sweep_of_refused_runs_says_why_and_is_no_success(tmp_path: Path, here: Callable[..., Done]) -> None:
+    arguments = ("planar2r-semicircle", "--vary", "simulation.duration=1e-9,2e-9", "--workers", "1")
+    for _ in range(2):  # also where all of them are there already
+        done = here("sweep", *arguments, "--out", str(tmp_path / "sweep"))
+        assert done.returncode == 2
+        assert "2 of 2 runs were refused, 1 of them for: simulation.duration: 1e-09 s; allowed: at" in done.stdout
+
+
+def test_two_interruptions_end_a_pool_whose_processes_go_on(tmp_path: Path) -> None:
+    program = """
+import signal, time
+from app.process import worker_pool
+
+def computing():
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a kernel that is under way, which sees no signal
+    return time.sleep
+
+def execute(_):
+    for _ in worker_pool.results(computing, (), [0, 600], 1):
+        print("begun", flush=True)
+    return 0
+
+if __name__ == "__main__":
+    import app.cli.commands
+    from app.__main__ import main
+    app.cli.commands.execute = execute
+    main()
+"""
+    file = tmp_path / "pool.py"  # which its processes import, too
+    file.write_text(program)
+    with subprocess.Popen([sys.executable, file], stdout=subprocess.PIPE, text=True) as pool:
+        assert pool.stdout is not None
+        assert pool.stdout.readline() == "begun\n"
+        time.sleep(1.0)
+        pool.send_signal(signal.SIGINT)
+        time.sleep(0.5)
+        pool.send_signal(signal.SIGINT)
+        try:
+            assert pool.wait(timeout=60) == 130
+        finally:
+            pool.kill()

@@ -268,6 +268,40 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
             "--set force.value: it is set more than once; allowed: once",
         ),
         (
+            ("run", "ur5-hybrid", "--set", "simulation.duration=0.2", "--duration", "0.05"),
+            "--duration 0.05: --set simulation.duration is given, too; allowed: one of both",
+        ),
+        (
+            ("run", "ur5-hybrid", "--set", "surface.origin=[0,0,0]", "surface=plane"),
+            "--set surface: it would undo surface.origin, set before it; allowed: surface first",
+        ),
+        (
+            ("run", "ur5-hybrid", "--set", "blend.at=1", "--blend-to", "ur5-hybrid-moving"),
+            "--set blend.at: --blend-to sets it, too; allowed: one of both",
+        ),
+        (
+            ("run", "ur5-hybrid", "--set", "force.value=2024-01-01"),
+            "force.value: 2024-01-01, a date or a time; allowed: a number, or a text in quotes",
+        ),
+        (("run", "ur5-hybrid", "--set", "surface.kind=spere"), "surface.kind: 'spere'; allowed: "),
+        (
+            ("export", "ur5-hybrid", "--to", "csv", "--to", "toml"),
+            "--to: --to was typed before; allowed: once, with all its values behind it\n",
+        ),
+        (("run", "ur5-hybrid", "--duration", "1", "--duration", "2"), "--duration was typed before; allowed: once\n"),
+        (
+            ("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e3", "force.value=1,2"),
+            "'force.value=1,2' is one name too many; allowed: 1, and --vary before each of its values, see",
+        ),
+        (
+            ("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--points", "0"),
+            "--points: 0 in a grid; allowed: with --design latin or sobol",
+        ),
+        (
+            ("response", "ur5-hybrid", "--measure", "1", "--newtons", "1e300"),
+            "--newtons 1e+300: allowed: more than 0 N, at most 1e+06 N",
+        ),
+        (
             ("run", "ur5-hybrid", "--set", "controller.own.k_i=10"),
             "controller.own.k_i: 10; allowed: a table, in the form controller.own.<law>.<parameter>",
         ),
@@ -318,6 +352,13 @@ def test_wrong_input_is_refused_in_one_sentence(
             "--state-dir x: --stateless keeps nothing; allowed: one of both",
         ),
         (
+            ("serve", "--shared", "--max-sessions", "2", "--per-address", "3"),
+            "--per-address 3; allowed: at most 2, as --max-sessions says",
+        ),
+        (("serve", "--state-dir", "README.md"), "--state-dir README.md: is a file; allowed: a folder"),
+        (("serve", "--shared", "--copies", "--no-copies"), "--no-copies: --copies was typed before; allowed: once\n"),
+        (("sweep", "plot", "map", "--out", "README.md/x.svg"), "--out README.md: is a file; allowed: a folder"),
+        (
             ("compare", "planar3r-hybrid", "--last", "11"),
             "--last 11: longer than the run of planar3r-hybrid; allowed: at",
         ),
@@ -362,6 +403,39 @@ def test_a_chart_goes_to_a_file_with_a_known_ending(tmp_path: Path, here: Callab
     ):
         done = here("sweep", "plot", str(tmp_path), "--out", str(out))
         assert (done.returncode, done.stderr) == (2, f"vsmrc: --out {out}: {message}\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("raise BaseException('of no kind')", "line 1: BaseException: of no kind"),
+        ("def __getattr__(name): raise ValueError(name)", "LAW, SURFACE and TRAJECTORY are missing"),
+        (
+            "class Dumb(Exception):\n    def __str__(self): raise ValueError\nraise Dumb",
+            "line 3: Dumb",
+        ),
+        (
+            """
+from controllers.control_law import ControlLaw
+from parameters import Parameter
+
+LAW = ControlLaw("mine", "Mine", "", None, parameters=(Parameter("k", 10**400, 0, 1, "1", "gain"),))
+""",
+            "parameter k, value 1000",
+        ),
+    ],
+)
+def test_a_file_of_ones_own_that_breaks_is_refused_in_one_sentence(
+    text: str, said: str, tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    file = tmp_path / "a:b" / "mine.py"  # the folder's name, too: it parts the names of a search path
+    file.parent.mkdir()
+    file.write_text(text)
+    done = here("run", "ur5-hybrid", "--use", str(file), "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"vsmrc: --use {file}")
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 def test_a_law_that_is_not_chosen_is_said(tmp_path: Path, here: Callable[..., Done]) -> None:

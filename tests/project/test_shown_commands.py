@@ -144,19 +144,30 @@ def test_each_command_is_accepted(page: Page, command: Command, parse: Parse) ->
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "message"),
     [
-        "vsmrc simulate", "vsmrc run ur5-hybrid --duration 5", "vsmrc run ur5-hybrid --out out --durations 5",
-        "vsmrc export ur5-hybrid --out out --to gif", "vsmrc figures --out out --only theorems",
-        "vsmrc serve ur5-hybird --fps 10", "vsmrc serve --theme blue", "make tests",
-        'make check ARGS="--quick"', "make run PORT=1",
-        'make run ARGS="--ports 1"', 'make bench ARGS="--only steps"', 'make fuzz ARGS="--only urdfs"',
-        "python -m benchmarks.soaks --minutes 1",
+        ("vsmrc simulate", "assert 'simulate' in "),
+        ("vsmrc run ur5-hybrid --duration 5", "vsmrc: run: no --out;"),
+        ("vsmrc run ur5-hybrid --out out --durations 5", "vsmrc: run: --durations: no such option;"),
+        ("vsmrc export ur5-hybrid --out out --to gif", "assert {'gif'} <= "),
+        ("vsmrc figures --out out --only theorems", "assert {'theorems'} <= "),
+        ("vsmrc serve ur5-hybird --fps 10", "scenario 'ur5-hybird': unknown;"),
+        ("vsmrc serve --theme blue", "assert 'blue' in "),
+        ("make tests", "make tests: no such target"),
+        ('make check ARGS="--quick"', "make check takes no ARGS"),
+        ("make run PORT=1", "assert ['PORT=1'] == []"),
+        ('make run ARGS="--ports 1"', "vsmrc: serve: --ports: no such option;"),
+        ('make bench ARGS="--only steps"', "invalid choice 'steps' for argument '--only'"),
+        ('make fuzz ARGS="--only urdfs"', "assert {'urdfs'} <= "),
+        ("python -m benchmarks.soaks --minutes 1", "No module named benchmarks.soaks"),
     ],
-)  # fmt: skip
-def test_a_command_that_does_not_exist_is_found(text: str, parse: Parse) -> None:
-    with pytest.raises((AssertionError, ImportError, SystemExit, ValueError)):
+)
+def test_a_command_that_does_not_exist_is_found(
+    text: str, message: str, parse: Parse, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises((AssertionError, ImportError, SystemExit, ValueError)) as refused:
         check(shlex.split(text), parse)
+    assert message in f"{refused.value} {' '.join(capfd.readouterr().err.split())}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=str)

@@ -55,10 +55,10 @@ def test_a_speed_that_cannot_be_kept_slows_simulated_time_skips_nothing_and_is_s
 
 def test_no_step_is_skipped_when_edits_hold_the_loop_up(runner: Runner):
     revision = runner.snapshot.revision
-    for layer in (0.011, 0.012, 0.013):
-        runner.post(Edit("controller.layer", layer))
-        time.sleep(0.05)
-    now = wait(runner, lambda now: now.revision > revision and now.t > 0.5)
+    for number, layer in enumerate((0.011, 0.012, 0.013), start=1):
+        runner.post(Edit("controller.layer", layer))  # edits that wait for the loop together are one
+        wait(runner, lambda now, number=number: now.revision == revision + number)
+    now = wait(runner, lambda now: now.t > 0.5)
     t = now.recording.signals(("t",))["t"]
     np.testing.assert_allclose(np.diff(t), 2e-4, rtol=1e-9)
 

@@ -166,7 +166,8 @@ def test_only_errors_of_what_is_free_are_told(scenario: str, path: bool, angle: 
 @pytest.mark.parametrize("push", [0.0, 20.0])
 def test_metrics_of_the_running_scenario_count_until_the_run_goes_another_way(push: float) -> None:
     free = edited(edited(shipped()["ur5-impedance"], "contact.kind", "free"), "truth.push", [0.0, 0.0, 0.0])
-    scenario = edited(free, "motion", "hold") if push else free
+    known_arm = edited(free, "truth.link_scaling", 1.0)  # stands still from the beginning
+    scenario = edited(known_arm, "motion", "hold") if push else free
     loop = ClosedLoop.from_scenario(scenario)
     foresight = Foresight(PreviewRequest(1, loop.state.copy(), scenario, 1.0, push=push))
     while foresight.progress < 1.0:

@@ -26,17 +26,30 @@ from app.session.preview import (
 )
 from app.session.preview_client import Previewer
 from app.workers.preview import serve
-from drivers.waiting import until
+from drivers.waiting import PATIENCE, until
 from tests.support.previews import preview_metrics, running
 
 pytestmark = pytest.mark.slow  # processes of its own
 
 
-@pytest.fixture
-def previewer() -> Iterator[Previewer]:
+@pytest.fixture(scope="module")
+def one_previewer() -> Iterator[Previewer]:
     previewer = Previewer()
     yield previewer
     previewer.close()
+
+
+@pytest.fixture
+def previewer(one_previewer: Previewer) -> Previewer:
+    """Previewer that has no question, with the process of the tests before."""
+    one_previewer.drop()
+    until(lambda: one_previewer.idle)
+    return one_previewer
+
+
+def listeners() -> int:
+    """Number of threads that wait for answers of a process."""
+    return sum(thread.name == "previews" for thread in threading.enumerate())
 
 
 def whole(previewer: Previewer) -> Outlook | None:
@@ -139,6 +152,7 @@ def test_a_killed_process_is_said_and_started_anew(previewer: Previewer) -> None
 
 
 def test_closing_leaves_no_process_behind() -> None:
+    before = listeners()
     previewer = Previewer()
     state = running(shipped()["ur5-hybrid"], 5).state.copy()
     previewer.ask(state, state.scenario, 20.0)
@@ -148,7 +162,7 @@ def test_closing_leaves_no_process_behind() -> None:
     previewer.close()
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
-    until(lambda: not any(thread.name == "previews" for thread in threading.enumerate()))
+    until(lambda: listeners() == before)
 
 
 def test_the_process_ends_when_its_asker_is_killed() -> None:
@@ -165,7 +179,7 @@ while previewer.newest is None:
 os.kill(os.getpid(), signal.SIGKILL)
 """
     # the preview's process has inherited the pipe: the run returns when both have let go of it
-    killed = subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, timeout=60, check=False)
+    killed = subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, timeout=PATIENCE, check=False)
     assert killed.returncode == -signal.SIGKILL
 
 

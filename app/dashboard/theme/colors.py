@@ -44,7 +44,7 @@ SERIES: tuple[Rgb, ...] = (
 )
 
 
-_LINES: dict[Rgb, str] = {MEASURED: "measured"} | {color: f"series-{k}" for k, color in enumerate(SERIES)}
+_LINES: dict[Rgb, str] = {MEASURED: "measured", **{color: f"series-{k}" for k, color in enumerate(SERIES)}}
 
 
 @dataclass(frozen=True)

@@ -182,6 +182,8 @@ class WhatIf:
             self.outlook, self.refusal = None, str(error)
         else:
             # the same request from a later state replaces a complete drawing, which must not grow from nothing again
+            # an edit of a past instant lets go of the tool
+            state = replace(snapshot.state, grip=None) if snapshot.looking_back else snapshot.state
             self._previewer.ask(
-                snapshot.state, scenario, self.horizon, partial=moved, push=self.push, compared=True, arms=self.arms
+                state, scenario, self.horizon, partial=moved, push=self.push, compared=True, arms=self.arms
             )
