@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple, get_args
@@ -181,7 +180,7 @@ def _sweep_into(out: Path, request: Sweep, on: int | Cluster | None) -> int:
     import numpy as np
 
     from app.sweep import running
-    from app.sweep.run_store import RunStore
+    from app.sweep.run_store import RunStore, refusals
 
     with written_to(out, "; what is there stays"), RunStore(out, request) as store:
         count, left = len(store.done), np.flatnonzero(~store.done)
@@ -195,28 +194,10 @@ def _sweep_into(out: Path, request: Sweep, on: int | Cluster | None) -> int:
             store.flush()  # for `vsmrc sweep plot`
             print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
             raise
-        refused = _refused(out)
+        refused = refusals(out)
     print(f"{count} runs in {out}" + (f", {failed} of the last {len(left)} stopped or refused" if failed else ""))
     if not refused:
         return DONE
     (reason, times), everything = refused.most_common(1)[0], refused.total() == count
     print(f"{refused.total()} of {count} runs were refused, {times} of them for: {printable(reason)}")
     return BAD_INPUT if everything else DONE
-
-
-def _refused(out: Path) -> Counter[str]:
-    """Reasons for which runs in this folder were refused, each with the number of these runs."""
-    import pyarrow.parquet as pq
-
-    from app.sweep.run_metrics import REFUSED
-    from app.sweep.run_store import parts
-
-    # of this column alone: there may be millions of rows
-    ends = pq.ParquetDataset([str(part) for part in parts(out)]).read(columns=["stopped"])["stopped"].value_counts()
-    return Counter(
-        {
-            each["values"].removeprefix(REFUSED): each["counts"]
-            for each in ends.to_pylist()
-            if (each["values"] or "").startswith(REFUSED)
-        }
-    )

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from app.scenario.errors import ScenarioError
 from app.storage.joint_kinds import units_of
 from app.sweep.fingerprint import another_program, fingerprint
 from app.sweep.plan import FILE, Sweep, SweepPlan, differences, differences_in_words, read, to_toml
-from app.sweep.run_metrics import COLUMNS, RunMetrics
+from app.sweep.run_metrics import COLUMNS, REFUSED, RunMetrics
 from app.sweep.titles import title_of, unit_of
 
 PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"
@@ -184,6 +185,19 @@ def _numbered(table: pa.Table, count: int) -> bool:
 def parts(folder: Path) -> Sequence[Path]:
     """Parquet files of a sweep's folder."""
     return sorted((folder / PARTS).glob("part-*.parquet"))
+
+
+def refusals(folder: Path) -> Counter[str]:
+    """Reasons for which runs in the parts of a sweep's folder were refused, each with the number of these runs."""
+    # of this column alone: there may be millions of rows
+    ends = pq.ParquetDataset([str(part) for part in parts(folder)]).read(columns=["stopped"])["stopped"].value_counts()
+    return Counter(
+        {
+            each["values"].removeprefix(REFUSED): each["counts"]
+            for each in ends.to_pylist()
+            if (each["values"] or "").startswith(REFUSED)
+        }
+    )
 
 
 def column(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:

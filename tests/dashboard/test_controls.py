@@ -194,13 +194,19 @@ def test_a_hint_says_the_bounds_in_words() -> None:
     assert FieldPlace("controller.F_1").hint.endswith("[1/s]")
 
 
-def test_a_click_that_comes_late_forgets_no_other_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another page has forgotten a run, or pinned one that takes the place of the oldest, a moment before."""
+def runs_of_page(monkeypatch: pytest.MonkeyPatch) -> tuple[Page, list[float], RunsPanel]:
+    """Page with the panel of its runs, and the time (s) by which the panel goes, which a test sets."""
     page, now = Page(), [0.0]
     monkeypatch.setattr(runs.time, "monotonic", lambda: now[0])
     cast(Any, page.desk).viewing = Viewing()
     panel = RunsPanel(page.desk)
     panel._over.value = next(iter(runs.OVER))
+    return page, now, panel
+
+
+def test_a_click_that_comes_late_forgets_no_other_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another page has forgotten a run, or pinned one that takes the place of the oldest, a moment before."""
+    page, now, panel = runs_of_page(monkeypatch)
     buttons: dict[str, Widget] = {}
 
     def pin() -> None:
@@ -240,11 +246,7 @@ def test_a_click_that_comes_late_forgets_no_other_run(monkeypatch: pytest.Monkey
 
 
 def test_an_emptied_name_of_a_run_is_a_cancel_and_a_half_typed_one_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    page, now = Page(), [0.0]
-    monkeypatch.setattr(runs.time, "monotonic", lambda: now[0])
-    cast(Any, page.desk).viewing = Viewing()
-    panel = RunsPanel(page.desk)
-    panel._over.value = next(iter(runs.OVER))
+    page, now, panel = runs_of_page(monkeypatch)
     text = panel._rows[0]._text
     page.desk.post(StepOnce())
     page.desk.post(Pin())

@@ -32,9 +32,7 @@ _NOTHING = np.array([0.01, 0.02])  # x of a chart without lines; positive, as an
 # page receives series and data in two messages, in either order, may draw between them, and fails at a series without
 # an array.
 MOST_SERIES = 1 + PINS * (1 + MOST_JOINTS) + MOST_JOINTS * (1 + len(REACH))
-QUANTILE = (
-    "vs-unlisted-edge-quantile"  # class of quantiles, which are edges, too, but of areas that are no parts of a sum
-)
+QUANTILE = "vs-unlisted-edge-quantile"  # class of quantiles: edges, too, but of areas that are no parts of a sum
 _FOOT, _HEAD = ({"pad": 0.0, "hard": end, "soft": end, "mode": 1} for end in (0.0, 1.0))
 _RULE = "rgba(128, 128, 128, 0.7)"  # visible on dark and on light
 
