@@ -66,6 +66,14 @@ STATEMENTS: dict[Premise, Statement] = {
         "a drive saturates: the law asks for {value} times its limit",
         "largest ratio of a commanded torque to its drive's limit; a torque that is cut off is missing in (25)",
     ),
+    Premise.JOINTS: Statement(
+        "joints within their limits",
+        "≤",
+        "",
+        "a joint is beyond its limits: it is {value} times half its range from the middle (at most {limit})",
+        "largest distance of a joint from the middle of its range, by half the range; (2) has no stops, so that beyond "
+        "a limit of the URDF the run is that of no arm",
+    ),
     Premise.GAIN: Statement(
         "d covers (17)",
         "≤",
@@ -88,7 +96,7 @@ STATEMENTS: dict[Premise, Statement] = {
         "K_s and the boundary layer are too stiff for the control period: (K_s + d/s_b)T/H = {value} (must be below 2)",
         "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), without d/s_b where there is no layer; from 2 on one period "
         "can make s larger; infinite where M̂ minus its declared error is not positive definite, or where d grows with "
-        "‖s‖ faster than η comes near 1",
+        "‖s‖ faster than η comes near 1 or than a period can take from s",
     ),
     Premise.GAIN_BY_CHATTER: Statement(
         "d fed back by chattering",

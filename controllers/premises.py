@@ -49,17 +49,20 @@ class Premise(IntEnum):
     DOMAIN = 2
     REGULAR = 3
     DRIVES = 4
-    GAIN = 5
-    HELD = 6
-    LAYER = 7
-    GAIN_BY_CHATTER = 8
-    GAIN_BY_FORCE = 9
-    FORCE_LOOP = 10
-    SAMPLED_LOOP = 11
-    CONTACT = 12
+    JOINTS = 5
+    GAIN = 6
+    HELD = 7
+    LAYER = 8
+    GAIN_BY_CHATTER = 9
+    GAIN_BY_FORCE = 10
+    FORCE_LOOP = 11
+    SAMPLED_LOOP = 12
+    CONTACT = 13
 
 
-DECLARED, DOMAIN, REGULAR, DRIVES, GAIN, HELD = (int(p) for p in Premise if Premise.DECLARED <= p <= Premise.HELD)
+DECLARED, DOMAIN, REGULAR, DRIVES, JOINTS, GAIN, HELD = (
+    int(p) for p in Premise if Premise.DECLARED <= p <= Premise.HELD
+)
 LAYER, GAIN_BY_CHATTER, CONTACT = int(Premise.LAYER), int(Premise.GAIN_BY_CHATTER), int(Premise.CONTACT)
 
 
@@ -280,14 +283,14 @@ def check_posture(given, output, record, period, scratch, table, check):
     table.value[LAYER] = stiffness * period / check.H_min
 
     # outside of `radius` one period makes V smaller; from within it V can rise to `V` (docs/theory.md)
-    check.d = raised * gain_on_surface(given, output, scratch)
-    slope = raised * steepness if gains.by_theorem else 0.0
+    check.d = gain_on_surface(given, output, scratch)
+    slope = steepness if gains.by_theorem else 0.0
     check.layer_width = layer_width(gains.switching, gains.layer, check.d, slope, gains.epsilon)
-    if np.isinf(check.layer_width):
-        table.value[LAYER] = np.inf
-    stopping = check.H_min - 0.5 * period * (gains.K_s_largest + held)
+    stopping = check.H_min - period * (slope + 0.5 * (gains.K_s_largest + held))
     chatter = period * check.d / stopping if stopping > 0.0 else np.inf
     check.radius = max(check.layer_width, chatter)
+    if np.isinf(check.radius):
+        table.value[LAYER] = np.inf
     heaviest = max(check.H_max, 4.0 * check.H_min) if chatter > 0.5 * check.layer_width else check.H_max
     V = 0.5 * heaviest * check.radius**2
     before = check.V_band if np.isfinite(check.V_band) else 0.0  # infinite only where nothing was promised

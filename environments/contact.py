@@ -2,8 +2,9 @@
 
 All of them are one law for the multiplier lambda along the gradient of phi,
 
-    lambda = M_e phi_ddot + B_e phi_dot + K_e phi,
+    lambda = M_e (phi_ddot + a_e) + B_e phi_dot + K_e phi,
 
+with a_e the acceleration along phi of the surface itself where it moves, since M_e is accelerated in space (28);
 an elastic surface having no mass and a rigid one an infinite mass; f = grad(phi) lambda is the force on the
 environment. Friction adds a part along the relative velocity. Of several surfaces M_e, B_e and K_e may be matrices
 (`environments.coupled_surfaces`).
@@ -21,6 +22,7 @@ import numpy as np
 
 from environments.coupled_surfaces import EnvironmentMatrices, find_pressed
 from environments.multipliers import heavy_multipliers
+from environments.surfaces.carried import carry
 from environments.surfaces.chart import Chart, Shapes, one_of
 from environments.surfaces.table import surface_chart
 from kernels import inline
@@ -97,6 +99,7 @@ class ContactKinematics(NamedTuple):
     v_rel: (3,) m/s, slip.
     phi, phi_dot: m, m/s.
     phi_ddot_bias: m/s^2, phi_ddot without its part in q_ddot.
+    a_e: m/s^2, acceleration of the surface along phi.
     pull: (n,), phi_dot per unit of q_dot."""
 
     chart: Chart
@@ -105,13 +108,14 @@ class ContactKinematics(NamedTuple):
     phi: float
     phi_dot: float
     phi_ddot_bias: float
+    a_e: float
     pull: np.ndarray
 
     @classmethod
     def zeros(cls, n: int) -> ContactKinematics:
         """Kinematics of an arm with n joints."""
         v = np.zeros(3)
-        return cls(Chart.zeros(), v, v, 0.0, 0.0, 0.0, np.zeros(n))
+        return cls(Chart.zeros(), v, v, 0.0, 0.0, 0.0, 0.0, np.zeros(n))
 
 
 class FaceKinematics(NamedTuple):
@@ -244,11 +248,10 @@ def _meet(shape, contact, tool, t, met):
     normal = chart.G[0]
     transposed_times(tool.J_v, normal, met.pull)
 
-    omega = 2 * np.pi * shape.frequency
-    surface_speed = shape.amplitude * omega * np.cos(omega * t)
+    met.a_e = carry(shape, chart, tool.p, t, met.v_rel)
     square, into = dot(normal, normal), 0.0
     for a in range(3):
-        met.v_rel[a] = p_dot[a] - surface_speed * shape.direction[a]
+        met.v_rel[a] = p_dot[a] - met.v_rel[a]
         into += normal[a] * met.v_rel[a]
     for a in range(3):
         met.v_rel[a] -= normal[a] * (into / square)

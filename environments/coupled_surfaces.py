@@ -3,12 +3,13 @@
 A bracket that is touched on two faces yields on both where one of them is pressed. With u (k,) the displacement of
 each surface along its phi, the forces of the tool on them are
 
-    lambda = M_e u_ddot + B_e u_dot + K_e u.
+    lambda = M_e (u_ddot + a_e) + B_e u_dot + K_e u,
 
+with a_e (k,) the acceleration of the surfaces along their phi where they move.
 A surface that acts, that is carries a force, is where the tool is, u_i = phi_i. One that the tool does not touch
 carries none, and rests where the others leave it: K_e u = 0 in its row. So u = L phi of those that act, and
 
-    lambda = L^T (M_e L phi_ddot + B_e L phi_dot + K_e L phi)
+    lambda = L^T (M_e (L phi_ddot + a_e) + B_e L phi_dot + K_e L phi)
 
 for them: L^T K_e L is the Schur complement of K_e, which is exact for an elastic body; L^T B_e L and L^T M_e L are
 the damping and the mass of the body in the shape that it then has. docs/theory.md says why.
@@ -159,7 +160,7 @@ def coupled_equations(world, touch, work):
         for a in range(k):
             for c in range(k):
                 pull = matrices.K_e[a, c] * own.u[c] + matrices.B_e[a, c] * own.u_dot[c]
-                work.b[i] += own.L[a, i] * pull
+                work.b[i] += own.L[a, i] * (pull + matrices.M_e[a, c] * one_of(touch, c).a_e)
         for j in range(k):
             work.b[i] += own.mass[i, j] * work.free[j]
             work.S[i, j] = 1.0 if i == j else 0.0

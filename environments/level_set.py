@@ -106,7 +106,7 @@ def distance(bytecode, side, zeta, t, chart):
         chart.G[0, k] = side * n[k]
         change[1, k] = side * (change[1, k] - n[k] * stretch) / size
     phi_tt = side * (second - rate * stretch / size) / size
-    return side * rate / size, phi_tt, change[1, 0], change[1, 1], change[1, 2]
+    return side * rate / size, phi_tt, change[1, 0], change[1, 1], change[1, 2], phi_tt
 
 
 @inline
@@ -119,7 +119,7 @@ def _to_first_order(bytecode, side, zeta, t, chart):
         chart.G[0, k] = side * r[out[GRADIENT + k]] / size
         for a in range(3):
             chart.G_p[0, k, a] = 0.0
-    return side * r[out[RATE]] / size, 0.0, 0.0, 0.0, 0.0
+    return side * r[out[RATE]] / size, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 @inline

@@ -65,7 +65,8 @@ def _separate_equations(world, touch, work):
         contact, met = one_of(world.contacts, i), one_of(touch, i)
         weight, own, pull = 1.0, 0.0, 0.0
         if not world.rigid:
-            weight, own, pull = contact.M_e, 1.0, contact.B_e * met.phi_dot + contact.K_e * met.phi
+            weight, own = contact.M_e, 1.0
+            pull = contact.M_e * met.a_e + contact.B_e * met.phi_dot + contact.K_e * met.phi
         work.b[i] = weight * work.free[i] + pull
         for j in range(k):
             work.S[i, j] = weight * work.mobility[i, j] + (own if i == j else 0.0)

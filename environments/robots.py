@@ -157,6 +157,7 @@ class Robot:
     posture: (n,) rad (m for prismatic joints), the working posture.
     geometry: which square task space fits: "planar" (two positions, then an angle), "pose" (three positions, three
         angles), "position" (three positions); joints in `supplemental` complete it (Remark 5).
+    endless: whether each joint turns without limits.
     tool_frame, tool_offset: the URDF's link and the tool point (3,) m in it; frames: the links that it may be.
     urdf: for the meshes; its joints in `joint_names` move, the others stay where `locked` says, rad or m.
     shipped: whether the arm comes with the program, not from a user.
@@ -170,6 +171,7 @@ class Robot:
     posture: np.ndarray
     geometry: Geometry
     supplemental: tuple[int, ...]
+    endless: tuple[bool, ...]
     rotor_source: str
     tool_frame: str
     tool_offset: np.ndarray
@@ -186,6 +188,13 @@ class Robot:
     def slides(self) -> tuple[bool, ...]:
         """Whether each joint is prismatic."""
         return tuple(joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:])
+
+    @cached_property
+    def ranges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Middle and half (n,) rad or m of each joint's range; 0 and infinity for an endless one."""
+        low, high = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        endless = np.array(self.endless)
+        return np.where(endless, 0.0, (low + high) / 2), np.where(endless, np.inf, (high - low) / 2)
 
     @property
     def joint_names(self) -> list[str]:
@@ -232,6 +241,7 @@ def load(
     geometry = geometry_of(model, path.name)
     tool = Tool(model, frame.parentJoint, placement, geometry)
     names = [str(joint) for joint in list(model.names)[1:]]
+    endless = {joint.get("name") for joint in root.iter("joint") if joint.get(description.ENDLESS)}
     if posture is not None:
         home = _posture(posture, model, names)
     elif own is not None:
@@ -251,6 +261,7 @@ def load(
         posture=home,
         geometry=geometry,
         supplemental=tuple(names.index(j) for j in own.supplemental) if own else tool.supplemental(home),
+        endless=tuple(name in endless for name in names),
         rotor_source="given by the user" if rotor_inertia is not None else own.rotor_source if own else "assumed",
         tool_frame=frame_name,
         tool_offset=offset,

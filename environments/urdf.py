@@ -24,6 +24,7 @@ MOST_LINKS = 300
 MOST_VISUALS = 500
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed")
 FULL_TURN = 2 * np.pi  # rad, either way: range that a continuous joint gets
+ENDLESS = "endless"  # attribute that a joint gets which was continuous
 MESHES = (".stl", ".dae", ".obj")
 SHAPES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}, "mesh": {"scale": 3}}
 WORLD = "universe"  # Pinocchio's name for the frame in which the arm stands
@@ -56,8 +57,9 @@ def read(path: Path) -> Element:
 
 
 def parse(content: bytes, name: str) -> Element:
-    """Root of a URDF's XML. Continuous joints are changed to revolute ones, so that each has one coordinate; joints
-    with the name of a link or of the world are renamed, since Pinocchio has one table of names for both.
+    """Root of a URDF's XML. Continuous joints are changed to revolute ones, so that each has one coordinate, and marked
+    as `ENDLESS`; joints with the name of a link or of the world are renamed, since Pinocchio has one table of names for
+    both.
 
     Raises RobotError, with `name` in it, for text that is no URDF, too large, not self-contained, no tree, or no body.
     """
@@ -89,6 +91,7 @@ def parse(content: bytes, name: str) -> Element:
             joint.set("name", f"{_name(joint)}_joint")
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
+            joint.set(ENDLESS, "true")
             limit = joint.find("limit")
             limit = ElementTree.SubElement(joint, "limit", effort="1000", velocity="10") if limit is None else limit
             limit.attrib |= {"lower": str(-FULL_TURN), "upper": str(FULL_TURN)}

@@ -69,8 +69,6 @@ def metrics_of(loop: ClosedLoop, realtime_factor: float | None = None, engine: E
     last = {name: record[name][tail] for name in ("t", "e_r", "tool", "F_c", "F_cd", *MULTIPLIERS)}
     system, begun = loop.system, loop.recording.epochs[0]
     rigid, robust = system.plant.kind.rigid, system.controller.law.robust
-    tau = record["tau"]
-    duration = max(float(t[-1] - t[0]), system.scenario.controller.period)
     excess = record["s_norm"] - record["s_bound"] - record["s_band"]
     promised = excess[np.isfinite(excess)]
     standing = loop.standing
@@ -90,9 +88,9 @@ def metrics_of(loop: ClosedLoop, realtime_factor: float | None = None, engine: E
         band_time_bound=since(begun, begun.band_reached_by),
         envelope_violation=max(float(promised.max()), 0.0) if len(promised) else None,
         gain_condition_margin=_least_margin(record),
-        target_model_residual_tail=_rms(np.linalg.norm(record["residual"][tail], axis=1)),
-        torque_total_variation=[float(v) / duration for v in np.abs(np.diff(tau, axis=0)).sum(axis=0)],
-        saturated_share=float(saturated(record).mean()),
+        target_model_residual_tail=_rms(last["t"], np.linalg.norm(record["residual"][tail], axis=1)),
+        torque_total_variation=_variation(t, record["tau"]).tolist(),
+        saturated_share=float(np.average(saturated(record), weights=_durations(t))),
         simulated_time=float(t[-1]) + system.scenario.controller.period,
         realtime_factor=realtime_factor,
         engine=engine,
@@ -305,16 +303,16 @@ def account(system: System, recording: Recording, t_from: float, t_to: float) ->
     path = path_error(system, record)
     angles, force = angle_error(system, record), force_error(system, record) if system.m else None
     return Account(
-        path_rms=None if path is None else _rms(path),
+        path_rms=None if path is None else _rms(t, path),
         path_max=_largest(path),
-        angle_rms=None if angles is None else _rms(angles),
+        angle_rms=None if angles is None else _rms(t, angles),
         angle_max=_largest(angles),
-        force_rms=None if force is None else _rms(force),
+        force_rms=None if force is None else _rms(t, force),
         force_max=_largest(force),
         s_max=float(record["s_norm"][gained].max()) if (gained := record["d"] > 0.0).any() else None,
-        residual_rms=_rms(np.linalg.norm(record["residual"], axis=1)),
-        effort=_rms(np.linalg.norm(record["tau_applied"], axis=1)),
-        variation=float(np.abs(np.diff(record["tau"], axis=0)).sum() / (t[-1] - t[0])),
+        residual_rms=_rms(t, np.linalg.norm(record["residual"], axis=1)),
+        effort=_rms(t, np.linalg.norm(record["tau_applied"], axis=1)),
+        variation=float(_variation(t, record["tau"]).sum()),
         gain_margin=_least_margin(record),
     )
 
@@ -324,5 +322,20 @@ def _largest(errors: np.ndarray | None) -> float | None:
     return None if errors is None else float(np.abs(errors).max())
 
 
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _rms(t: np.ndarray, values: np.ndarray) -> float:
+    return float(np.sqrt(np.average(values**2, weights=_durations(t))))
+
+
+def _durations(t: np.ndarray) -> np.ndarray:
+    """Time (N,) s that each of the rows at t (N,) s stands for: more where a long recording was thinned."""
+    return np.diff(t, append=2.0 * t[-1] - t[-2]) if len(t) > 1 else np.ones(len(t))
+
+
+def _variation(t: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Sum of the |changes| per second of each column of tau (N, n), (n,): of the rows with the shortest interval, since
+    changes between rows that were thinned out are lost."""
+    if len(t) < 2:
+        return np.zeros(tau.shape[1])
+    steps = np.diff(t)
+    kept = steps < 1.5 * steps.min()
+    return np.abs(np.diff(tau, axis=0))[kept].sum(axis=0) / steps[kept].sum()

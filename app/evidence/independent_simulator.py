@@ -101,6 +101,10 @@ class Surface:
         time (3,)."""
         return _differentiated(self.coordinates, p, t)
 
+    def acceleration(self, t: float) -> np.ndarray:
+        """Acceleration (3,) m/s^2 of a surface that does not tilt."""
+        return -(self.omega**2) * self.amplitude * np.sin(self.omega * t)
+
 
 @dataclass(frozen=True)
 class Corner:
@@ -386,16 +390,21 @@ class PaperLoop:
         return np.linalg.solve(pin.crba(self.true, self.true_data, q), torque - h)
 
     def contact(
-        self, m: Motion, q: np.ndarray, q_dot: np.ndarray, torque: Callable[[np.ndarray], np.ndarray]
+        self, m: Motion, q: np.ndarray, q_dot: np.ndarray, t: float, torque: Callable[[np.ndarray], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Contact: lambda (m,) N and q_ddot (n,) rad/s^2, with lambda = M_e phi_ddot + B_e phi_dot + K_e phi, (28) and
-        (32), or with phi_ddot = 0, the constraints (39) differentiated twice. torque: function of lambda, affine."""
+        """Contact: lambda (m,) N and q_ddot (n,) rad/s^2, with lambda = M_e (phi_ddot + a_e) + B_e phi_dot + K_e phi,
+        (28) and (32), where a_e is the acceleration of the surfaces along phi, or with phi_ddot = 0, the constraints
+        (39) differentiated twice. torque: function of lambda, affine."""
         w, k = self.world, self.m
+        a_e = np.zeros(k)
+        for i, normal in enumerate(m.normals):
+            a_e[i] = normal @ w.surfaces[i].acceleration(t)
 
         def miss(lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             q_ddot = self.acceleration(q, q_dot, torque(lam) - m.J.T @ (m.wrench(lam) - w.push))
             phi_ddot = (m.J_q @ q_ddot + m.J_q_dot @ q_dot + m.v_t_dot)[:k]
-            return (phi_ddot if w.rigid else w.M_e @ phi_ddot + w.B_e @ m.r_dot[:k] + w.K_e @ m.r[:k] - lam), q_ddot
+            pressed = w.M_e @ (phi_ddot + a_e) + w.B_e @ m.r_dot[:k] + w.K_e @ m.r[:k]
+            return (phi_ddot if w.rigid else pressed - lam), q_ddot
 
         (at_0, without), ones = miss(np.zeros(k)), [miss(one) for one in np.eye(k)]
         lam = np.linalg.solve(np.column_stack([at_0 - at for at, _ in ones]), at_0)
@@ -405,7 +414,7 @@ class PaperLoop:
         """Derivative d/dt of (q, q_dot, z) (3n,) under the law."""
         q, q_dot, z = y.reshape(3, self.n)
         m = self.motion(q, q_dot, t)
-        lam, q_ddot = self.contact(m, q, q_dot, lambda lam: self.law(m, q, q_dot, z, lam, t).tau)
+        lam, q_ddot = self.contact(m, q, q_dot, t, lambda lam: self.law(m, q, q_dot, z, lam, t).tau)
         return np.concatenate([q_dot, q_ddot, self.law(m, q, q_dot, z, lam, t).z_dot])
 
     def slope_under(self, tau: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:
@@ -413,7 +422,7 @@ class PaperLoop:
 
         def slope(t: float, y: np.ndarray) -> np.ndarray:
             q, q_dot = y.reshape(2, self.n)
-            return np.concatenate([q_dot, self.contact(self.motion(q, q_dot, t), q, q_dot, lambda _: tau)[1]])
+            return np.concatenate([q_dot, self.contact(self.motion(q, q_dot, t), q, q_dot, t, lambda _: tau)[1]])
 
         return slope
 

@@ -31,12 +31,15 @@ class Limits(NamedTuple):
     """Thresholds of the alarms of a period.
     sigma_min: m.
     speed: rad/s.
+    q_middle, q_half: (n,) rad or m, the range of each joint; q_half is infinite where it has none.
     rigid: (3,), 1 for each rigid surface.
     meets: (3,), 1 for each surface with a mass that the tool may leave and meet again.
     pressed: (3,), 1 for each surface that is not rigid, but that the tool should press."""
 
     sigma_min: float
     speed: float
+    q_middle: np.ndarray
+    q_half: np.ndarray
     rigid: np.ndarray
     meets: np.ndarray
     pressed: np.ndarray

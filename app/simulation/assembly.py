@@ -51,6 +51,7 @@ from app.simulation.environment_checks import (
     require_pushing,
     require_reachable_moment,
     require_sampled_delays,
+    require_sampled_frequencies,
     require_sampled_paths,
     require_surfaces,
 )
@@ -140,6 +141,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     require_reachable_moment(scenario, mode)
     require_sampled_delays(scenario)
     require_sampled_paths(scenario)
+    require_sampled_frequencies(scenario)
     motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 

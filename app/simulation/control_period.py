@@ -32,6 +32,7 @@ from controllers.premises import (
     DRIVES,
     GAIN,
     HELD,
+    JOINTS,
     REGULAR,
     PostureCheck,
     PremiseScratch,
@@ -209,6 +210,7 @@ def _fill_table(setting, evaluation, arm, t):
         table.value[DECLARED] = true.outsiders + violated
     table.value[REGULAR], table.limit[REGULAR] = 1.0 / seen.task.J_q_inv_norm, setting.limits.sigma_min
     table.value[DRIVES], table.limit[DRIVES] = _share_of_drives(setting.torque_limit, output.tau), 1.0
+    table.value[JOINTS], table.limit[JOINTS] = _share_of_range(setting.limits, arm.q), 1.0
     table.value[GAIN], table.limit[GAIN] = sum_of(output.needed), output.d
     spared = SAMPLING_SHARE * gains.K_s_smallest * output.s_norm
     table.value[HELD], table.limit[HELD] = 0.0, check.held_limit + spared
@@ -257,6 +259,15 @@ def _share_of_drives(limits, tau):
     largest = 0.0
     for i in range(tau.shape[0]):
         largest = max(largest, abs(tau[i]) / limits[i])
+    return largest
+
+
+@inline
+def _share_of_range(limits, q):
+    """Largest distance of a joint from the middle of its range over half of it, 1."""
+    largest = 0.0
+    for i in range(q.shape[0]):
+        largest = max(largest, abs(q[i] - limits.q_middle[i]) / limits.q_half[i])
     return largest
 
 

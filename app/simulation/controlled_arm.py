@@ -255,7 +255,7 @@ def _setting_of(system: System, *, online: bool) -> Setting:
         online=online,
         heavy=plant.kind.heavy,
         torque_limit=np.broadcast_to(plant.truth.torque_limit, system.robot.n),
-        limits=Limits(scenario.simulation.sigma_min, SPEED_LIMIT, rigid, meets, pressed),
+        limits=Limits(scenario.simulation.sigma_min, SPEED_LIMIT, *system.robot.ranges, rigid, meets, pressed),
         true_arm=_true_arm_of(system),
     )
 

@@ -164,3 +164,18 @@ def require_sampled_paths(scenario: Scenario) -> None:
                 f"{section}.period: {period:g} s, at most two control periods, so that the loop sees a slower path; "
                 f"allowed: above {shortest:g} s, or a shorter controller.period"
             )
+
+
+def require_sampled_frequencies(scenario: Scenario) -> None:
+    """Raise ScenarioError for a desired force, or a surface that moves or tilts, at half the control rate or faster:
+    the loop sees a slower one."""
+    half = 0.5 / scenario.controller.period
+    for each in scenario.surfaces:
+        sections = {"surface.motion": each.form.motion, "surface.tilt": getattr(each.form, "tilt", None)}
+        for name, section in (sections | {"force": each.force}).items():
+            swings = getattr(section, "amplitude", 0.0) > 0.0
+            if swings and (frequency := getattr(section, "frequency", 0.0)) >= half:
+                raise ScenarioError(
+                    f"{each.path}{name}.frequency: {frequency:g} Hz, at least half the control rate, so that the loop "
+                    f"sees a slower one; allowed: below {half:g} Hz, or a shorter controller.period"
+                )

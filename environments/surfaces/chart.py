@@ -19,6 +19,7 @@ class Chart(NamedTuple):
     g, G, G_p: (3,); (3, 3), gradients as rows; (3, 3, 3), Hessians.
     g_t, G_t, g_tt: (3,), (3, 3), (3,), partial derivatives in time of g and G, and the second one of g.
     normal_tt: (3,) 1/s^2, second partial derivative in time of the gradient of phi; only a plane computes it.
+    deforming: m/s^2, the part of g_tt[0] of a surface that changes its shape, not only its place.
     """
 
     g: np.ndarray
@@ -28,12 +29,13 @@ class Chart(NamedTuple):
     G_t: np.ndarray
     g_tt: np.ndarray
     normal_tt: np.ndarray
+    deforming: float
 
     @classmethod
     def zeros(cls) -> Chart:
         """Chart of zeros, before it is computed."""
         v, square = np.zeros(3), np.zeros((3, 3))
-        return cls(v, square, np.zeros((3, 3, 3)), v, square, v, v)
+        return cls(v, square, np.zeros((3, 3, 3)), v, square, v, v, 0.0)
 
 
 class Turning(NamedTuple):
@@ -92,7 +94,8 @@ class Shapes(NamedTuple):
         )
 
 
-STILL = (0.0, 0.0, 0.0, 0.0, 0.0)  # terms that a form that does not change adds to phi's derivatives, see `distance`
+# terms that a form that does not change adds to the derivatives of phi: to g_t, g_tt, the three of G_t and `deforming`
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @inline

@@ -40,7 +40,7 @@ def _chart(zeta, shape, t, chart):
         g_t += chart.G_t[0, k] * zeta[k]
         g_tt += chart.normal_tt[k] * zeta[k]
     chart.g[0] = g
-    return g_t, g_tt, chart.G_t[0, 0], chart.G_t[0, 1], chart.G_t[0, 2]
+    return g_t, g_tt, chart.G_t[0, 0], chart.G_t[0, 1], chart.G_t[0, 2], 0.0
 
 
 class Tilt(Section, frozen=True, forbid_unknown_fields=True):

@@ -49,6 +49,7 @@ def surface_chart(shape, p, t, chart):
             chart.g_tt[i] += -chart.G_t[i, k] * speed * u[k] + chart.G[i, k] * omega**2 * moved * u[k]
     chart.g_t[0] += form[0]  # and those of its form
     chart.g_tt[0] += form[1]
+    chart.deforming = form[5]
     for k in range(3):
         chart.G_t[0, k] += form[2 + k]
         chart.g_tt[0] -= 2.0 * form[2 + k] * speed * u[k]

@@ -12,6 +12,7 @@ from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.recording import BLOCK
 from app.storage.constants_store import kept_memory
 
 
@@ -126,3 +127,24 @@ def test_a_law_that_reads_no_force_is_foretold_as_with_k_f_of_1(law: str) -> Non
     derived = PerturbationAnalysis(loop.system).recorded(rows, tuple(loop.recording.epochs), np.arange(2))
     assert derived["steady_force"][-1] == pytest.approx(rows["multiplier"][-1], rel=1e-3)
     assert rows["multiplier"][-1] > 5.0
+
+
+def test_rows_that_were_thinned_count_by_the_time_that_they_stand_for() -> None:
+    """A run whose force swings with the noise of its sensor, kept whole and with a short memory: the quiet end is in
+    full, so that figures by the number of rows would be those of the end."""
+    scenario = edited(shipped()["planar3r-hybrid"], "sensor.noise", 0.5)
+    whole, kept = (
+        ClosedLoop.from_scenario(scenario, history, memory=kept_memory()) for history in (100_000, 2 * BLOCK)
+    )
+    for loop in (whole, kept):
+        while loop.t < 8 * BLOCK * loop.period:
+            loop.advance()
+    assert len(kept.recording.rows()) < 0.6 * len(whole.recording.rows())
+    end = kept.recording.first, kept.t
+    full, thinned = (account(loop.system, loop.recording, *end) for loop in (whole, kept))
+    assert full is not None
+    assert thinned is not None
+    assert thinned.force_rms == pytest.approx(full.force_rms, rel=0.05)
+    assert thinned.effort == pytest.approx(full.effort, rel=0.01)
+    assert thinned.variation == pytest.approx(full.variation, rel=0.05)
+    assert metrics_of(kept).torque_total_variation == pytest.approx(metrics_of(whole).torque_total_variation, rel=0.05)

@@ -338,3 +338,12 @@ def test_uploads_are_kept_by_their_contents(tmp_path: Path, monkeypatch: pytest.
         uploaded_urdfs.keep("evil.xml", b"<!DOCTYPE a><robot/>")
     files = sorted(tmp_path.rglob("*.*"))
     assert len([file for file in files if file.is_file()]) == 2
+
+
+def test_only_a_continuous_joint_has_no_range(tmp_path: Path) -> None:
+    """A continuous joint has the limits of one turn for the model, but may turn on."""
+    (urdf := tmp_path / "arm.urdf").write_text(TEXT)
+    middle, half = robots.load("", urdf=str(urdf)).ranges
+    assert np.isinf(half).tolist() == [True, False, False]
+    np.testing.assert_allclose(half[1], 1.8)
+    np.testing.assert_allclose(middle[:2], 0.0)

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+from environments.surfaces.carried import carry
 from environments.surfaces.form import SurfaceMotion
+from environments.surfaces.formula import FormulaSurface
+from environments.surfaces.plane import Plane, Tilt
 from environments.surfaces.table import Surface
+from kernels import kernel
+from kernels.records import Record
 from tests.support.surfaces import AT_REST, DIAGONALLY, cylinder, plane, sphere
 
 SURFACES = ("plane", "cylinder outside", "cylinder inside", "sphere outside", "sphere inside")
@@ -37,6 +43,18 @@ def kind(request: pytest.FixtureRequest) -> str:
 @pytest.fixture(params=MOTIONS)
 def body(request: pytest.FixtureRequest, kind: str) -> Surface:
     return surface(kind, MOTIONS[request.param])
+
+
+@kernel
+def _carry_alone(shapes, chart, p, t, velocity, into):
+    into[0] = carry(shapes[0].first, chart[0], p, t, velocity)
+
+
+def carried(body: Surface, p: np.ndarray, t: float, velocity: np.ndarray) -> float:
+    """Velocity (3,) m/s, written, and acceleration along phi, m/s^2, of the surface's point at p."""
+    into = np.empty(1)
+    _carry_alone(Record(body.shapes).data, Record(body.chart(p, t)).data, p, t, velocity, into)
+    return float(into[0])
 
 
 def near(count: int = 10) -> list[tuple[np.ndarray, float]]:
@@ -98,3 +116,31 @@ def test_a_reference_along_the_axis_is_refused() -> None:
     axis = np.array([0.0, 1.0, 0.0])
     with pytest.raises(ValueError, match=r"surface\.reference.*parallel to the axis"):
         cylinder(np.zeros(3), axis, 2 * axis, 0.3, "outside")
+
+
+def test_velocity_and_acceleration_of_the_surfaces_point_at_the_tool() -> None:
+    """Those of a point that is fixed to a plane which moves and turns about an oblique axis."""
+    tilt = Tilt(amplitude=0.4, frequency=1.5, axis=(0.3, -0.5, 0.8))
+    form = Plane(origin=tuple(TOOL), normal=tuple(TOWARDS), motion=DIAGONALLY, tilt=tilt)
+    body, axis = Surface.of(form, TOOL), np.array(tilt.axis) / np.linalg.norm(tilt.axis)
+
+    def turned(t: float) -> np.ndarray:
+        return pin.AngleAxis(tilt.amplitude * np.sin(2 * np.pi * tilt.frequency * t), axis).toRotationMatrix()
+
+    for p, t in near():
+        fixed, velocity = turned(t).T @ (p - body.origin - body.motion.offset(t)), np.zeros(3)
+        chart, h = body.chart(p, t), 1e-4
+        before, here, after = (body.origin + body.motion.offset(at) + turned(at) @ fixed for at in (t - h, t, t + h))
+        into = carried(body, p, t, velocity)
+        np.testing.assert_allclose(velocity, (after - before) / (2 * h), atol=1e-5)
+        assert into == pytest.approx(chart.G[0] @ (after - 2 * here + before) / h**2, abs=1e-4)
+
+
+def test_a_plane_by_a_formula_that_rises_is_accelerated_like_a_plane_that_moves() -> None:
+    motion = SurfaceMotion(direction=(0.0, 0.0, 1.0), amplitude=0.02, frequency=0.7)
+    moved = Surface.of(Plane(origin=(0.5, 0.1, 0.4), normal=(0.0, 0.0, -1.0), motion=motion), TOOL)
+    typed = FormulaSurface(origin=(0.5, 0.1, 0.4), normal=(0.0, 0.0, -1.0), text="z - 0.02*sin(2*pi*0.7*t)")
+    for p, t in near():
+        into = [carried(body, p, t, np.zeros(3)) for body in (moved, Surface.of(typed, TOOL))]
+        assert abs(into[0]) > 1e-3
+        assert into[1] == pytest.approx(into[0], rel=1e-9)

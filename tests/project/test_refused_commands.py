@@ -213,6 +213,21 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
             "rotation.period: 0.002 s, at most two control periods",
         ),
         (
+            ("run", "ur5-hybrid", "--set", "force=sinusoid", "force.frequency=50", "controller.period=0.01"),
+            "force.frequency: 50 Hz, at least half the control rate, so that the loop sees a slower one",
+        ),
+        (
+            (
+                "run",
+                "ur5-groove-moving",
+                "--set",
+                "second.surface.motion.amplitude=0.001",
+                "second.surface.motion.frequency=20",
+                "controller.period=0.025",
+            ),
+            "second.surface.motion.frequency: 20 Hz, at least half the control rate",
+        ),
+        (
             ("run", "ur5-hybrid", "--set", "surface.normal=[1e200,1e200,0]"),
             "surface.normal: [1e+200, 1e+200, 0.0]; allowed: a vector of a length from 1e-09 to 1e+09\n",
         ),

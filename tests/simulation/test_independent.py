@@ -71,7 +71,7 @@ def test_each_term_at_random_states(twin: Twin) -> None:
         np.testing.assert_allclose(out.z_dot, answer.z_dot, atol=1e-6)
         np.testing.assert_allclose(out.tau, answer.tau, atol=1e-7 * np.abs(answer.tau).max())
 
-        lam, q_ddot = paper.contact(m, q, q_dot, lambda _, tau=answer.tau: tau)
+        lam, q_ddot = paper.contact(m, q, q_dot, t, lambda _, tau=answer.tau: tau)
         applied = answer.tau + system.plant.torque_of_push(state, paper.world.push)
         found = system.plant.respond(state, applied, t, 1e-3).multiplier[:k]
         np.testing.assert_allclose(found, lam[:k], rtol=1e-6, atol=1e-6)
@@ -108,7 +108,7 @@ def test_recorded_residual_is_that_of_the_target_model(twin: Twin) -> None:
     seen = loop.recording.signals(("t", "q", "q_dot", "tau", "residual"))
     for t, q, q_dot, tau, residual in list(zip(*seen.values(), strict=True))[3::8]:
         m, (r_d, r_d_dot, r_d_ddot, f_nd) = paper.motion(q, q_dot, t), paper.reference(t)
-        lam, q_ddot = paper.contact(m, q, q_dot, lambda _, tau=tau: tau)
+        lam, q_ddot = paper.contact(m, q, q_dot, t, lambda _, tau=tau: tau)
         e_ddot = m.J_q @ q_ddot + m.J_q_dot @ q_dot + m.v_t_dot - r_d_ddot
         _, e_F = paper.forces(m, lam, f_nd)
         expected = g.M_m @ e_ddot + g.B_m @ (m.r_dot - r_d_dot) + g.K_m @ (m.r - r_d) + g.K_f @ e_F

@@ -17,7 +17,7 @@ def test_the_layer_of_a_run_counts_the_gain_that_grows_with_s(switching: str) ->
     loop.step()
     table, check = (loop.state.evaluation.part(name) for name in ("table", "posture_check"))
     gains, share = loop.system.controller.gains, float(table.value[Premise.GAIN_BY_CHATTER])
-    slope = share * check.H_min / loop.period / (1.0 - share)
+    slope = share * check.H_min / loop.period
     expected = layer_width(gains.switching, gains.layer, check.d, slope, gains.epsilon)
     assert check.layer_width == pytest.approx(expected, rel=1e-9)
     assert expected > 1.01 * layer_width(gains.switching, gains.layer, check.d, 0.0, gains.epsilon)
@@ -30,3 +30,32 @@ def test_nothing_is_promised_where_the_rational_function_has_no_layer() -> None:
     assert loop.state.evaluation.part("posture_check").layer_width == float("inf")
     assert loop.standing.now.verdict == "nothing promised"
     assert "must be below 2" in loop.standing.now.because
+
+
+def test_beyond_the_radius_one_period_of_the_worst_perturbation_takes_energy_though_the_gain_grows() -> None:
+    """(b) of docs/theory.md with c = -1, where the robust term pushes s over zero, and d = d_0 + slope ||s||."""
+    fields = {"controller__bounds": "paper", "controller__period": 0.001, "controller__K_s": [800.0] * 6}
+    loop = ClosedLoop.from_scenario(short("ur5-motion-discontinuous", **fields))
+    loop.step()
+    table, check = (loop.state.evaluation.part(name) for name in ("table", "posture_check"))
+    T, h, epsilon = loop.period, check.H_min, loop.system.controller.gains.epsilon
+    share, K_s = float(table.value[Premise.GAIN_BY_CHATTER]), 800.0
+    assert share > 0.3
+
+    def taken(r: float) -> float:
+        d = check.d + share * h / T * r
+        a, P = K_s * r + d, d - 0.75 * epsilon + 0.25 * K_s * r
+        return r - 0.5 * T / h * (a + P)
+
+    assert taken(float(check.radius)) > 0.0
+    assert taken(0.97 * float(check.radius)) < 0.0
+
+
+def test_nothing_is_promised_where_the_gain_grows_by_more_than_a_period_can_take() -> None:
+    """Chattering feeds back 0.9 of d, and K_s takes 0.6 of s: each alone is allowed."""
+    fields = {"controller__bounds": "paper", "controller__period": 0.0025, "controller__K_s": [800.0] * 6}
+    loop = ClosedLoop.from_scenario(short("ur5-motion-discontinuous", **fields))
+    loop.step()
+    assert float(loop.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER]) < 1.0
+    assert loop.standing.now.verdict == "nothing promised"
+    assert "too stiff for the control period" in loop.standing.now.because

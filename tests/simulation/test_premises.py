@@ -40,6 +40,14 @@ pytestmark = pytest.mark.slow  # long or many simulations
             {"simulation__domain_radius": 0.0005, "truth__push": [0, 0, 300], "truth__push_start": 0},
         ),
         ("drives", "ur5-motion", {"truth__torque_limit": 0.1}),
+        (
+            "joints",
+            "panda-hybrid",
+            {
+                "robot__posture": [0.0, -0.4, 0.0, -2.2, 0.0, 1.8, 2.89],
+                "rotation": {"kind": "line", "displacement": [0.0, 0.0, 0.2], "period": 0.6, "ramp": 0.0},
+            },
+        ),
         ("gain", "ur5-hybrid", {"controller__gain": "constant", "controller__d": 11.0}),
         ("held", "ur5-hybrid", {"sensor__delay": 0.004, "controller__epsilon": 0.2}),
         ("layer", "ur5-motion", {"controller__layer": 0.001}),
