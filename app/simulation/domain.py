@@ -18,7 +18,7 @@ from controllers.nominal_model import NominalModel
 from environments.step_resolution import Mobility, mobilities
 from environments.surfaces.table import Surface
 
-INERTIA, OTHERS = Effort(120, 3), Effort(40, 2)  # of the search; the other functions change less over Omega
+INERTIA, OTHERS = Effort(240, 8), Effort(40, 2)  # of the search; the other functions change less over Omega
 MARGIN = 1.02  # factor on all results of searches; docs/symbols.md says what longer ones find
 SLOWEST = 1e-3  # Hz: for a surface that moves more slowly, only the first 1000 s count
 
