@@ -38,7 +38,7 @@ def sweep_plot(
         over: fields for the axes
         kind: kind of chart
         to: file format; by default the format that the file's name says, or svg
-        out: file to write; by default a file in the folder of the sweep, named after the metric
+        out: file to write; by default a file in the folder of the sweep, named after what is shown
     """
     from app.process.atomic_write import write_whole
     from app.sweep import charts, points
@@ -63,7 +63,7 @@ def sweep_plot(
     if sweep.program != fingerprint(sweep):
         print_line(f"this sweep was computed by {another_program(sweep)}: a metric may have had another meaning")
     points.require_metric(columns, of)
-    path, drawn = out or folder / f"{of}.{form}", charts.chart(sweep, columns, view, form)
+    path, drawn = out or folder / f"{view.name}.{form}", charts.chart(sweep, columns, view, form)
     with written_to(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, lambda file: file.write(drawn))

@@ -72,7 +72,8 @@ def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice,
     out.mkdir(parents=True, exist_ok=True)
     for kind in kinds:
         content = choice.name if kind in ("svg", "pdf", "png", "html") else ""
-        path = out / file_name(stretch.scenario.name, float(rows[-1]), kind, content)
+        start = 0.0 if kind in OF_ONE_INSTANT else stretch.start
+        path = out / file_name(stretch.scenario.name, float(rows[-1]), kind, content, start)
         try:
             _write(stretch, kind, choice, path)
         except TooLarge as error:

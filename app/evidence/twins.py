@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from app.evidence.independent_simulator import Face, Gains, PaperLoop, Surface, Tilt, Wish, World, integrate
+from app.evidence.independent_simulator import Gains, PaperLoop, Wish, World, integrate
+from app.evidence.independent_surfaces import Face, Surface, Tilt
 from app.scenario.data import edited, from_plain
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate

@@ -93,10 +93,11 @@ class Failure:
     reason: str
 
 
-def file_name(scenario_name: str, t: float, extension: str, content: str = "") -> str:
+def file_name(scenario_name: str, t: float, extension: str, content: str = "", start: float = 0.0) -> str:
     """File name such as "vsmrc-ur5-hybrid-torques-12.34s.svg", with letters, digits, dots and dashes only. t: instant,
-    s; content: what is in it, where that is not all of the run."""
-    parts = ("vsmrc", plain_name(scenario_name) or "run", plain_name(content, LONGEST_CONTENT), f"{t:.2f}s")
+    s; content: what is in it, where that is not all of the run; start: s, of the stretch that ends at t."""
+    times = f"{start:.2f}-{t:.2f}s" if start > 0.0 else f"{t:.2f}s"
+    parts = ("vsmrc", plain_name(scenario_name) or "run", plain_name(content, LONGEST_CONTENT), times)
     return f"{'-'.join(filter(None, parts))}.{extension}"
 
 

@@ -50,9 +50,7 @@ from app.simulation.environment_checks import (
     require_face,
     require_pushing,
     require_reachable_moment,
-    require_sampled_delays,
-    require_sampled_frequencies,
-    require_sampled_paths,
+    require_sampled,
     require_surfaces,
 )
 from app.simulation.error_model import ErrorModel
@@ -139,9 +137,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         charted = task_surface(scenario, surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p)
     require_pushing(scenario, mode)
     require_reachable_moment(scenario, mode)
-    require_sampled_delays(scenario)
-    require_sampled_paths(scenario)
-    require_sampled_frequencies(scenario)
+    require_sampled(scenario)
     motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 

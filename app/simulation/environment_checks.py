@@ -140,7 +140,14 @@ def require_reachable_moment(scenario: Scenario, mode: Mode) -> None:
         )
 
 
-def require_sampled_delays(scenario: Scenario) -> None:
+def require_sampled(scenario: Scenario) -> None:
+    """Raise ScenarioError for what is too fast or too short for the control period."""
+    _require_sampled_delays(scenario)
+    _require_sampled_paths(scenario)
+    _require_sampled_frequencies(scenario)
+
+
+def _require_sampled_delays(scenario: Scenario) -> None:
     """Raise ScenarioError for a delay of the force sensor that would be none: it takes a whole number of control
     periods, the nearest one."""
     period = scenario.controller.period
@@ -153,7 +160,7 @@ def require_sampled_delays(scenario: Scenario) -> None:
             )
 
 
-def require_sampled_paths(scenario: Scenario) -> None:
+def _require_sampled_paths(scenario: Scenario) -> None:
     """Raise ScenarioError for a path that is over and over again at its start within two control periods: the loop sees
     a slower one."""
     shortest = 2.0 * scenario.controller.period
@@ -166,7 +173,7 @@ def require_sampled_paths(scenario: Scenario) -> None:
             )
 
 
-def require_sampled_frequencies(scenario: Scenario) -> None:
+def _require_sampled_frequencies(scenario: Scenario) -> None:
     """Raise ScenarioError for a desired force, or a surface that moves or tilts, at half the control rate or faster:
     the loop sees a slower one."""
     half = 0.5 / scenario.controller.period

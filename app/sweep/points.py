@@ -37,6 +37,12 @@ class SweepView:
     over: tuple[str, ...] = ()
     kind: Kind | None = None
 
+    @property
+    def name(self) -> str:
+        """Name that tells it from other views of the same sweep."""
+        limit = None if self.within is None else f"within-{self.within:g}"
+        return "-".join(filter(None, (self.metric, limit, self.statistic, self.kind, *self.over)))
+
 
 @dataclass(frozen=True)
 class Points:

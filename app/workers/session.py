@@ -167,12 +167,16 @@ def _folder(kept: KeptFolder, dashboard: Dashboard) -> StateFolder | None:
     except StateError as error:
         dashboard.offer(remark(f"this session is not kept: {error}"))
         return None
-    for problem in (
-        dashboard.notebook.keep_in(folder.path),
-        dashboard.classroom.keep_in(folder.path, dashboard.fail),
-    ):
-        if problem:
-            dashboard.offer(remark(problem))
+    try:
+        problems = (
+            dashboard.notebook.keep_in(folder.path),
+            dashboard.classroom.keep_in(folder.path, dashboard.fail),
+        )
+    except OSError as error:
+        dashboard.offer(remark(f"this session is not kept: {folder.path}: {error.strerror}"))
+        return None
+    for problem in filter(None, problems):
+        dashboard.offer(remark(problem))
     return folder
 
 

@@ -20,6 +20,7 @@ def test_file_names_are_tame() -> None:
     assert file_name("ur5-hybrid", 12.3456, "svg") == "vsmrc-ur5-hybrid-12.35s.svg"
     assert file_name("ur5-hybrid", 2.0, "svg", "normal force tau_1") == "vsmrc-ur5-hybrid-normal-force-tau_1-2.00s.svg"
     assert file_name("../../etc/<pass wd>\n", 0.0, "csv") == "vsmrc-etc-pass-wd-0.00s.csv"
+    assert file_name("ur5-hybrid", 2.0, "svg", start=0.5) == "vsmrc-ur5-hybrid-0.50-2.00s.svg"
     assert file_name("Ä", 0.0, "csv") == "vsmrc-run-0.00s.csv"
     assert len(file_name("x" * 500, 1.0, "npz")) < 80
     lines = ("α", "β", "ψ₁", "ψ₂", "τ₁", "ℓ·α", "‖residual‖", "residual", "x" * 200, "x" * 199 + "y")
@@ -62,6 +63,9 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
     assert vsmrc("export", saved, "--out", str(again), "--to", "svg", "csv", *plots).returncode == 0
     for name in ("vsmrc-ur5-hybrid-Overview-Sliding-0.50s.svg", "vsmrc-ur5-hybrid-0.50s.csv"):
         assert (again / name).read_bytes() == (first / name).read_bytes()
+    assert commands.execute(["export", saved, "--start", "0.1", "--to", "csv", "npz", "toml", "--out", str(again)]) == 0
+    parts = {"vsmrc-ur5-hybrid-0.10-0.50s.csv", "vsmrc-ur5-hybrid-0.10-0.50s.npz", "vsmrc-ur5-hybrid-0.50s.toml"}
+    assert parts < {path.name for path in again.iterdir()}  # the whole run's files are still there
     for arguments, message in (
         (
             (saved, "--start", "3", "--out", str(again)),

@@ -10,9 +10,6 @@ from pathlib import Path
 import pytest
 
 from app.cli.commands import COMMANDS
-from app.scenario.data import edited, from_toml, load
-from app.scenario.errors import ScenarioError
-from app.scenario.schema import Scenario
 from tests.support.commands import Done, vsmrc
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -144,25 +141,9 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
         (("run", "ur5-hybird"), "; did you mean ur5-hybrid?"),
         (("run", "UR5-Motion"), "; did you mean ur5-motion?"),
         (
-            ("run", "ur5-hybrid", "--set", "force.vale=3"),
-            "force.vale: no such field; allowed: kind, value; did you mean v",
-        ),
-        (("run", "ur5-hybrid", "--set", "robot.nmae=ur3"), "; did you mean name?"),
-        (("run", "ur5-hybrid", "--set", "robot.name=pandas"), "; did you mean panda?"),
-        (("run", "ur5-hybrid", "--set", "mode=hybrd"), "; did you mean hybrid?"),
-        (("run", "ur5-hybrid", "--set", "contact.kind=elastc"), "; did you mean elastic?"),
-        (("run", "ur5-hybrid", "--set", "controller.law=vsmcr"), "; did you mean vsmrc?"),
-        (
             ("exprt", "ur5-hybrid"),
             "no such command; allowed: serve, run, compare, export, response, sweep, tune, figures, lesson, list; did",
         ),
-        (("run", "ur5-hybrid", "--set", "force.value"), "allowed: KEY=VALUE"),
-        (("run", "ur5-hybrid", "--set", "force.value=nan"), "force.value: nan; allowed: a finite number"),
-        (("run", "ur5-hybrid", "--set", "controller.layer=-1"), "controller.layer: -1; allowed: a number > 0"),
-        (("run", "ur5-hybrid", "--set", "mode=constrained"), "contact.kind: 'elastic' in constrained mode"),
-        (("run", "ur5-hybrid", "--set", "target_model.M_m=[1,2]"), "target_model.M_m: 2 entries; allowed: 6"),
-        (("run", "ur5-hybrid", "--set", "robot.urdf=/none.urdf"), "robot.urdf: cannot read /none.urdf"),
-        (("run", "ur5-hybrid", "--set", "robot.tool_frame=hand"), "robot.tool_frame: no frame 'hand'"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e4:1e5:3", "--draw", "-1"), "--draw -1; allowed: 0 or more"),
         (("tune", "ur5-hybrid", "--seed", "5000000000"), "--seed 5000000000; allowed: at most 4294967295"),
         (
@@ -178,59 +159,6 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
             "simulation.duration: 1e-05 s; allowed: at least a control period, 0.001 s",
         ),
         (("run", "ur5-hybrid", "--blend-at", "3"), "--blend-at or --blend-over without --blend-to; allowed: with"),
-        (("run", "ur5-hybrid", "--set", "contact.K_e=0"), "contact.K_e: 0 N/m, which takes no force in hybrid mode"),
-        (
-            ("run", "ur5-motion", "--set", "truth.push=[0,5,0]", "truth.push_frequency=500"),
-            "truth.push_frequency: 500 Hz, at least half the control rate, so that the loop sees a slower one",
-        ),
-        (
-            (
-                *("run", "ur5-motion", "--set", "truth.push=[0,5,0]"),
-                *("truth.push_duration=2", "truth.push_every=1", "truth.push_frequency=2"),
-            ),
-            "truth.push_every: 1 s, which cuts a sine of 2 s short; allowed: 0 for once, or at least",
-        ),
-        # numbers whose squares are none, or whose inverses are not
-        (
-            ("run", "ur5-motion", "--set", "truth.link_centre=[1e155,0,0]"),
-            "truth.link_centre[0]: 1e+155; allowed: a number <= 10\n",
-        ),
-        (
-            ("run", "planar3r-hybrid", "--set", "truth.link_centre=[[0,0,0],[0,-11,0],[0,0,0]]"),
-            "truth.link_centre[1][1]: -11; allowed: a number >= -10\n",
-        ),
-        (
-            ("run", "ur5-motion", "--set", "truth.payload_mass=1", "truth.payload_offset=[1e200,0,0]"),
-            "truth.payload_offset[0]: 1e+200; allowed: a number <= 10\n",
-        ),
-        (("run", "ur5-motion", "--set", "shift.duration=1e-170"), "shift.duration: 1e-170; allowed: a number >= 0.001"),
-        (
-            ("run", "ur5-hybrid", "--set", "motion.period=1e-300"),
-            "motion.period: 1e-300 s, at most two control periods, so that the loop sees a slower path; allowed: above",
-        ),
-        (
-            ("run", "ur5-motion", "--set", "rotation=line", "rotation.period=0.002"),
-            "rotation.period: 0.002 s, at most two control periods",
-        ),
-        (
-            ("run", "ur5-hybrid", "--set", "force=sinusoid", "force.frequency=50", "controller.period=0.01"),
-            "force.frequency: 50 Hz, at least half the control rate, so that the loop sees a slower one",
-        ),
-        (
-            (
-                "run",
-                "ur5-groove-moving",
-                "--set",
-                "second.surface.motion.amplitude=0.001",
-                "second.surface.motion.frequency=20",
-                "controller.period=0.025",
-            ),
-            "second.surface.motion.frequency: 20 Hz, at least half the control rate",
-        ),
-        (
-            ("run", "ur5-hybrid", "--set", "surface.normal=[1e200,1e200,0]"),
-            "surface.normal: [1e+200, 1e+200, 0.0]; allowed: a vector of a length from 1e-09 to 1e+09\n",
-        ),
         # also where the value is the one that the option has without
         (("run", "ur5-hybrid", "--blend-at", "0"), "--blend-at or --blend-over without --blend-to; allowed: with"),
         (("export", "ur5-hybrid", "--to", "csv", "--type-size", "7"), "--type-size: with --to csv; allowed: with --to"),
@@ -244,11 +172,6 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
             ("export", "a.npz", "--engine", "pinocchio"),
             "--engine pinocchio: a recording is not computed again; allowed",
         ),
-        (("run", "ur5-impedance", "--set", "target_model.K_m.9=1"), "target_model.K_m.9: no such entry; allowed: an"),
-        (("run", "ur5-impedance", "--set", f"target_model.K_m.{'9' * 5000}=1"), "no such entry; allowed: an entry"),
-        (("run", "ur5-hybrid", "--set", "contact.K_e.1=1"), "contact.K_e.1: no such entry; allowed: an entry, from 1"),
-        (("run", "ur5-hybrid", "--set", "5=1"), "5: no such field; allowed: name, title, mode, robot"),
-        (("run", "ur5-hybrid", "--set", "title=\udcff"), "title: '\\udcff'; allowed: a text in UTF-8"),
         (("sweep", "ur5-hybrid", "--vary", "robot.urdf=\udcff"), "robot.urdf: '\\udcff'; allowed: a text in UTF-8"),
         (("response", "ur5-hybrid", "--at", "1e9"), "--at 1e+09: allowed: 0 to 10 s, the duration of the run"),
         (("run", "ur5-hybrid", "--duration", "abc"), "vsmrc: --duration 'abc'; allowed: a number\n"),
@@ -276,29 +199,6 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
         (("figures", "--only"), "--only: no value; allowed: a text; one or more"),
         (("run", ""), "vsmrc: run: an empty text; allowed: a name, see `vsmrc run --help`"),
         (("run", "--from", "", "--row", "1"), "--from: an empty text; allowed: the name of a file or a folder"),
-        (("run", "ur5-hybrid", "--set", ""), "--set: an empty text; allowed: KEY=VALUE"),
-        (("run", "ur5-hybrid", "--set", "=3"), "--set '=3': no field; allowed: KEY=VALUE"),
-        (
-            ("run", "ur5-hybrid", "--set", "force.value=3", "force.value=4"),
-            "--set force.value: it is set more than once; allowed: once",
-        ),
-        (
-            ("run", "ur5-hybrid", "--set", "simulation.duration=0.2", "--duration", "0.05"),
-            "--duration 0.05: --set simulation.duration is given, too; allowed: one of both",
-        ),
-        (
-            ("run", "ur5-hybrid", "--set", "surface.origin=[0,0,0]", "surface=plane"),
-            "--set surface: it would undo surface.origin, set before it; allowed: surface first",
-        ),
-        (
-            ("run", "ur5-hybrid", "--set", "blend.at=1", "--blend-to", "ur5-hybrid-moving"),
-            "--set blend.at: --blend-to sets it, too; allowed: one of both",
-        ),
-        (
-            ("run", "ur5-hybrid", "--set", "force.value=2024-01-01"),
-            "force.value: 2024-01-01, a date or a time; allowed: a number, or a text in quotes",
-        ),
-        (("run", "ur5-hybrid", "--set", "surface.kind=spere"), "surface.kind: 'spere'; allowed: "),
         (
             ("export", "ur5-hybrid", "--to", "csv", "--to", "toml"),
             "--to: --to was typed before; allowed: once, with all its values behind it\n",
@@ -317,14 +217,6 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
             "--newtons 1e+300: allowed: more than 0 N, at most 1e+06 N",
         ),
         (
-            ("run", "ur5-hybrid", "--set", "controller.own.k_i=10"),
-            "controller.own.k_i: 10; allowed: a table, in the form controller.own.<law>.<parameter>",
-        ),
-        (
-            ("run", "ur5-hybrid", "--set", "controller.own.pid-gravty.k_i=10"),
-            "controller.own.pid-gravty: no such law; allowed: controller.own.<law>.<parameter> with a law of a file",
-        ),
-        (
             ("run", "--from", "map", "--row", "1", "--use", "docs/examples/pid_gravity.py"),
             "--from: with --engine, --use or --blend-to; allowed: the same run again, as it was",
         ),
@@ -338,10 +230,6 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
         ),
         (("run", "ur5-hybrid", "--row", "3"), "--row 3 without --from; allowed: --from FOLDER --row N"),
         (("sweep", "any/sweep.toml", "--seed", "7"), "is the whole question; allowed: without --vary, --draw, --seed"),
-        (
-            ("response", "ur5-impedance", "--at", "0.5", "--set", "truth.push=[0,5000,0]", "truth.push_start=0.0"),
-            "--at 0.5: the run stops before, ",
-        ),
     ],
 )
 def test_wrong_input_is_refused_in_one_sentence(
@@ -481,38 +369,3 @@ def test_a_law_whose_state_has_no_length_is_refused(
     assert done.returncode == 2
     assert message in done.stderr
     assert str(law) in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (("mode", "levitation"), "mode: 'levitation'; allowed: constrained, hybrid"),
-        (("motion", "spiral"), "motion"),
-        (("controller.gain", 3), "controller.gain"),
-        (("sensor.bias", [1.0, 2.0]), "sensor.bias"),
-        (("contact.K_e", "stiff"), "contact.K_e: 'stiff'; allowed: a number"),
-        (("target_model.K_m", 5), "target_model.K_m: 5; allowed: a list of numbers, or of rows where it is a matrix"),
-        (("robot.urdf", 5), "robot.urdf: 5; allowed: text"),
-        (("simulation.substeps", 2.5), "simulation.substeps: 2.5; allowed: a whole number"),
-        (("robot", 5), "robot"),
-        (("surface.colour", "red"), "surface.colour: no such field; allowed: kind, origin"),
-    ],
-)
-def test_wrong_field_is_named(change: tuple[str, object], message: str) -> None:
-    with pytest.raises(ScenarioError, match=message.replace("(", r"\(")):
-        edited(Scenario(), *change)
-
-
-def test_scenario_files_that_are_none(tmp_path: Path) -> None:
-    for text, message in (("mode = ", "not a TOML file"), ("colour = 'red'", "colour"), ("[robot]\nlegs = 2", "legs")):
-        path = tmp_path / "scenario.toml"
-        path.write_text(text)
-        with pytest.raises(ScenarioError, match=message):
-            load(str(path))
-    with pytest.raises(ScenarioError, match="cannot be read"):
-        load(str(tmp_path / "missing.toml"))
-    (tmp_path / "folder.toml").mkdir()
-    with pytest.raises(ScenarioError, match=r"^scenario '[^']*folder.toml': is a folder; allowed: a file$"):
-        load(str(tmp_path / "folder.toml"))
-    with pytest.raises(ScenarioError, match=r"^force\.kind: missing; allowed: constant, step, sinusoid$"):
-        from_toml("[force]\nvalue = 30")

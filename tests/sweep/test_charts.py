@@ -288,3 +288,17 @@ def test_a_field_of_words_has_a_chart_without_being_asked_for_one() -> None:
     table = {name: np.resize(column, 8) for name, column in columns().items()}
     table |= {name: np.array([row[name] for row in rows]) for name in rows[0]}
     assert b"<svg" in chart(words, table, SweepView("force_error"), "svg")
+
+
+def test_two_views_of_a_sweep_have_two_names() -> None:
+    views = [
+        SweepView("force_error"),
+        SweepView("force_error", within=0.5),
+        SweepView("force_error", within=1.25),
+        SweepView("force_error", statistic="median"),
+        SweepView("force_error", kind="parallel"),
+        SweepView("force_error", over=("contact.K_e",)),
+    ]
+    assert views[0].name == "force_error"
+    assert views[1].name == "force_error-within-0.5"
+    assert len({view.name for view in views}) == len(views)
