@@ -289,7 +289,7 @@ def check_posture(given, output, record, period, scratch, table, check):
     stopping = check.H_min - period * (slope + 0.5 * (gains.K_s_largest + held))
     chatter = period * check.d / stopping if stopping > 0.0 else np.inf
     check.radius = max(check.layer_width, chatter)
-    if np.isinf(check.radius):
+    if np.isinf(check.radius) and table.value[LAYER] < table.limit[LAYER]:
         table.value[LAYER] = np.inf
     heaviest = max(check.H_max, 4.0 * check.H_min) if chatter > 0.5 * check.layer_width else check.H_max
     V = 0.5 * heaviest * check.radius**2

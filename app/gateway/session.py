@@ -57,6 +57,7 @@ class Session:
     life: task of the pool that looks after it as long as it has a place, None while it has none.
     opened: whether a page has been open in this life.
     runs: event that is set while its process runs.
+    retried: whether it was begun anew with its own scenario, and has not run since.
     falls: when its processes of the last minute ended unexpectedly, s of the pool's clock.
     closing: whether its process is to end, and no other one to begin.
     """
@@ -79,6 +80,7 @@ class Session:
     kept: bool = False
     classroom: Classroom = field(default_factory=Classroom)
     gathers: bool = False
+    retried: bool = False
     requested: float = 0.0
     seen: float = 0.0
     life: asyncio.Task[None] | None = None

@@ -160,9 +160,12 @@ class SessionPool:
         return self._queue.index(session) + 1 if session in self._queue else 0
 
     def again(self, session: Session) -> None:
-        """Begin a failed session anew, with the usual scenario."""
+        """Begin a failed session anew: with its own scenario where that is not the reason, else with the usual one."""
         if session.phase == "failed":
-            session.scenario, session.phase, session.notice = self._scenario, "resting", ""
+            session.phase, session.notice = "resting", ""
+            if session.falls or session.retried:
+                session.scenario, session.offers = self._scenario, session.kept
+            session.retried = not session.falls
             session.falls.clear()
             self.want(session)
 
@@ -200,7 +203,7 @@ class SessionPool:
             if session.phase == "running" and not session.pages and self._unseen(session) and session.process:
                 log.info("session closed", session=session.called, reason="nobody looks at it")
                 session.closing = True
-                session.phase = "resting"
+                session.phase, session.notice = "resting", ""  # a crash is no news any more
                 session.process, process = None, session.process
                 self._do(process.end())
         self._advance()
@@ -265,6 +268,7 @@ class SessionPool:
                 session.phase = "starting"
                 process = await self._process(session)
                 session.process, session.phase, session.seen = process, "running", self._clock()
+                session.retried = False
                 session.runs.set()
                 log.info("session opened", session=session.called, sessions=self.taken)
                 async for changed in process.changes():

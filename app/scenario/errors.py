@@ -60,7 +60,12 @@ class WrongFace(ScenarioError):
 
 
 class IrregularSurface(ScenarioError):
-    """A scenario whose surface has no coordinates where the tool is."""
+    """A scenario whose surface has no coordinates where the tool is.
+    path: beginning of the dotted paths of that surface's fields, "" for the first one."""
+
+    def __init__(self, sentence: str, path: str) -> None:
+        super().__init__(sentence)
+        self.path = path
 
 
 @contextmanager

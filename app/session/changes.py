@@ -108,9 +108,10 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
         except UnboundedGain:
             alone = len(scenario.surfaces) == 1
             scenario = edited(scenario, "controller.gain", "constant") if alone else without_last(scenario)
-        except IrregularSurface:
-            usual = on_surface(scenario, str(scenario.surface.__struct_config__.tag))
-            if usual.surface == scenario.surface:
+        except IrregularSurface as error:
+            form: Form = attrgetter(path := f"{error.path}surface")(scenario)
+            usual = on_surface(scenario, str(form.__struct_config__.tag), path)
+            if attrgetter(path)(usual) == form:
                 raise
             scenario = usual
 

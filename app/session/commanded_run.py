@@ -111,8 +111,10 @@ class CommandedRun:
         """Control period, s."""
         return self.loop.period
 
-    def execute(self, command: Command) -> None:
-        """Carry out a command; one that cannot be carried out is refused, and the run goes on."""
+    def execute(self, command: Command) -> bool:
+        """Carry out a command; one that cannot be carried out is refused, and the run goes on. Returns whether it was
+        carried out."""
+        before = self._refusals
         try:
             self._dispatch(command)
         except (ScenarioError, ArithmeticError, ValueError) as error:
@@ -120,6 +122,7 @@ class CommandedRun:
         except Exception as error:  # a fault of this program: the command has failed, and the run goes on
             log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
             self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
+        return self._refusals == before
 
     def step(self) -> None:
         """Compute one control period; the end of a blend changes the scenario."""
@@ -351,7 +354,7 @@ def is_new_arm(command: Command) -> bool:
     """Whether a command may change the arm, whose kernels may have to be compiled."""
     if isinstance(command, Edit):
         return command.path.startswith(("mode", "robot."))
-    return isinstance(command, Load | BeginScenario | Continue | Perform)
+    return isinstance(command, Load | BeginScenario | Continue | Perform | TakeWayOut)
 
 
 def _admitted(speed: float) -> float:

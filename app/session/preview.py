@@ -180,7 +180,7 @@ class Foresight:
     ) -> None:
         self.request = request
         rows = max(1, round(request.horizon / request.scenario.controller.period))
-        self._loop = ClosedLoop.from_state(request.state, rows, previous, memory)
+        self._loop = ClosedLoop.from_state(request.state, 2 * rows, previous, memory)
         self.base = self._loop.system  # of the running scenario: a good `previous` for the next request
         if request.scenario != request.state.scenario:
             self._loop.edit(request.scenario)
@@ -188,6 +188,7 @@ class Foresight:
         if self._push:
             self._loop.edit(_pushed(self._loop.system, self._loop.t + BEGINS, self._push))
         self._start, self._rows, self._points = self._loop.t, rows, _points(rows)
+        self._first = 0  # row with which the horizon begins, see `metrics_from`
         self._obstacle = (
             obstacle(self._loop) if engine == "compiled" else "it appears once this arm and contact are compiled"
         )
@@ -209,17 +210,35 @@ class Foresight:
     @property
     def progress(self) -> float:
         """Share of the horizon that is computed, 0 to 1; 1 for a run that has stopped."""
-        return 1.0 if self._loop.stopped else len(self._loop.recording) / self._rows
+        return 1.0 if self._loop.stopped else (len(self._loop.recording) - self._first) / self._rows
 
     def leads_to(self, state: State) -> bool:
         """Whether the run has come to this state as it was foreseen: without an edit, a hand, or a push in between, and
         not in another run of the scenario. A push that only this preview has does not move the arm: it still rests."""
-        began = self.request.state
-        row = round((state.t - began.t) / self.request.scenario.controller.period)
+        began, row = self.request.state, self._row_of(state)
         if (state.grip, state.epoch.t) != (began.grip, began.epoch.t) or not 0 <= row < len(self._loop.recording):
             return False
         there = began.arm.views.q if self._push else self._loop.recording.picked(np.array([row]), ("q",))["q"][0]
         return bool(np.abs(state.arm.views.q - there).max() < SAME)
+
+    def metrics_from(self, state: State) -> PreviewMetrics | None:
+        """Metrics of as many seconds from this state on, to which the run leads; the periods that are missing are
+        computed. None where it is too far from the beginning."""
+        row = 0 if self._push else self._row_of(state)
+        if row > self._rows:
+            return None
+        self._first = row
+        while self.progress < 1.0:
+            self.advance(self.batch)
+        recording, period = self._loop.recording, self.request.scenario.controller.period
+        points = self._points + row
+        seen = recording.picked(points[points < len(recording)])
+        begin = self._start + (row - 0.5) * period
+        return self._metrics(recording.stretch(begin, begin + self._rows * period), seen)
+
+    def _row_of(self, state: State) -> int:
+        """Number of the row at the instant of a state."""
+        return round((state.t - self.request.state.t) / self.request.scenario.controller.period)
 
     def _rests(self) -> bool:
         """Whether nothing moves the arm within the horizon: no reference, surface, push or disturbance."""
@@ -244,7 +263,7 @@ class Foresight:
 
     def advance(self, steps: int) -> None:
         """Compute that many control periods, or up to the horizon."""
-        loop, left = self._loop, min(steps, self._rows - len(self._loop.recording))
+        loop, left = self._loop, min(steps, self._first + self._rows - len(self._loop.recording))
         if self._run is not None:
             self._run.advance(left)
         else:
@@ -295,7 +314,7 @@ class Foresight:
             force = np.linalg.norm([record[name] for name in MULTIPLIERS[: len(system.surfaces)]], axis=0)
             pressing, pressed = float(force.max()), None if system.m else float(force[tail].mean())
         return PreviewMetrics(
-            span=float(t[-1] - self._start) + system.scenario.controller.period,
+            span=float(t[-1] - t[0]) + system.scenario.controller.period,
             push=self._push,
             force_error=error,
             force_error_predicted=predicted,

@@ -222,13 +222,17 @@ class Runner:
 
         After a push, or an edit within a run, it need not: the loop makes up for the time that these took.
         """
-        runs = self._commanded.runs
+        runs, overtaken = self._commanded.runs, list[Command]()
         for command, following in itertools.zip_longest(queued, queued[1:]):
             if _overtaken(command, following):
+                overtaken.append(command)
                 continue
             if is_new_arm(command):
                 self._newest = replace(self._newest, notice=PREPARING)
-            self._commanded.execute(command)
+            # a position that is refused leaves the last one that is not; its refusal is what to say
+            if not self._commanded.execute(command) and any(map(self._commanded.execute, reversed(overtaken))):
+                self._commanded.execute(command)
+            overtaken.clear()
         self._executed += len(queued)
         return self._commanded.runs != runs or not all(
             isinstance(command, Edit | EditAll | Blend | PushNow | Push) for command in queued

@@ -394,5 +394,5 @@ def _checked_surfaces(scenario: Scenario, robot: robots.Robot, nominal: NominalM
             try:
                 surface.require_regular(scenario.simulation.duration)
             except ValueError as error:
-                raise IrregularSurface(f"{each.path}{error}") from error
+                raise IrregularSurface(f"{each.path}{error}", each.path) from error
     return surfaces

@@ -43,14 +43,12 @@ class _Known:
     """Results of earlier answers that the next one may use.
     band: of true arms.
     system: of the running scenario.
-    running, today: an answer about the running scenario, and its metrics, which hold as long as the run is as it was
-    foreseen."""
+    running: an answer about the running scenario, which holds as long as the run is as it was foreseen."""
 
     memory: Memory
     band: _GrowingBand
     system: System | None = None
     running: Foresight | None = None
-    today: PreviewMetrics | None = None
 
     def metrics_for(self, request: PreviewRequest) -> PreviewMetrics | None:
         """Metrics of this request about the running scenario, if they are known; else None."""
@@ -58,7 +56,7 @@ class _Known:
             return None
         known = self.running.request
         same = (known.horizon, known.push, known.scenario) == (request.horizon, request.push, request.scenario)
-        return self.today if same and self.running.leads_to(request.state) else None
+        return self.running.metrics_from(request.state) if same and self.running.leads_to(request.state) else None
 
 
 class _GrowingBand:
@@ -241,7 +239,7 @@ def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook 
     while running.progress < 1.0:
         running.advance(running.batch)
     if isinstance(outlook := running.outlook(), Outlook):
-        known.running, known.today = running, outlook.metrics
+        known.running = running
         return _send(foresight.outlook(outlook.metrics), asker, known.band)
     return None
 

@@ -215,11 +215,12 @@ def _report(gateway: GatewayConnection, runner: Runner, reported: Scenario) -> N
     with contextlib.suppress(OSError):
         while not pause.wait(LOOK):
             now = runner.latest
+            scenario = now.latest.scenario  # also while somebody looks back
             if time.monotonic() > due:
-                uploaded_urdfs.note_use(now.scenario.robot.urdf)
+                uploaded_urdfs.note_use(scenario.robot.urdf)
                 due = time.monotonic() + IN_USE
-            if (now.scenario is not reported and now.scenario != reported) or len(now.pinned) != pinned:
-                reported, pinned = now.scenario, len(now.pinned)
+            if (scenario is not reported and scenario != reported) or len(now.pinned) != pinned:
+                reported, pinned = scenario, len(now.pinned)
                 gateway.send(Changed(to_toml(reported), pinned))
 
 

@@ -180,7 +180,7 @@ LIKE = {
 def test_phi_is_the_distance_however_the_surface_is_written(pair: tuple[Surface, Surface]) -> None:
     for p, t in near():
         formula, shape = (body.chart(p, t) for body in pair)
-        for name in formula._fields:
+        for name in set(formula._fields) - {"deforming"}:  # a formula may move itself, a plane is moved
             rows = slice(None) if isinstance(pair[1].form, Plane) else 0  # psi of the round ones are arcs
             np.testing.assert_allclose(getattr(formula, name)[rows], getattr(shape, name)[rows], atol=1e-9)
 

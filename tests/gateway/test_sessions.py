@@ -219,6 +219,36 @@ async def test_session_that_crashes_three_times_fails_until_restarted() -> None:
 
 
 @in_a_loop
+async def test_a_session_whose_process_could_not_start_keeps_its_scenario_until_that_fails_too() -> None:
+    town = Town(places=1)
+    session = town.pool.new()
+    await town.wanted(session)
+    town.made[-1].emit("the visitor's own")
+    await town.pass_time(session_pool.UNSEEN + 1)
+    town.broken = True
+    assert await town.wanted(session) == "failed"
+    town.pool.again(session)
+    await town.pass_time()
+    assert (session.phase, session.scenario) == ("failed", "the visitor's own")
+    town.broken = False
+    town.pool.again(session)  # the scenario may be the reason: this time the usual one
+    await town.pass_time()
+    assert (session.phase, town.made[-1].begun) == ("running", USUAL)
+
+
+@in_a_loop
+async def test_a_crash_is_no_news_after_the_session_was_left_alone() -> None:
+    town = Town(places=1)
+    session = town.pool.new()
+    await town.wanted(session)
+    town.made[0].fall()
+    await town.pass_time()
+    assert "SIGKILL" in session.notice
+    await town.pass_time(session_pool.UNSEEN + 1)
+    assert (session.phase, session.notice) == ("resting", "")
+
+
+@in_a_loop
 async def test_a_spare_is_ready_beforehand_and_takes_no_place() -> None:
     town = Town(places=2, spare=True)
     await town.pass_time()

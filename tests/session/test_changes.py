@@ -277,3 +277,27 @@ def test_a_fork_at_the_end_of_a_run_has_a_way_out_to_the_last_change() -> None:
     step(10)
     runner._obey([Fork(), Reset()])  # its instant is one of the run before
     assert runner._publish().way_out is None
+
+
+def test_a_valid_edit_before_a_refused_one_of_the_same_field_stays() -> None:
+    runner = Runner(shipped()["ur5-hybrid"])
+    runner._obey([Edit("controller.epsilon", value) for value in (2.5, 3.0, -1.0)])
+    now = runner._publish()
+    assert now.scenario.controller.epsilon == 3.0
+    assert now.refusal
+    assert "controller.epsilon: -1" in now.refusal
+
+
+def test_an_irregular_further_surface_has_a_way_out_of_its_own() -> None:
+    """The first surface stays as it is."""
+    runner = Runner(edited(shipped()["ur5-corner"], "surface.normal", [0.05, 0.0, -1.0]))
+    runner._obey([Edit("second.surface", "formula"), Edit("second.surface.text", "0.9 - y")])
+    refused = runner._publish()
+    assert refused.refusal
+    assert "second.surface.text" in refused.refusal
+    assert refused.way_out
+    runner._obey([TakeWayOut()])
+    now = runner._publish()
+    assert now.way_out is None
+    assert now.scenario.surface == refused.scenario.surface
+    assert now.scenario.second.surface.text != "0.9 - y"
