@@ -31,3 +31,12 @@ def test_what_is_drawn_stands_still_while_time_goes_on():
 def test_buckets_without_rows_are_nan():
     thinned = BucketGrid.over(0.0, 1.0, 10).thin(np.array([0.31, 0.62]), np.array([[1.0], [2.0]]))
     assert np.isfinite(thinned[:, 0]).nonzero()[0].tolist() == [6, 7, 12, 13]
+
+
+def test_a_ramp_is_a_straight_line_without_stairs() -> None:
+    t = np.arange(10_000) * 1e-3
+    grid = BucketGrid.over(0.0, 9.999, 150)
+    drawn, times = grid.thin(t, 2.0 * t[:, None])[:, 0], grid.times
+    known = np.isfinite(drawn)
+    assert np.abs(drawn - 2.0 * times)[known][:-2].max() < 0.1 * 2.0 * grid.width  # the last bucket is not full
+    assert (np.diff(times) > 0.0).all()
