@@ -15,6 +15,8 @@ from app.scenario.errors import ScenarioError, WrongKind
 from app.scenario.schema import Scenario
 
 MOST_VALUES = 100_000  # of one axis
+EVEN = 1e-4  # share by which the steps of a logarithm may differ: the page rounds the values
+SHAPE = "allowed: PATH=LOW:HIGH:COUNT, with :log behind for even steps of the logarithm, or PATH=VALUE,VALUE,..."
 LARGEST_INTEGER = 2**53  # up to it, a float holds every integer
 Value = float | int | str | bool
 
@@ -56,49 +58,61 @@ class Axis(Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
         """Whether all its values are numbers."""
         return all(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values)
 
+    @property
+    def on_log_scale(self) -> bool:
+        """Whether charts show its values on a logarithmic scale: they are even steps of the logarithm, or a range that
+        is drawn evenly in it."""
+        if self.logarithmic or not self.numeric:
+            return self.logarithmic
+        values = np.sort(np.array(self.values, dtype=float))
+        if len(values) < 3 or values[0] <= 0.0:
+            return False
+        steps = np.diff(np.log(values))
+        return float(np.ptp(steps)) < EVEN * float(steps.mean())
 
-def require_axis(axis: Axis) -> None:
-    """Raise ScenarioError unless an axis has different finite values, or a range of them."""
+
+def require_axis(axis: Axis, at: str = "vary:") -> None:
+    """Raise ScenarioError unless an axis has different finite values, or a range of them. at: where it was given."""
     for value in axis.values or (axis.low, axis.high):
         if isinstance(value, float) and not math.isfinite(value):
-            raise ScenarioError(f"vary: {axis.path}: {value}; allowed: finite numbers")
+            raise ScenarioError(f"{at} {axis.path}: {value}; allowed: finite numbers")
         if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
-            raise ScenarioError(f"vary: {axis.path}: {value}; allowed: at most {LARGEST_INTEGER}")
+            raise ScenarioError(f"{at} {axis.path}: {value}; allowed: at most {LARGEST_INTEGER}")
     for value, times in Counter(axis.values).most_common(1):
         if times > 1:
-            raise ScenarioError(f"vary: {axis.path}: {value} twice; allowed: different values")
+            raise ScenarioError(f"{at} {axis.path}: {value} twice; allowed: different values")
     if not axis.values and not axis.low < axis.high:
-        raise ScenarioError(f"vary: {axis.path}: {axis.low:g} to {axis.high:g}; allowed: low before high")
+        raise ScenarioError(f"{at} {axis.path}: {axis.low:g} to {axis.high:g}; allowed: low before high")
     if axis.logarithmic and axis.low <= 0.0:
-        raise ScenarioError(f"vary: {axis.path}: logarithmic from {axis.low:g}; allowed: from above 0")
+        raise ScenarioError(f"{at} {axis.path}: logarithmic from {axis.low:g}; allowed: from above 0")
 
 
-def axis_of(text: str) -> Axis:
+def axis_of(text: str, flag: str = "--vary", shape: str = SHAPE) -> Axis:
     """Axis of a text: PATH=LOW:HIGH:COUNT, PATH=LOW:HIGH:COUNT:log, PATH=LOW:HIGH or PATH=LOW:HIGH:log for a range, or
-    PATH=VALUE,VALUE,.... Raises ScenarioError."""
+    PATH=VALUE,VALUE,.... Raises ScenarioError.
+    flag: behind which the text was typed. shape: what the flag allows."""
     path, equals, spec = text.partition("=")
     path, spec = path.strip(), spec.strip()
-    shape = "allowed: PATH=LOW:HIGH:COUNT, with :log behind for even steps of the logarithm, or PATH=VALUE,VALUE,..."
     if not equals or not path or not spec:
-        raise ScenarioError(f"--vary {text!r:.100}; {shape}")
+        raise ScenarioError(f"{flag} {text!r:.100}; {shape}")
     parts = spec.split(":")
     if len(parts) == 1:
-        return Axis(path, tuple(_value(each.strip()) for each in spec.split(",")))
+        return Axis(path, tuple(_value(each.strip(), flag) for each in spec.split(",")))
     logarithmic = parts[-1] == "log"
     numbers = parts[:-1] if logarithmic else parts
     try:
         low, high, *rest = (float(number) for number in numbers)
         count = int(rest[0]) if rest else None
     except (ValueError, OverflowError) as error:
-        raise ScenarioError(f"--vary {text!r:.100}; {shape}") from error
+        raise ScenarioError(f"{flag} {text!r:.100}; {shape}") from error
     if len(rest) > 1 or (rest and rest[0] != count):
-        raise ScenarioError(f"--vary {text!r:.100}; {shape}")
+        raise ScenarioError(f"{flag} {text!r:.100}; {shape}")
     whole = Axis(path, (), low, high, logarithmic)
-    require_axis(whole)
+    require_axis(whole, flag)
     if count is None:
         return whole
     if not 2 <= count <= MOST_VALUES:
-        raise ScenarioError(f"--vary {path}: {count} values; allowed: 2 to {MOST_VALUES}")
+        raise ScenarioError(f"{flag} {path}: {count} values; allowed: 2 to {MOST_VALUES}")
     spaced = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
     return Axis(path, tuple(float(f"{value:.12g}") for value in spaced))
 
@@ -132,11 +146,11 @@ def _formatted(value: Value) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _value(text: str) -> Value:
+def _value(text: str, flag: str) -> Value:
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         return text
     if not isinstance(value, int | float | str | bool):
-        raise ScenarioError(f"--vary: {text!r:.60}; allowed: numbers and words")
+        raise ScenarioError(f"{flag}: {text!r:.60}; allowed: numbers and words")
     return value

@@ -28,12 +28,11 @@ if TYPE_CHECKING:
 
 MOST_TEXTS = 150  # tiles that have their counts written in them
 MOST_SLICES = 8  # lines of a picture
-EVEN = 1e-4  # share by which the steps of a logarithm may differ: the page rounds the values
 WIDE = 100.0  # ratio of values from which on they are shown by their logarithm
 COLORS = "viridis"
 ASPECT = 0.75
 SHORT = 28  # letters of a legend of two columns
-LABEL = 2.3  # in, longest line beside an axis
+LABEL, LEGEND = 2.3, 2.9  # in, longest line beside an axis, and in a legend of one column
 
 
 def chart(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView, form: Format) -> bytes:
@@ -75,18 +74,16 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
     grid = _Grid(np.searchsorted(xs, points.values[x.path]), np.searchsorted(ys, points.values[y.path]))
     shape = (len(ys), len(xs))
     canvas, plot = sheet(SINGLE, _caption(sweep, points, view, missing="White", stopped="A cross"))
-    edges_x, edges_y = _edges(xs), _edges(ys)
-    tiles = plot.pcolormesh(
-        edges_x, edges_y, grid.of(points.number, shape, np.nan), cmap=COLORS, norm=_norm(points, view)
-    )
-    _log_scales(plot, xs, ys)
+    edges_x, edges_y = _edges(xs, x), _edges(ys, y)
+    tiles = plot.pcolormesh(edges_x, edges_y, grid.of(points.number, shape), cmap=COLORS, norm=_norm(points, view))
+    _log_scales(plot, x, y)
     _bar(canvas, plot, tiles, sweep, points, view)
     centres = [(float(xs[i]), float(ys[j])) for i, j in zip(grid.i, grid.j, strict=True)]
     few = len(centres) <= MOST_TEXTS and points.arms.max() > 1
     for k, at in enumerate(centres):
         if points.stopped[k]:
             _cross(plot, [at[0]], [at[1]])
-        if few and statistic_of(view) == "share":
+        if few and statistic_of(view) == "share" and not math.isnan(points.number[k]):
             shade = "white" if points.number[k] < 0.6 else "black"
             plot.annotate(
                 f"{points.good[k]}/{points.arms[k]}",
@@ -102,7 +99,7 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
         (points.declared, {"color": "#d03030", "linewidth": 1.6}, "declared ends"),
         (points.theorem, {"color": "black", "linewidth": 1.2, "linestyle": (0, (4, 2))}, "(17) ends"),
     ):
-        lines = _borders(grid.of(holds, shape, np.nan), edges_x, edges_y)
+        lines = _borders(grid.of(holds, shape), edges_x, edges_y)
         for number, (across, up) in enumerate(lines):
             plot.plot(across, up, label=name if number == 0 else None, **style)
     if plot.get_legend_handles_labels()[0]:
@@ -114,7 +111,7 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
 
 
 def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Canvas:
-    x, *others = axes if view.over else sorted(axes, key=lambda axis: not axis.numeric)
+    x = (axes if view.over else sorted(axes, key=lambda axis: not axis.numeric))[0]
     if not x.numeric:
         raise ScenarioError(f"--as slices over {x.path}; allowed: a field of numbers first")
     if sweep.design != "grid" and len(sweep.vary) > 1:
@@ -123,7 +120,6 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
     # for matplotlib a point without a number does not count
     plot.update_datalim([(end, 0.0) for end in _ends(x)], updatey=False)
     rest = [axis.path for axis in sweep.vary if axis.path != x.path]
-    shown = [axis.path for axis in others] or rest
     keys = [tuple(points.values[path][k] for path in rest) for k in range(len(points.number))]
     lines = list(dict.fromkeys(keys))
     drawn = [lines[k] for k in np.unique(np.linspace(0, len(lines) - 1, min(len(lines), MOST_SLICES)).astype(int))]
@@ -134,11 +130,12 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
         name = ", ".join(
             f"{title_of(path)} {value_in_words(path, value)} {unit_of(path, units_of(sweep.scenario))}".rstrip()
             for path, value in zip(rest, key, strict=True)
-            if path in shown
         )
+        name = "\n".join(wrapped(name, LEGEND, 6.0))
         plot.plot(at, points.number[mine], "-o", color=color, markersize=2.2, linewidth=1.0, label=name or None)
-        if statistic_of(view) == "share":
+        if statistic_of(view) == "share" and sweep.draw:
             ends = np.array([interval(int(points.good[k]), int(points.arms[k])) for k in mine])
+            ends[np.isnan(points.number[mine])] = np.nan
             plot.fill_between(at, ends[:, 0], ends[:, 1], color=color, alpha=0.18, linewidth=0)
         stopped = np.asarray(points.values[x.path][mine[points.stopped[mine]]], dtype=float)
         if len(stopped):  # at the foot: most have no number
@@ -154,7 +151,7 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
             title=left_out,
             title_fontsize=6.0,
         )
-    _log_scales(plot, np.unique(np.asarray(points.values[x.path], dtype=float)), None)
+    _log_scales(plot, x)
     if statistic_of(view) != "share" and wide(points.number):
         plot.set_yscale("log")
         plain_decades(plot.yaxis)
@@ -172,10 +169,7 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) ->
     dots = plot.scatter(*at, c=points.number, cmap=COLORS, norm=_norm(points, view), s=9, linewidths=0)
     _bar(canvas, plot, dots, sweep, points, view)
     _cross(plot, at[0][points.stopped], at[1][points.stopped])
-    for axis, scale, of in ((x, plot.set_xscale, plot.xaxis), (y, plot.set_yscale, plot.yaxis)):
-        if axis.logarithmic:
-            scale("log")
-            plain_decades(of)
+    _log_scales(plot, x, y)
     plot.set_xlabel(_of_axis(x, sweep))
     plot.set_ylabel(_of_axis(y, sweep))
     return canvas
@@ -225,9 +219,9 @@ class _Grid:
     def __init__(self, i: np.ndarray, j: np.ndarray) -> None:
         self.i, self.j = i, j
 
-    def of(self, values: np.ndarray, shape: tuple[int, int], missing: float) -> np.ndarray:
-        """Values of the points as a table of rows."""
-        table = np.full(shape, missing)
+    def of(self, values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+        """Values of the points as a table of rows, NaN where there is no point."""
+        table = np.full(shape, np.nan)
         table[self.j, self.i] = values
         return table
 
@@ -271,9 +265,11 @@ def _caption(sweep: Sweep, points: Points, view: SweepView, missing: str, stoppe
         caption += f". Only {runs} of {plan.count} runs so far"
         if fewer := int((points.arms < arms).sum()):
             caption += f", {_counted(fewer)} with fewer arms"
-    if statistic_of(view) == "share":
+    if statistic_of(view) == "share" and sweep.draw:
         low, _ = interval(arms, arms)
         caption += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"
+    elif statistic_of(view) == "share":  # one run is no sample
+        caption += ". 1: the run keeps the limit, 0: it does not"
     marked = points.stopped & np.isnan(points.number) if stopped == missing else points.stopped
     if marked.any():
         caption += f". {stopped}: runs that stopped or were refused ({_counted(int(marked.sum()))})"
@@ -298,8 +294,8 @@ def _label(sweep: Sweep, points: Points, view: SweepView) -> str:
     column, name = COLUMNS[view.metric], metric_title(view.metric)
     unit = f" [{known}]" if (known := column.unit_in(units_of(sweep.scenario))) else ""
     if view.within is not None:
-        unit = f" {known}".rstrip()
-        return f"share of arms with {name} {'≥' if column.more_is_better else '≤'} {view.within:g}{unit}"
+        kept = f"{name} {'≥' if column.more_is_better else '≤'} {view.within:g} {known}".rstrip()
+        return f"share of arms with {kept}" if sweep.draw else kept
     return f"{name}, {statistic_of(view)} arm{unit}" if points.arms.max() > 1 else f"{name}{unit}"
 
 
@@ -328,26 +324,19 @@ def wide(values: np.ndarray) -> bool:
     return len(known) > 1 and bool((known > 0.0).all()) and known.max() > WIDE * known.min()
 
 
-def _geometric(values: np.ndarray) -> bool:
-    if len(values) < 3 or not (values > 0).all():
-        return False
-    steps = np.diff(np.log(values))
-    return float(np.ptp(steps)) < EVEN * float(steps.mean())
-
-
-def _edges(values: np.ndarray) -> np.ndarray:
-    """Edges of tiles around the values, in the middle between them."""
-    scaled = np.log(values) if _geometric(values) else values
+def _edges(values: np.ndarray, axis: Axis) -> np.ndarray:
+    """Edges of tiles around the values of an axis, in the middle between them."""
+    scaled = np.log(values) if axis.on_log_scale else values
     steps = np.diff(scaled) if len(scaled) > 1 else np.array([1.0])
     edges = np.r_[scaled[0] - steps[0] / 2, scaled[:-1] + steps[: len(scaled) - 1] / 2, scaled[-1] + steps[-1] / 2]
-    return np.exp(edges) if _geometric(values) else edges
+    return np.exp(edges) if axis.on_log_scale else edges
 
 
-def _log_scales(plot: Axes, xs: np.ndarray, ys: np.ndarray | None) -> None:
-    if _geometric(xs):
+def _log_scales(plot: Axes, x: Axis, y: Axis | None = None) -> None:
+    if x.on_log_scale:
         plot.set_xscale("log")
         plain_decades(plot.xaxis)
-    if ys is not None and _geometric(ys):
+    if y is not None and y.on_log_scale:
         plot.set_yscale("log")
         plain_decades(plot.yaxis)
 
@@ -365,8 +354,7 @@ def _fractions(axis: Axis, values: np.ndarray) -> np.ndarray:
         return np.array([names.index(str(value)) for value in values]) / max(len(names) - 1, 1)
     at = np.asarray(values, dtype=float)
     low, high = _ends(axis)
-    logarithmic = axis.logarithmic or (bool(axis.values) and _geometric(np.array(axis.values, dtype=float)))
-    if logarithmic:
+    if axis.on_log_scale:
         at, low, high = np.log(at), math.log(low), math.log(high)
     return (at - low) / ((high - low) or 1.0)
 

@@ -7,7 +7,7 @@ import threading
 from functools import lru_cache
 
 from app.scenario.errors import ScenarioError
-from app.sweep.fingerprint import fingerprint, own_arms
+from app.sweep.fingerprint import fingerprint, own_urdfs
 from app.sweep.plan import Sweep
 from app.sweep.run_metrics import RunMetrics, SweepRunner
 
@@ -30,7 +30,7 @@ def _runner(pickled: bytes) -> SweepRunner:
     sweep: Sweep = pickle.loads(pickled)  # Dask has unpickled what it came with already
     ours = fingerprint(sweep)
     if ours != sweep.program:
-        arm = ", and the same file as robot.urdf" if own_arms(sweep) else ""
+        arm = ", and the same file as robot.urdf" if own_urdfs(sweep) else ""
         raise ScenarioError(
             f"program {ours} on this worker, {sweep.program} asked; allowed: the same versions of vsmrc-lab, numba, "
             f"numpy, pin, scipy and example-robot-data everywhere{arm}"

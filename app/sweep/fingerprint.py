@@ -24,7 +24,7 @@ def fingerprint(sweep: Sweep | None = None, packages: tuple[str, ...] = (), libr
     files = [file for package in (*COMPUTED, *packages) for file in sorted((root / package).rglob("*.py"))]
     for file in (*files, *sorted((root / ARMS).glob("*.urdf"))):
         digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
-    for urdf in own_arms(sweep) if sweep else ():
+    for urdf in own_urdfs(sweep) if sweep else ():
         digest.update(hashlib.sha256(_content(urdf)).digest())
     computing = ("example-robot-data", "numba", "numpy", "pin", "scipy", *libraries)
     digest.update(" ".join(f"{name} {version(name)}" for name in computing).encode())
@@ -33,10 +33,10 @@ def fingerprint(sweep: Sweep | None = None, packages: tuple[str, ...] = (), libr
 
 def another_program(sweep: Sweep) -> str:
     """Words for the cause of another fingerprint, which for a sweep of a user's own arm may be the arm's file."""
-    return "another version of the program" + (f" or with another file as {URDF}" if own_arms(sweep) else "")
+    return "another version of the program" + (f" or with another file as {URDF}" if own_urdfs(sweep) else "")
 
 
-def own_arms(sweep: Sweep) -> list[str]:
+def own_urdfs(sweep: Sweep) -> list[str]:
     """Paths of the files that are the arms of a sweep, of those that do not come with the program."""
     varied = [value for axis in sweep.vary if axis.path == URDF for value in axis.values]
     return [str(path) for path in (sweep.scenario.robot.urdf, *varied) if path is not None]

@@ -49,12 +49,13 @@ class Points:
     """Points of a sweep with one number each.
 
     values: of the axes by path, (N,) each.
-    number: (N,), NaN where no arm has one, and where `never`.
+    number: (N,), NaN where no arm has one, where `never`, and where `absent`, also of a share: a run without the metric
+        neither keeps a limit nor misses it, nor does one that stopped where no run has the metric.
     never: (N,) bool, whether an arm never reached the event that is measured: it did not settle, or its run stopped.
     good, arms: (N,), number of arms that keep the limit, and of all arms.
     stopped: (N,) bool, whether a run stopped or was refused.
-    absent: (N,) bool, whether the runs of all arms went on to their ends and lack the metric, as a force error where no
-        force is controlled.
+    absent: (N,) bool, whether no arm has the metric although a run went on to its end, as a force error where no force
+        is controlled.
     theorem, declared: (N,), 1 where (17) and the declaration hold for all arms, 0 where not, NaN where none is known.
     holding, broken: (N,), number of arms whose promise holds, and of those whose promise is broken.
     failed: names of the premises that failed for at least one arm, N tuples, in the order of the theorem's table.
@@ -91,6 +92,7 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
     limit = np.inf if view.within is None else view.within
     keeps = (metric >= limit if column.more_is_better else metric <= limit) & (~stopped | column.also_stopped)
     margin, inside = (np.asarray(columns[name], dtype=float)[order] for name in ("gain_margin", "declared"))
+    has = ~np.isnan(metric) & (~stopped | column.also_stopped)
     lacks = np.isnan(metric) & ~stopped & (not column.may_never)
     groups = [slice(a, b) for a, b in zip(begins, [*begins[1:], len(point)], strict=True)]
     arms = np.array([g.stop - g.start for g in groups])
@@ -100,15 +102,17 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
         if statistic == "share"
         else np.array([_statistic(metric[g], stopped[g], statistic, column) for g in groups])
     )
+    absent = np.array([bool(lacks[g].any() and not has[g].any()) for g in groups])
+    nowhere = absent.any() and not has.any()
     verdict = np.array([str(each) for each in columns["verdict"]])[order]
     return Points(
         values={axis.path: np.asarray(columns[axis.path])[order][begins] for axis in sweep.vary},
-        number=np.where(np.isinf(number), np.nan, number),
+        number=np.where(np.isinf(number) | absent | nowhere, np.nan, number),
         never=np.isinf(number),
         good=good,
         arms=arms,
         stopped=np.array([bool(stopped[g].any()) for g in groups]),
-        absent=np.array([bool(lacks[g].all()) for g in groups]),
+        absent=absent,
         theorem=np.array([_all_from(margin[g], -1e-9) for g in groups]),
         declared=np.array([_all_from(inside[g], 1.0) for g in groups]),
         holding=np.array([int((verdict[g] == "holds").sum()) for g in groups]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from tqdm import tqdm
@@ -12,7 +12,7 @@ from tqdm import tqdm
 from app.process import worker_pool
 from app.process.cores import usable_cores
 from app.sweep.cluster import Cluster
-from app.sweep.plan import Sweep, SweepPlan
+from app.sweep.plan import Sweep, SweepPlan, SweepT
 from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
 
 if TYPE_CHECKING:
@@ -26,46 +26,65 @@ BEGIN = 1.7  # s until the processes have their first runs, measured (docs/sweep
 @dataclass(frozen=True)
 class SweepEstimate:
     """Estimate of what a sweep will take: runs that are left, their simulated time and the computing time on all
-    workers (s), and bytes on disk."""
+    workers (s; None where it is not known), and bytes on disk."""
 
     runs: int
     simulated: float
-    seconds: float
+    seconds: float | None
     size: float
 
     @classmethod
-    def of(cls, runs: int, simulated: float, computing: float, on: int | Cluster | None) -> SweepEstimate:
+    def of(cls, runs: int, simulated: float, computing: float | None, on: int | Cluster | None) -> SweepEstimate:
         """Estimate from the computing time of all runs on one core, s. on: see `run`."""
         cores = usable_cores()
         workers = on.workers if isinstance(on, Cluster) else min(on or cores, cores)  # more processes take turns
-        return cls(runs, simulated, BEGIN + computing / (workers or 1), runs * BYTES)
+        seconds = None if computing is None else BEGIN + computing / (workers or 1)
+        return cls(runs, simulated, seconds, runs * BYTES)
 
     def __str__(self) -> str:
-        return (
-            f"{self.runs} {'run' if self.runs == 1 else 'runs'} of {self.simulated:.4g} s simulated time in all: "
-            f"about {_duration(self.seconds)}, "
-            f"{self.size / 1e6:.2g} MB"
-        )
+        runs = f"{self.runs} {'run' if self.runs == 1 else 'runs'} of {_duration(self.simulated)} simulated time in all"
+        if self.seconds is None:
+            unknown = "their computing time is not known, since a run that was tried has ended its process"
+            return f"{runs}, {_size(self.size)}; {unknown}"
+        return f"{runs}: about {_duration(self.seconds)}, {_size(self.size)}"
 
 
 def _duration(seconds: float) -> str:
     for size, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
         if seconds >= 2 * size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.2g} s"
+            return f"{_three_digits(seconds / size)} {unit}"
+    return f"{_three_digits(seconds)} s"
+
+
+def _size(size: float) -> str:
+    return f"{_three_digits(size / 1e6)} MB" if size >= 1e6 else f"{_three_digits(size / 1e3)} kB"
+
+
+def _three_digits(value: float) -> str:
+    """Number with three digits, without a power of ten where it is large."""
+    return f"{float(f'{value:.3g}'):,.15g}"
 
 
 def estimated(sweep: Sweep, left: np.ndarray, on: int | Cluster | None = None) -> SweepEstimate:
     """Estimate for the runs of a sweep that are left, from the computing time of one run on this machine. Two
     neighbours are played: the first one also computes what all runs have in common, and the second what each has for
     itself, whose time is scaled where the duration is varied. left: their numbers. on: see `run`."""
-    plan, runner = SweepPlan(sweep), SweepRunner(sweep)
-    simulated, middle, seconds = plan.seconds_of(left), plan.count // 2, 0.0
-    for number in (middle, (middle + 1) % plan.count) if len(left) else ():
-        seconds = runner.metrics(number)["wall_time"]
-    lasts = plan.seconds_of(np.array([(middle + 1) % plan.count]))
-    computing = seconds * simulated / lasts if lasts else seconds * len(left)
+    plan = SweepPlan(sweep)
+    simulated, middle = plan.seconds_of(left), plan.count // 2
+    neighbours = (middle, (middle + 1) % plan.count)
+    seconds = last_wall_time(SweepRunner.computing, sweep, neighbours) if len(left) else 0.0
+    lasts = plan.seconds_of(np.array(neighbours[1:]))
+    computing = None if seconds is None else seconds * simulated / lasts if lasts else seconds * len(left)
     return SweepEstimate.of(len(left), simulated, computing, on)
+
+
+def last_wall_time(
+    make: Callable[[SweepT], Callable[[Any], list[RunMetrics]]], sweep: SweepT, runs: tuple[Any, ...]
+) -> float | None:
+    """Computing time of the last one of some runs, s, which are computed one after the other in a process of their own;
+    None where they end it. make: see `worker_pool.results`."""
+    ((_, metrics),) = worker_pool.results(make, (sweep,), (runs,), 1)
+    return None if isinstance(metrics, worker_pool.Fallen) else metrics[-1]["wall_time"]
 
 
 def run(store: RunStore, sweep: Sweep, on: int | Cluster | None = None, *, show_progress: bool = False) -> int:

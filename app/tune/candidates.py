@@ -19,6 +19,7 @@ LIMITS = {
     for premise in (Premise.GAIN, Premise.LAYER, Premise.GAIN_BY_CHATTER, Premise.GAIN_BY_FORCE, Premise.FORCE_LOOP,
                     Premise.SAMPLED_LOOP)
 }  # fmt: skip
+LAW, GAIN = Premise.LAW.name.lower(), Premise.GAIN.name.lower()
 INSTANT = re.compile(r"^t = \S+ s: ")  # at the head of the reason why a run stopped
 
 
@@ -69,7 +70,9 @@ def _reason(tuning: Tuning, run: RunMetrics) -> str:
     """Why a run keeps its candidate from being offered; "" where it does not."""
     if run.get("stopped"):
         return INSTANT.sub("", str(run["stopped"]))  # equal causes are counted together
-    if over := [LIMITS[name] for name in (run.get("failed") or "").split(", ") if name in LIMITS]:
+    failed = (run.get("failed") or "").split(", ")
+    without_d = LAW in failed  # then (17) is about no gain of this law
+    if over := [LIMITS[name] for name in failed if name in LIMITS and not (name == GAIN and without_d)]:
         return f"over its limit: {'; '.join(over)}"
     if run.get("verdict") == "broken":
         return "the promise was broken"

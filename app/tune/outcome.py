@@ -167,7 +167,7 @@ def _draw_front(plot: Axes, tuning: Tuning, candidates: list[Candidate], best: l
     if all(map(math.isfinite, candidates[0].aims)):
         plot.plot(*candidates[0].aims, "k*", markersize=7, label=OWN, zorder=5)
     for k, (set_scale, axis) in enumerate(((plot.set_xscale, plot.xaxis), (plot.set_yscale, plot.yaxis))):
-        if shown and _far_apart([each.aims[k] for each in shown]):
+        if wide(np.array([each.aims[k] for each in shown])):
             set_scale("log")
             plain_decades(axis)
     plot.set_xlabel(in_words(tuning.aims[0], units_of(tuning.scenario)))
@@ -185,16 +185,11 @@ def _draw_course(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> Non
     plot.step(range(1, len(candidates)), course, where="post", color="#d03030", label="best so far")
     if math.isfinite(candidates[0].aims[0]):
         plot.axhline(candidates[0].aims[0], color="black", linestyle="--", label=OWN)
-    shown = [each.aims[0] for each in candidates if math.isfinite(each.aims[0])]
-    if shown and _far_apart(shown):
+    if wide(np.array([each.aims[0] for each in candidates])):
         plot.set_yscale("log")
         plain_decades(plot.yaxis)
     plot.set_xlabel("candidate")
     plot.set_ylabel(in_words(tuning.aims[0], units_of(tuning.scenario)))
-
-
-def _far_apart(values: list[float]) -> bool:
-    return wide(np.array(values))
 
 
 def summary_rows(tuning: Tuning, found: Found) -> list[list[str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, ClassVar
 
 from msgspec import Meta
@@ -12,7 +11,7 @@ from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.simulation.controller_builder import mode_of
 from app.simulation.environment_builder import positions_of, robot_of
-from app.sweep.axes import Axis
+from app.sweep.axes import Axis, axis_of
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Design, Sweep, SweepPlan, arms_differ
 from app.sweep.run_metrics import COLUMNS, metric_title
@@ -104,21 +103,9 @@ def known_aims(scenario: Scenario) -> list[str]:
 
 def moved(text: str) -> Axis:
     """Gain that may move, of a text PATH=LOW:HIGH or PATH=LOW:HIGH:log. Raises ScenarioError."""
-    path, _, spec = (part.strip() for part in text.partition("="))
-    low, _, rest = spec.partition(":")
-    high, _, scale = rest.partition(":")
-    try:
-        axis = Axis(path, (), float(low), float(high), scale == "log")
-    except ValueError as error:
-        raise ScenarioError(f"--move {text!r:.100}; {SHAPE}") from error
-    if not path or scale not in ("", "log"):
+    axis = axis_of(text, "--move", SHAPE)
+    if axis.values:
         raise ScenarioError(f"--move {text!r:.100}; {SHAPE}")
-    if not (math.isfinite(axis.low) and math.isfinite(axis.high)):
-        raise ScenarioError(f"--move {path}: {axis.low:g} to {axis.high:g}; allowed: finite numbers")
-    if not axis.low < axis.high:
-        raise ScenarioError(f"--move {path}: {axis.low:g} to {axis.high:g}; allowed: low before high")
-    if axis.logarithmic and axis.low <= 0.0:
-        raise ScenarioError(f"--move {path}: logarithmic from {axis.low:g}; allowed: from above 0")
     return axis
 
 

@@ -15,7 +15,7 @@ from app.scenario.errors import ScenarioError
 from app.sweep.axes import Value
 from app.sweep.plan import SweepPlan, SweepRow
 from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
-from app.sweep.running import CHUNK, SweepEstimate
+from app.sweep.running import CHUNK, SweepEstimate, last_wall_time
 from app.tune.candidates import Candidate, front, judged
 from app.tune.plan import Tuning
 from app.tune.search import Search
@@ -45,10 +45,8 @@ class Found:
 def estimated(tuning: Tuning, left: int, workers: int | None = None) -> SweepEstimate:
     """Estimate for `left` runs of a tuning, from the computing time of one run. The run is played twice, because the
     first time also computes what all runs have in common."""
-    runner, seconds = SweepRunner(tuning), 0.0
-    for _ in range(2 if left else 0):
-        seconds = runner.metrics_of(SweepRow(0, 0, 0, {}))["wall_time"]
-    return SweepEstimate.of(left, left * tuning.length, left * seconds, workers)
+    seconds = last_wall_time(computing, tuning, (SweepRow(0, 0, 0, {}),) * 2) if left else 0.0
+    return SweepEstimate.of(left, left * tuning.length, None if seconds is None else left * seconds, workers)
 
 
 def most_runs(tuning: Tuning) -> int:

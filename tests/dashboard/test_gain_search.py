@@ -8,6 +8,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
+import msgspec
 import numpy as np
 import pytest
 import viser
@@ -19,6 +20,7 @@ from app.dashboard.widgets.gain_search import AGAIN, LEAVE, GainSearch
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace
 from app.dashboard.widgets.swept_fields import FIELDS, FieldChoice, field_of_row, prepared
 from app.dashboard.widgets.whatif import WhatIf, changed
+from app.scenario import own_code
 from app.scenario.data import edited, shipped, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -34,6 +36,7 @@ from app.tune.plan import Tuning, moved
 from app.tune.running import Found
 from drivers.waiting import until
 from tests.support.desks import BareDesk
+from tests.support.pages import ROOT
 
 BASE = shipped()["planar3r-hybrid"]
 
@@ -160,6 +163,21 @@ def test_aims_more_than_a_decade_apart_have_logarithmic_axes() -> None:
     assert second - first == pytest.approx((last - first) / 8.0, abs=0.2)
 
 
+def test_candidates_of_one_aim_are_drawn_at_their_numbers_also_those_that_are_never_offered() -> None:
+    tuning = Tuning(BASE, (moved("controller.layer=0.001:0.1:log"),), points=9, aims=("residual",))
+    candidates = [
+        Candidate(number, {}, (1.0 + number,), "over its limit" if number > 2 else "", False, 1.0)
+        for number in range(9)
+    ]
+    state = {"problem": "", "waiting": False, "complete": True, "going": False, "runs": 9, "most": 9}
+    search = SimpleNamespace(tuning=tuning, candidates=candidates, front=front(candidates[1:]), **state)
+    drawn = candidates_html(cast(BackgroundTuning, search), {}, None)
+    at = [(float(x), float(y)) for x, y in re.findall(r'data-at="([\d.]+),([\d.]+)"', drawn)]
+    across = sorted(x for x, _ in at)
+    assert np.diff(across) == pytest.approx([(across[-1] - across[0]) / 8] * 8, abs=0.11)
+    assert len({y for _, y in at}) == 3  # what is never offered lies at the upper edge
+
+
 @pytest.fixture
 def ended(monkeypatch: pytest.MonkeyPatch) -> BackgroundTuning:
     """A search that has ended: of its front, candidate 1 is over a limit on arms that were not seen, 2 changes nothing
@@ -234,6 +252,31 @@ def test_what_the_sentences_at_the_end_do_not_offer_cannot_be_applied(
     search._choose(ended, "4", 1)
     assert page.posted == [EditAll({"controller.layer": 0.04})]
     assert not page.complaints
+
+
+def test_a_search_under_a_law_of_ones_own_has_the_engine_that_takes_it(viser_server: viser.ViserServer) -> None:
+    engines = []
+    own_code.use([ROOT / "docs" / "examples" / "pid_gravity.py"])
+    for law in ("vsmrc", "pid-gravity"):
+        page = BareDesk(viser_server, edited(BASE, "controller.law", law))
+        search = GainSearch(page.desk)
+        engines.append(search._request(page.snapshot())[1].engine)
+    assert engines == ["compiled", "pinocchio"]
+
+
+def test_files_of_searches_for_different_things_have_different_names(
+    ended: BackgroundTuning, viser_server: viser.ViserServer
+) -> None:
+    page, names = BareDesk(viser_server, BASE), list[str]()
+    cast(Any, page.desk).export_jobs = None
+    search = GainSearch(page.desk)
+    search._delivery = cast(Any, SimpleNamespace(give=lambda _, __, name, ___: names.append(name)))
+    for changes in ({}, {"seed": 1}, {"aims": ("residual",)}, {"vary": (moved("controller.K_s=20:80"),)}):
+        asked = msgspec.structs.replace(ended.tuning, until=1.5, **changes)
+        search._work = cast(BackgroundTuning, SimpleNamespace(tuning=asked, rows=[], found=ended.found))
+        search._on_file(cast(Any, None))
+    assert names[0] == "vsmrc-planar3r-hybrid-search-residual-torque_variation-controller-layer-seed-0-1.50s.zip"
+    assert len(set(names)) == 4
 
 
 MOTION, UNDECLARED = shipped()["ur5-motion"], edited(BASE, "declared", {})

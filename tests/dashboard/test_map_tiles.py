@@ -85,6 +85,10 @@ def test_the_declared_set_ends_between_tiles_and_the_ring_is_at_the_present_sett
     ring = re.search(r'class="vs-present" cx="([\d.]+)" cy="([\d.]+)"', drawn)
     assert ring is not None
     assert [float(each) for each in ring.groups()] == [187.0, 55.0]  # middle column, upper row
+    between = picture(SweepView("force_error"), {"contact.K_e": 10**3.5, "controller.K_s": 50.0})
+    ring = re.search(r'class="vs-present" cx="([\d.]+)" cy="([\d.]+)"', between)
+    assert ring is not None
+    assert [float(each) for each in ring.groups()] == [139.3, 102.0]  # steps of the logarithm across, even ones up
     for beyond in ({"contact.K_e": 5e5, "controller.K_s": 80.0}, {"contact.K_e": 1e4}):
         assert "vs-present" not in picture(SweepView("force_error"), beyond)
     theorem = re.search(r'class="vs-theorem"[^>]* d="([^"]*)"', drawn)
@@ -148,7 +152,57 @@ def test_a_tile_opens_the_run_of_its_worst_arm() -> None:
     for metric, worst in (("promised_share", 1), ("settling_time", 1)):
         assert max(rows, key=lambda row, metric=metric: badness(row, metric))["arm"] == worst
     rows[0]["stopped"] = "contact lost"
+    assert max(rows, key=lambda row: badness(row, "promised_share"))["arm"] == 1  # which a stopped run has, too
+    assert max(rows, key=lambda row: badness(row, "settling_time"))["arm"] == 0
+    rows[0]["promised_share"] = None  # refused
     assert max(rows, key=lambda row: badness(row, "promised_share"))["arm"] == 0
+
+
+def test_a_tile_with_a_stopped_run_says_its_number_where_it_has_one() -> None:
+    table = columns()
+    shares = table | {"promised_share": np.where(table["arm"] == 1, 0.2, 1.0)}
+    drawn = labels_in(picture(SweepView("promised_share"), table=shares))
+    assert "200 mN, worst of 4 arms; a run stopped or was refused; the promise" in drawn[2]
+    assert "stopped" not in drawn[0]
+    kept = labels_in(picture(SweepView("force_error", within=1.25)))[2]
+    assert "1 of 4 arms keep" in kept
+    assert "of all); a run stopped or was refused; the promise" in kept
+
+
+def test_one_run_that_is_not_drawn_keeps_a_limit_or_does_not() -> None:
+    for fields, ends in ((SWEEP.vary, ["no", "yes"]), (ALONE.vary, ["no", "yes"])):
+        sweep = msgspec.structs.replace(SWEEP, vary=fields, draw=0)
+        drawn = picture(SweepView("force_error", within=0.15), sweep=sweep)
+        assert "force error, whether the run keeps the limit of &lt;7&gt; mN: " in drawn
+        labels = labels_in(drawn)
+        assert ": keeps the limit of &lt;7&gt; mN" in labels[0]
+        assert ": does not keep the limit of &lt;7&gt; mN" in labels[2]
+        assert not re.search(r"95 %|vs-interval|share", drawn)
+        assert [text for text in re.findall(r"<text [^>]*>(.*?)<", drawn) if text in ("no", "yes")] == ends
+
+
+def test_files_of_maps_that_show_different_things_have_different_names(viser_server: viser.ViserServer) -> None:
+    page = BareDesk(viser_server, SWEEP.scenario)
+    cast(Any, page.desk).export_jobs = None
+    robustness, names = RobustnessMap(page.desk), list[str]()
+    robustness._delivery = cast(Any, SimpleNamespace(give=lambda _, __, name, ___: names.append(name)))
+
+    def save(sweep: Sweep, chosen: str = "SVG") -> str:
+        robustness._work = cast(BackgroundSweep, SimpleNamespace(plan=SweepPlan(sweep), rows=[{"row": 0}]))
+        robustness._on_file(cast(Any, SimpleNamespace(target=SimpleNamespace(value=chosen))))
+        return names[-1]
+
+    short = msgspec.structs.replace(SWEEP, until=1.5)
+    named = "vsmrc-planar3r-hybrid-map-force_error-contact-K_e-controller-K_s-4-arms-1.50s"
+    assert save(short) == f"{named}.svg"  # the length of its runs, not the instant of the loop
+    assert save(short, "sweep folder") == f"{named}.zip"
+    save(msgspec.structs.replace(short, draw=0))
+    save(msgspec.structs.replace(short, vary=ALONE.vary))
+    robustness._within.value = "0.5"
+    save(short)
+    robustness._metric.value = "settling time"
+    save(short)
+    assert len(set(names)) == len(names) == 6
 
 
 def test_over_one_field_there_is_a_course_with_an_interval_at_each_share() -> None:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import msgspec
 import numpy as np
 import pytest
 
 from app.scenario.errors import ScenarioError
 from app.sweep.axes import Axis, axis_of
-from app.sweep.charts import _borders, _fractions, _geometric, _parallel, _slices, chart
+from app.sweep.charts import _borders, _fractions, _map, _parallel, _scatter, _slices, chart
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView, interval, points_of, require_metric
 from app.sweep.run_metrics import METRIC_COLUMNS
 from tests.support.svg import texts_of
 from tests.sweep.test_plan import BASE, sweep_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 SWEEP = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:80:2", draw=4)
 
@@ -97,6 +103,33 @@ def test_a_run_that_stopped_keeps_a_limit_of_a_metric_that_it_has() -> None:
     table["stopped"] = np.where(table["point"] == 3, "refused", table["stopped"])
     # all arms of point 2, of which one stopped, and none of point 3, which were refused
     assert points_of(SWEEP, table, SweepView("promised_share", within=0.9)).good.tolist() == [4, 4, 4, 0, 4, 4]
+
+
+def test_a_run_without_the_metric_neither_keeps_a_limit_nor_misses_it() -> None:
+    table, view = columns(), SweepView("force_error", within=1.25)
+    table["force_error"] = np.where(np.isin(table["point"], (0, 2)), np.nan, table["force_error"])  # in 2, one stopped
+    points = points_of(SWEEP, table, view)
+    assert points.number == pytest.approx([np.nan, 0.5, np.nan, 0.25, 0.25, 0.25], nan_ok=True)
+    drawn = texts_of(chart(SWEEP, table, view, "svg"))
+    assert sum(text.endswith("/4") for text in drawn) == 4
+    assert "White: no run has this metric (1 point)" in " ".join(drawn)
+    stopped = np.where(table["point"] > 0, "contact lost", None)
+    without = table | {"force_error": np.where(table["point"] > 0, 1.0, np.nan), "stopped": stopped}
+    assert np.isnan(points_of(SWEEP, without, view).number).all()
+    settling = table | {"settling_time": np.full(24, np.nan)}  # who never settles misses the limit
+    assert points_of(SWEEP, settling, SweepView("settling_time", within=1.0)).number.tolist() == [0.0] * 6
+
+
+def test_one_run_that_is_not_drawn_is_no_sample() -> None:
+    alone, view = sweep_of("contact.K_e=1e3:1e5:3:log"), SweepView("force_error", within=0.15)
+    drawn = " ".join(texts_of(chart(alone, columns(alone), view, "svg")))
+    assert "force error ≤ 0.15 N" in drawn
+    assert "Wilson" not in drawn
+    assert "share" not in drawn
+    assert "1: the run keeps the limit, 0: it does not" in drawn
+    for sweep, bands in ((alone, 0), (sweep_of("contact.K_e=1e3:1e5:3:log", draw=1), 1)):
+        canvas = _slices(sweep, list(sweep.vary), points_of(sweep, columns(sweep), view), view)
+        assert len(canvas.axes[0].collections) == bands
 
 
 def test_a_limit_of_a_margin_is_its_least() -> None:
@@ -217,6 +250,15 @@ def test_slices_say_which_lines_they_leave_out() -> None:
     assert not any("lines" in text for text in all_of_them)
 
 
+def test_each_of_the_slices_has_a_name_of_its_own() -> None:
+    three = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:80:2", "controller.layer=0.01,0.02")
+    view = SweepView("force_error", kind="slices", over=("contact.K_e", "controller.K_s"))
+    axes = [axis for axis in three.vary if axis.path in view.over]
+    labels = _slices(three, axes, points_of(three, columns(three), view), view).axes[0].get_legend_handles_labels()[1]
+    assert len(set(labels)) == len(labels) == 4
+    assert all("reaching gain" in label and "boundary layer" in label for label in labels)
+
+
 def test_a_metric_that_no_run_has_is_refused() -> None:
     table = columns() | {name: np.full(24, np.nan) for name in METRIC_COLUMNS if name != "force_error"}
     require_metric(table, "force_error")
@@ -227,8 +269,32 @@ def test_a_metric_that_no_run_has_is_refused() -> None:
 
 
 def test_values_that_the_page_has_rounded_are_even_steps_of_the_logarithm_still() -> None:
-    assert _geometric(np.array([5000.0, 8891.4, 15811.4, 28117.1, 50000.0]))
-    assert not _geometric(np.array([5000.0, 8900.0, 15800.0, 28100.0, 50000.0]))
+    assert axis_of("contact.K_e=5000.0,8891.4,15811.4,28117.1,50000.0").on_log_scale
+    assert axis_of("contact.K_e=50000.0,5000.0,15811.4,28117.1,8891.4").on_log_scale  # in whatever order
+    assert not axis_of("contact.K_e=5000.0,8900.0,15800.0,28100.0,50000.0").on_log_scale
+    assert not axis_of("controller.law=vsmrc,pd-gravity,computed-torque").on_log_scale
+
+
+LOGARITHMIC = ("contact.K_e=1e3:1e5:3:log", "controller.layer=0.001:0.1:3:log")
+RANGES = ("contact.K_e=1e3:1e5:log", "controller.layer=0.001:0.1:log")
+
+
+@pytest.mark.parametrize(
+    ("sweep", "draw"),
+    [
+        (sweep_of(*LOGARITHMIC), _map),
+        (sweep_of(*LOGARITHMIC), _scatter),
+        (sweep_of(LOGARITHMIC[0]), _slices),
+        (sweep_of(*RANGES, design="sobol", points=8), _scatter),
+        (sweep_of(RANGES[0], design="sobol", points=8), _slices),
+    ],
+)
+def test_a_logarithmic_field_has_a_logarithmic_axis_in_every_chart(sweep: Sweep, draw: Callable[..., Canvas]) -> None:
+    view = SweepView("force_error")
+    plot = draw(sweep, list(sweep.vary), points_of(sweep, columns(sweep), view), view).axes[0]
+    assert plot.get_xscale() == "log"
+    assert (plot.get_yscale() == "log") == (len(sweep.vary) == 2)
+    assert _fractions(sweep.vary[0], np.array([1e4])) == pytest.approx([0.5])
 
 
 def test_a_metric_that_is_the_same_everywhere_stands_at_the_foot_of_its_scale() -> None:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import get_args
 
@@ -26,6 +27,7 @@ from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_metrics import COLUMNS, METRIC_COLUMNS, RunMetrics, SweepRunner
 from app.sweep.run_store import JOURNAL, RunStore, table_of
+from app.sweep.running import SweepEstimate
 from tests.support.pages import ROOT
 from tests.tune.test_running import in_this_process
 
@@ -103,10 +105,46 @@ def test_an_estimate_is_of_the_durations_that_are_varied(monkeypatch: pytest.Mon
         return {"wall_time": plan.scenario(plan.row(number)).simulation.duration}
 
     monkeypatch.setattr(SweepRunner, "metrics", as_long_as_simulated)
+    monkeypatch.setattr(worker_pool, "results", in_this_process)
     for left, length in ((range(6), 2.4), ((0, 1, 2), 0.4), ((3, 4, 5), 2.0), ((), 0.0)):  # also after an interruption
         estimate = running.estimated(asked, np.array(left, dtype=int), 1)
         assert estimate.simulated == pytest.approx(length)
-        assert estimate.seconds - running.BEGIN == pytest.approx(length)
+        assert estimate.seconds == pytest.approx(running.BEGIN + length)
+
+
+def test_an_estimate_has_numbers_that_are_read_at_a_glance() -> None:
+    words = "simulated time in all: about"
+    assert str(SweepEstimate(1, 3.0, 2.0, 90.0)) == f"1 run of 3 s {words} 2 s, 0.09 kB"
+    assert str(SweepEstimate(2_000_000, 6e6, 104.2, 1.8e8)) == f"2000000 runs of 69.4 days {words} 104 s, 180 MB"
+    assert str(SweepEstimate(40_000, 2e9, 7e8, 3.6e6)) == f"40000 runs of 23,100 days {words} 8,100 days, 3.6 MB"
+
+
+def ending(_: Sweep) -> Callable[[tuple[int, ...]], list[RunMetrics]]:
+    return lambda _: os._exit(7)
+
+
+UNKNOWN = "12 runs of 3.6 s simulated time in all, 1.08 kB; their computing time is not known, since a run"
+
+
+@pytest.mark.slow
+def test_a_run_that_ends_its_process_does_not_end_the_command_that_estimates(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(SweepRunner, "computing", staticmethod(ending))
+    assert execute([*ASKED, "--dry-run"]) == 0
+    assert UNKNOWN in capsys.readouterr().out
+
+
+def test_a_sweep_whose_time_is_not_known_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fallen(_: object, __: object, tasks: Iterable[object], ___: int) -> Iterator[tuple[object, worker_pool.Fallen]]:
+        return ((task, worker_pool.FALLEN) for task in tasks)
+
+    monkeypatch.setattr(worker_pool, "results", fallen)
+    assert execute([*ASKED, "--out", str(tmp_path / "out")]) == 0
+    assert UNKNOWN in capsys.readouterr().out
+    assert set(table_of(tmp_path / "out")[1]["stopped"]) == {"the process that computed it has ended"}
 
 
 @pytest.mark.slow

@@ -132,3 +132,9 @@ def test_own_gains_that_never_come_to_a_metric_are_beaten_by_gains_that_do() -> 
     assert verdict(timed, found)[-1].startswith("settling time: best.toml better than the own gains")
     neither = Found(list(tried.values()), {0: tried[0], 1: tried[0]}, {0: runs[0], 1: runs[0]})
     assert "NOT beaten" in verdict(timed, neither)[-1]
+
+
+def test_17_is_no_limit_of_a_law_without_the_gain_d() -> None:
+    run = SOUND | {"failed": "law, gain", "verdict": "nothing promised"}
+    assert judged(BOTH, 1, {}, [run]).badge == ""
+    assert judged(BOTH, 1, {}, [run | {"failed": "law, gain, sampled_loop"}]).badge.startswith("over its limit: closed")

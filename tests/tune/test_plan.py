@@ -38,9 +38,11 @@ def test_a_gain_that_moves_is_a_range() -> None:
         ("controller.layer=0.01", "allowed: PATH=LOW:HIGH"),
         ("controller.layer=1:2:lin", "allowed: PATH=LOW:HIGH"),
         ("controller.layer=1:2:log:3", "allowed: PATH=LOW:HIGH"),
-        ("controller.layer=nan:2", "controller.layer: nan to 2; allowed: finite numbers"),
-        ("controller.layer=2:1", "controller.layer: 2 to 1; allowed: low before high"),
-        ("controller.layer=0:1:log", "controller.layer: logarithmic from 0; allowed: from above 0"),
+        ("controller.layer=1:2:3", "--move 'controller.layer=1:2:3'; allowed: PATH=LOW:HIGH, with"),
+        ("controller.layer=1,2", "--move 'controller.layer=1,2'; allowed: PATH=LOW:HIGH, with"),
+        ("controller.layer=nan:2", "--move controller.layer: nan; allowed: finite numbers"),
+        ("controller.layer=2:1", "--move controller.layer: 2 to 1; allowed: low before high"),
+        ("controller.layer=0:1:log", "--move controller.layer: logarithmic from 0; allowed: from above 0"),
     ],
 )
 def test_a_gain_that_makes_no_sense_is_refused(text: str, sentence: str) -> None:

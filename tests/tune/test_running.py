@@ -17,7 +17,7 @@ import pytest
 
 from app.cli.commands import execute
 from app.process import worker_pool
-from app.process.worker_pool import BARRIER
+from app.process.worker_pool import BARRIER, FALLEN
 from app.scenario.data import load, shipped, with_values
 from app.scenario.errors import ScenarioError
 from app.sweep.run_store import JOURNAL, RunStore
@@ -141,6 +141,14 @@ def test_the_pages_search_has_the_answer_of_the_command(found: Found, tmp_path: 
     assert tuned(taken_away).candidates == found.candidates  # the command goes on in that folder, with nothing to do
 
 
+def test_a_run_that_ends_its_process_leaves_the_estimate_without_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert running.estimated(TUNING, 5, 1).seconds is not None
+    monkeypatch.setattr(worker_pool, "results", lambda _, __, tasks, ___: ((task, FALLEN) for task in tasks))
+    estimate = running.estimated(TUNING, 5, 1)
+    assert estimate.seconds is None
+    assert str(estimate).startswith("5 runs of 1 s simulated time in all, 0.45 kB; their computing time is not known")
+
+
 def test_an_unusable_candidate_is_a_row_and_other_runs_there_are_refused(tmp_path: Path) -> None:
     axes = (moved("controller.layer=-0.05:0.05"),)
     tuning = msgspec.structs.replace(TUNING, vary=axes, points=5, draw=0, unseen=1, aims=("residual",))
@@ -179,7 +187,7 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
         (("--workers", "513", "--dry-run"), "--workers 513; allowed: 1 to 512"),
         (("--for", "beauty", "--dry-run"), "--for 'beauty'"),
         (("--seed", "1", "--out", str(out)), "holds another tuning (seed 0 there, 1 here)"),
-        (("--move", "controller.layer=nan:1", "--dry-run"), "nan to 1; allowed: finite numbers"),
+        (("--move", "controller.layer=nan:1", "--dry-run"), "--move controller.layer: nan; allowed: finite numbers"),
         (("--budget", "1000000000", "--dry-run"), "runs; allowed: at most 1e+07"),
         (("--move", "controller.layr=1:2", "--dry-run"), "controller.layr: no such field"),
         (

@@ -32,10 +32,11 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
         return f'<div class="vs-checks"><div class="vs-note">{progress}</div></div>'
     aims, red = tuning.tuning.aims, {each.number for each in best}
     at = {each.number: _place(each) for each in shown}
-    # what is over a limit, and never offered, lies at the picture's edge where it is beyond the others
+    # what is over a limit, and never offered, lies at the picture's edge where its aims are beyond those of the others
     offered = [at[each.number] for each in shown if not each.badge or each.number == 0]
     places = np.array(offered or list(at.values()))
-    across, up = (_scale(places[:, 0], of_aim=len(aims) > 1), _scale(places[:, 1], of_aim=True))
+    across = _scale(places[:, 0] if len(aims) > 1 else np.array(list(at)), of_aim=len(aims) > 1)  # all have a number
+    up = _scale(places[:, 1], of_aim=True)
     x = {number: LEFT + EDGE + across.position(place[0]) * (RIGHT - LEFT - 2 * EDGE) for number, place in at.items()}
     y = {number: BOTTOM - EDGE - up.position(place[1]) * (BOTTOM - TOP - 2 * EDGE) for number, place in at.items()}
     marks = [

@@ -38,6 +38,7 @@ from app.tune.candidates import Candidate
 from app.tune.offers import offered
 from app.tune.plan import Tuning, is_gain, known_aims, require_sound
 from app.tune.running import most_runs
+from controllers.laws import KINDS
 
 MOST = 4  # gains that a search may vary
 AIMS = {
@@ -127,6 +128,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             draw=ARMS[self._arms.value],
             seed=seed,
             until=seconds,
+            engine="compiled" if scenario.controller.law in KINDS else "pinocchio",  # which alone takes one's own laws
             aims=self._aims(scenario),
             unseen=unseen,
         )
@@ -206,8 +208,10 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             return
         from app.tune import outcome  # here: pyarrow is large, and few sessions need it
 
-        job = MadeJob(outcome.zipped, (tuning.tuning, tuning.rows, tuning.found))
-        name = file_name(f"{tuning.tuning.scenario.name}-search", self._desk.snapshot().t, "zip")
+        request = tuning.tuning
+        job = MadeJob(outcome.zipped, (request, tuning.rows, tuning.found))
+        asked = "-".join((*request.aims, *(axis.path for axis in request.vary), f"seed-{request.seed}"))
+        name = file_name(f"{request.scenario.name}-search", request.length, "zip", asked)
 
         def make(on_progress: ProgressCallback) -> bytes:
             return jobs.made(job, on_progress)

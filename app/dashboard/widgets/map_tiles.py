@@ -83,10 +83,11 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
     plan, progress = sweep.plan, _progress_html(sweep)
     if points is None:
         return f'<div class="vs-checks"><div class="vs-note">{progress}</div></div>'
-    numbers = _numbers(points, naming)
+    numbers = points.number if naming.share else naming.factor * points.number
     over = ", worst arm" if plan.sweep.draw else ""
     if naming.share:
-        over = f", share of the arms that keep the limit of {escape(naming.limit)}"
+        what = "share of the arms that keep" if plan.sweep.draw else "whether the run keeps"
+        over = f", {what} the limit of {escape(naming.limit)}"
     if len(plan.sweep.vary) == 1:
         picture, ends, height = _course(plan, points, numbers, naming, present), "", COURSE_HEIGHT
     else:
@@ -116,13 +117,6 @@ def _progress_html(sweep: BackgroundSweep) -> str:
     if sweep.waiting:
         return "waits until those of other visitors are done"
     return f"{done} of {count} runs" + ("" if sweep.going or done == count else ", cancelled")
-
-
-def _numbers(points: Points, naming: Naming) -> np.ndarray:
-    """Numbers (N,) that a map shows, NaN where there is none. A run without the figure neither keeps a limit nor misses
-    it, nor does one that stopped where no other run has the figure."""
-    nowhere = points.absent.any() and (points.absent | points.stopped).all()
-    return np.where(points.absent | nowhere, np.nan, points.number if naming.share else naming.factor * points.number)
 
 
 def _scale(numbers: np.ndarray, naming: Naming) -> ColorScale | None:
@@ -162,12 +156,13 @@ def _tiles(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming,
     words = ("; red: the edge of the declared set, between two tiles" if red else "") + (
         "; dashed: the edge of where d covers (17)" if dashed else ""
     )
-    bar = "" if scale is None else _bar(scale, naming)
+    bar = "" if scale is None else _bar(plan, scale, naming)
     return f"{''.join(tiles)}{red}{dashed}{_ring(plan, present)}{_ticks(x, y, frame, naming)}{bar}", words
 
 
 def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
-    """Picture over one field, as SVG: a dot for each value, with Wilson's interval where the map shows a share."""
+    """Picture over one field, as SVG: a dot for each value, with Wilson's interval where the map shows a share of arms
+    that are drawn."""
     (x,) = plan.sweep.vary
     scale = _scale(numbers, naming)
     wide = (RIGHT - LEFT) / len(x.values)
@@ -184,7 +179,7 @@ def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming
             lines[-1].append(f"{across:.1f} {up:.1f}")
         if points.stopped[k] or not known:
             lines.append([])
-        if known and naming.share:
+        if known and naming.share and plan.sweep.draw:
             low, high = (_up(end) for end in interval(int(points.good[k]), int(points.arms[k])))
             shape += f'<path d="M {across:.1f} {low:.1f} V {high:.1f}" class="vs-interval"/>'
         dots.append(
@@ -200,7 +195,7 @@ def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming
         f'<path class="axis" fill="none" d="M {LEFT} {TOP} V {BOTTOM} H {RIGHT}"/>{now}',
         *(f'<polyline class="vs-course" points="{", ".join(line)}"/>' for line in lines if line),
         *dots,
-        *([] if scale is None else _ticks_up(scale, naming)),
+        *([] if scale is None else _ticks_up(plan, scale, naming)),
         *_ticks_across(x, wide),
         f'<text x="{RIGHT}" y="{BOTTOM + 23}" text-anchor="end">→ {called}</text>',
     ])  # fmt: skip
@@ -217,18 +212,21 @@ def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Namin
         for axis in plan.sweep.vary
     )
     arms = int(points.arms[k])
-    if points.stopped[k] and (math.isnan(number) or not naming.share):
+    if points.stopped[k] and math.isnan(number):
         return f"{where}: a run stopped or was refused"
     if points.never[k]:
         return f"{where}: {naming.title}: no value on some arm{_unpromised(points, k)}"
     if math.isnan(number):
         return f"{where}: no figure"
+    more = ("; a run stopped or was refused" if points.stopped[k] else "") + _unpromised(points, k)
+    if naming.share and not plan.sweep.draw:  # one run is no sample
+        return f"{where}: {'keeps' if points.good[k] else 'does not keep'} the limit of {naming.limit}{more}"
     if naming.share:
         low, high = interval(int(points.good[k]), arms)
         count = f"{points.good[k]} of {arms} arms keep the limit of {naming.limit}"
-        return f"{where}: {count} (95 %: {low:.2f} to {high:.2f} of all){_unpromised(points, k)}"
+        return f"{where}: {count} (95 %: {low:.2f} to {high:.2f} of all){more}"
     worst = f", worst of {arms} arms" if arms > 1 else ""
-    return f"{where}: {naming.title} {plain(number)} {naming.unit}{worst}{_unpromised(points, k)}"
+    return f"{where}: {naming.title} {plain(number)} {naming.unit}{worst}{more}"
 
 
 def _unpromised(points: Points, k: int) -> str:
@@ -277,6 +275,8 @@ def _place(axis: Axis, value: float | None) -> float | None:
     values = np.array(axis.values, dtype=float)
     if value is None or not values[0] <= value <= values[-1]:
         return None
+    if axis.on_log_scale:
+        value, values = math.log(value), np.log(values)
     return float(np.interp(value, values, np.arange(len(values)))) + 0.5
 
 
@@ -302,9 +302,16 @@ def _ticks_across(x: Axis, wide: float) -> list[str]:
     ]
 
 
-def _ticks_up(scale: ColorScale, naming: Naming) -> list[str]:
-    ends = ("0", "1") if naming.share else (plain(scale.low), plain(scale.high))
-    called = escape("share" if naming.share else naming.unit or naming.title)
+def _ends_in_words(plan: SweepPlan, scale: ColorScale, naming: Naming) -> tuple[str, str]:
+    """Ends of the scale of a map's numbers in words, without a unit."""
+    if naming.share:
+        return ("0", "1") if plan.sweep.draw else ("no", "yes")
+    return plain(scale.low), plain(scale.high)
+
+
+def _ticks_up(plan: SweepPlan, scale: ColorScale, naming: Naming) -> list[str]:
+    ends, share = _ends_in_words(plan, scale, naming), "share" if plan.sweep.draw else "limit kept"
+    called = escape(share if naming.share else naming.unit or naming.title)
     return [
         *(
             f'<text x="{LEFT - 4}" y="{_up(position) + 4:.1f}" text-anchor="end">{end}</text>'
@@ -328,15 +335,14 @@ def _ticks(x: Axis, y: Axis, frame: _Frame, naming: Naming) -> str:
     ])  # fmt: skip
 
 
-def _bar(scale: ColorScale, naming: Naming) -> str:
+def _bar(plan: SweepPlan, scale: ColorScale, naming: Naming) -> str:
     step = (RIGHT - LEFT) / SHADES
     shades = "".join(
         f'<rect x="{LEFT + k * step:.1f}" y="226" width="{step + 0.5:.1f}" height="7" '
         f'fill="{_color(k / (SHADES - 1))}"/>'
         for k in range(SHADES)
     )
-    ends = ("0", "1") if naming.share else (f"{plain(each)} {naming.unit}" for each in (scale.low, scale.high))
-    left, right = ends
+    left, right = (each if naming.share else f"{each} {naming.unit}" for each in _ends_in_words(plan, scale, naming))
     middle = ""
     if scale.logarithmic and not naming.share:
         between = f"{plain(math.sqrt(scale.low * scale.high))} {naming.unit}"

@@ -3,6 +3,8 @@ opens its run."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgspec
 import viser
 
@@ -114,7 +116,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         else:
             form = FORMATS[chosen]
             job, extension = MadeJob(charts.chart, (request, columns_of(rows), view, form)), form
-        name = file_name(f"{request.scenario.name}-map", self._desk.snapshot().t, extension)
+        name = file_name(f"{request.scenario.name}-map", request.length, extension, shown_by(request, view))
 
         def make(on_progress: ProgressCallback) -> bytes:
             return jobs.made(job, on_progress)
@@ -205,6 +207,14 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         return map_html(work, self._points(work), self._naming(units_of(work.plan.sweep.scenario)), present)
 
 
+def shown_by(sweep: Sweep, view: SweepView) -> str:
+    """What a map shows, as a part of its files' names."""
+    arms = f"-{sweep.draw}-arms" if sweep.draw else ""
+    return replace(view, over=tuple(axis.path for axis in sweep.vary)).name + arms
+
+
 def badness(row: RunMetrics, metric: str) -> tuple[bool, float]:
-    """Order of the runs of a point, the worst last: stopped ones, then by the metric."""
-    return bool(row.get("stopped")), float(COLUMNS[metric].badness(row.get(metric)))
+    """Order of the runs of a point, the worst last: those whose end leaves them without the metric, then by it."""
+    column, value = COLUMNS[metric], row.get(metric)
+    ended = bool(row.get("stopped")) and (value is None or not column.also_stopped)
+    return ended, float(column.badness(value))
