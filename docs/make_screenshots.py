@@ -21,7 +21,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from app.dashboard.page import Dashboard
 from app.dashboard.widgets.guided_minute import steps
 from app.scenario.data import shipped
-from app.session.commands import Edit, Load, Pause, Pin, Play, Reset, Unpin
+from app.session.commands import DropWayOut, Edit, Load, Pause, Pin, Play, Reset, Unpin
 from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
 from drivers.pages import NO_HINTS, PATIENCE, PageSession, each_tab
@@ -197,6 +197,8 @@ def refuse_and_hold(page: Page, runner: Runner, album: Album) -> None:
     """A value that is refused, and a slider that is held until its preview is whole."""
     runner.post(Edit("target_model.M_m", [0.0] * 6))
     shoot(page, album, "refused", "Refused, with the reason")
+    runner.post(DropWayOut())
+    page.locator(".vs-strip .vs-message", has_text="Refused").wait_for(state="hidden")
     move, _ = PageSession(page, runner).grip("F_d [N]")
     move(0.75)
     # the process that previews may still be starting; the band comes last, or why there is none: no kernels yet

@@ -18,6 +18,7 @@ class ClassQuestion(Struct, frozen=True):
 
     number: a later one is larger.
     ask, options: HTML; unit: of a number.
+    language: of ask, options and axis, a code as in HTML.
     start, end, low, high, axis: of the axes on which a curve is drawn.
     open: whether answers are still taken.
     result: HTML of the answer, once it is revealed.
@@ -35,6 +36,7 @@ class ClassQuestion(Struct, frozen=True):
     axis: str = ""
     open: bool = True
     result: str = field(default="", name="told")  # as it is called in messages and files
+    language: str = "en"
 
 
 class AnswerRefusal(ValueError):

@@ -273,6 +273,8 @@ class SessionPool:
                 log.info("session opened", session=session.called, sessions=self.taken)
                 async for changed in process.changes():
                     if isinstance(changed, Asks):
+                        if session.gathers and session.classroom.given:  # a new question would delete them
+                            process.answer(Answers(session.classroom.number, session.classroom.given))
                         session.classroom.ask(changed.question)
                         if session.classroom.given:
                             process.answer(Answers(session.classroom.number, session.classroom.given))

@@ -40,12 +40,14 @@ class LessonProgress(Struct, frozen=True):
     step: number of the shown step.
     answers: by number of their step.
     goals: numbers of the steps whose goals were reached.
-    finished: whether the last step has been shown."""
+    finished: whether the last step has been shown.
+    seen: number of the last step whose run has been seen, 0 for none."""
 
     step: int = 1
     answers: dict[int, Answer] = {}
     goals: tuple[int, ...] = ()
     finished: bool = False
+    seen: int = 0
 
 
 @dataclass(frozen=True)

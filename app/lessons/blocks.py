@@ -49,6 +49,7 @@ class Measure(Block, frozen=True):
     start, end: of the interval that is measured, s of the run.
     last: length of this interval, s, in place of start.
     level: for the statistic below, in SI units.
+    title: of the measured number, in sentences to the student.
     """
 
     unit: str
@@ -59,6 +60,7 @@ class Measure(Block, frozen=True):
     end: Annotated[float, Meta(gt=0)] | None = None
     last: Annotated[float, Meta(gt=0)] | None = None
     level: float | None = None
+    title: Text | None = None
 
 
 class Condition(Block, frozen=True):

@@ -112,7 +112,7 @@ def _scored(step: LessonStep, checked: Checked) -> Iterator[str]:
             others = [k + 1 for k in range(len(question.options)) if k + 1 != question.right]
             if any(score_choice(question, other).points >= 1.0 for other in others):
                 yield "a wrong option counts in full"
-            yield from unmet(question.because, checked.measurements)
+            yield from map(str, unmet(question.because, checked.measurements))
         case NumberQuestion() as question:
             if question.measure not in checked.measurements:
                 yield f"measure {question.measure!r:.40}: no run before the explanation measures it"

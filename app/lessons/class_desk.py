@@ -87,13 +87,18 @@ class ClassDesk:
         """Question that the class is asked now, None for none."""
         return self.asked[-1] if self.asked and self._asks else None
 
-    def ask(self, lesson: str, step: LessonStep, unit: str, measured: Mapping[str, str]) -> None:
-        """Ask the class the question of a step; a step may be asked several times."""
-        question = question_of(step, len(self.asked) + 1, unit, measured)
+    def ask(self, lesson: str, step: LessonStep, unit: str, measured: Mapping[str, str], language: str = "en") -> None:
+        """Ask the class the question of a step; a step may be asked several times. unit, measured, language: as in
+        `question_of`."""
+        question = question_of(step, len(self.asked) + 1, unit, measured, language)
         with self._lock:
             self.asked, self._asks = (*self.asked, AskedQuestion(lesson, step.number, question)), True
             self._keep()
         self._send_question(question)
+
+    def last_of(self, lesson: str, step: int) -> AskedQuestion | None:
+        """Question of a step as it was asked last, None where it was not."""
+        return next((each for each in reversed(self.asked) if (each.lesson, each.step) == (lesson, step)), None)
 
     def reveal(self, result: str) -> None:
         """Accept no more answers to the present question, and show the class its result. result: the result, HTML."""
@@ -149,9 +154,12 @@ def _silent(_: str) -> None:
     """Complaint of a desk without a folder: there is none, as nothing is written."""
 
 
-def question_of(step: LessonStep, number: int, unit: str, measured: Mapping[str, str]) -> ClassQuestion:
+def question_of(
+    step: LessonStep, number: int, unit: str, measured: Mapping[str, str], language: str = "en"
+) -> ClassQuestion:
     """Question of a lesson's step as a class is asked it. Raises ValueError for a step without a question.
-    number: of the question. unit: of a number that is asked for. measured: numbers as text, for the question's text."""
+    number: of the question. unit: of a number that is asked for. measured: numbers as text, for the question's text.
+    language: of the lesson."""
     block = step.block
     if not isinstance(block, ChoiceQuestion | NumberQuestion | CurveQuestion):
         raise ValueError(f"step {step.number} asks nothing")
@@ -159,9 +167,9 @@ def question_of(step: LessonStep, number: int, unit: str, measured: Mapping[str,
     match block:
         case ChoiceQuestion(options=options):
             texts = tuple(inline_html(option, measured) for option in options)
-            return ClassQuestion(number, "choice", ask, options=texts)
+            return ClassQuestion(number, "choice", ask, options=texts, language=language)
         case NumberQuestion():
-            return ClassQuestion(number, "number", ask, unit=unit)
+            return ClassQuestion(number, "number", ask, unit=unit, language=language)
         case CurveQuestion(line=line):
             return ClassQuestion(
                 number,
@@ -172,4 +180,5 @@ def question_of(step: LessonStep, number: int, unit: str, measured: Mapping[str,
                 low=block.low,
                 high=block.high,
                 axis=f"{line.title} [{line.unit}]",
+                language=language,
             )

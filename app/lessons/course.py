@@ -20,7 +20,7 @@ from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Explain, Goal, Les
 from app.lessons.checking import trace_for
 from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.measures import MeasuredNumber
-from app.lessons.playing import LessonOutcome, Trace, play
+from app.lessons.playing import LessonOutcome, Trace, play, runs
 from app.scenario.errors import ScenarioError
 from app.simulation.search_memory import Memory
 
@@ -28,7 +28,8 @@ from app.simulation.search_memory import Memory
 class LessonCourse:
     """Course of one session through one lesson. Safe to use from several threads.
 
-    A prediction can be given once, before its run; it is scored at the next explanation. Where the progress cannot be
+    A prediction can be given once, before its run; it is scored at the next explanation. Which run has been seen is
+    kept with the answers: to leave the lesson and come back opens no prediction again. Where the progress cannot be
     written, a method raises OSError after all else is done.
     """
 
@@ -39,6 +40,8 @@ class LessonCourse:
         # the lesson may have been another one when its progress was kept
         if not 1 <= self.progress.step <= len(lesson.steps):
             self._note(step=1)
+        if self.progress.seen not in {0, *(run.number for run in runs(lesson))}:
+            self._note(seen=0)
         fitting = {number: answer for number, answer in self.progress.answers.items() if self._fits(number, answer)}
         if fitting != self.progress.answers:
             self._note(answers=fitting)
@@ -68,8 +71,8 @@ class LessonCourse:
 
     @property
     def measured(self) -> dict[str, str]:
-        """Measured numbers of the runs up to the shown step as text, by name."""
-        return {name: str(number) for name, number in self.measurements.items()}
+        """Measured numbers of the runs up to the shown step as text in the lesson's language, by name."""
+        return {name: number.text(self.lesson.head.language) for name, number in self.measurements.items()}
 
     @property
     def last_run(self) -> LessonStep | None:
@@ -102,8 +105,8 @@ class LessonCourse:
 
     @property
     def open(self) -> bool:
-        """Whether the question of the shown step can still be answered: no later run has been seen."""
-        return self.answer is None and not any(number > self.step.number for number in self.outcomes)
+        """Whether the question of the shown step can still be answered: it was not, and no later run has been seen."""
+        return self.answer is None and self.step.number > self.progress.seen
 
     def traces(self, run: LessonStep) -> list[Trace]:
         """Lines of a run's picture, those of the earlier runs that it is compared with first."""
@@ -151,20 +154,22 @@ class LessonCourse:
             question = self.step.question
             if question is None:
                 raise ScenarioError("answer: there is no question; allowed: where one is asked")
+            if self.answer is not None:
+                raise ScenarioError("answer: it is locked, as one was given before; allowed: one to each question")
             if not self.open:
                 raise ScenarioError("answer: it is locked, as the run has been seen; allowed: before it")
             self._answer(self.step, Answer(admitted(question, given)))
         self._notebook.save()
 
     def take(self, run: LessonStep, outcome: LessonOutcome) -> None:
-        """Keep the outcome of a run."""
-        with self._lock:
-            self.outcomes = {**self.outcomes, run.number: outcome}
+        """Keep the outcome of a run, which has been seen now."""
+        self._take(run, outcome)
+        self._notebook.save()
 
     def make_up(self, memory: Memory | None = None) -> None:
         """Play the missing runs, and score what was predicted of them where it is explained. Raises ScenarioError."""
         for run in self.missing:
-            self.take(run, play(run, memory))
+            self._take(run, play(run, memory))
         with self._lock:
             if isinstance(self.step.block, Explain):
                 self._score()
@@ -186,6 +191,11 @@ class LessonCourse:
             if isinstance(self.step.block, Explain):
                 self._score()
         self._notebook.save()
+
+    def _take(self, run: LessonStep, outcome: LessonOutcome) -> None:
+        with self._lock:
+            self.outcomes = {**self.outcomes, run.number: outcome}
+            self._note(seen=max(self.progress.seen, run.number))
 
     def _fits(self, number: int, answer: Answer) -> bool:
         """Whether the step of this number asks a question to which this is an answer."""

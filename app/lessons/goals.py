@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from app.lessons.blocks import Goal
 from app.lessons.lesson import LessonStep
-from app.lessons.measures import taken, unmet
+from app.lessons.measures import Unmet, taken, unmet
 from app.scenario.data import with_values
 from app.scenario.schema import Scenario
 from app.simulation.recording import Recording
@@ -17,10 +17,10 @@ from app.simulation.system import System
 class GoalResult:
     """Result of a goal.
     waiting: sentence on when it will be judged, "" where it is.
-    missed: a sentence for each condition that does not hold."""
+    missed: the conditions that do not hold."""
 
     waiting: str = ""
-    missed: tuple[str, ...] = ()
+    missed: tuple[Unmet, ...] = ()
 
     @property
     def reached(self) -> bool:

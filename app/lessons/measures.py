@@ -58,6 +58,7 @@ METRIC_UNITS: dict[str, Callable[[Units], str]] = {
 HAPPENING = ("settling_time", "reaching_time", "band_time")  # metrics that are None while it has not happened
 DIGITS = 3
 OVER_TIME = ("settles", "below")  # statistics that are times
+COMMA = ("de",)  # languages with a decimal comma
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,24 @@ class MeasuredNumber:
         if "e" in number:
             number = f"{self.value:.0f}" if abs(self.value) >= 1.0 else f"{self.value:.2g}"
         return f"{number.replace('-', '−')} {self.unit if self.unit != '1' else ''}".rstrip()
+
+    def text(self, language: str) -> str:
+        """Number and unit as the texts of a lesson in this language write them."""
+        return str(self).replace(".", ",") if language in COMMA else str(self)
+
+
+@dataclass(frozen=True)
+class Unmet:
+    """Condition that does not hold: the name of its measure, the measured number, and the limit.
+    wanted: above or below."""
+
+    measure: str
+    value: MeasuredNumber
+    wanted: str
+    limit: MeasuredNumber
+
+    def __str__(self) -> str:
+        return f"{self.measure} is {self.value}; wanted: {self.wanted} {self.limit}"
 
 
 def factor_of(unit: str) -> float:
@@ -217,9 +236,9 @@ def _statistic(t: np.ndarray, values: np.ndarray, each: Measure) -> float:
             return math.inf if over[-1] + 1 == len(t) else float(t[over[-1] + 1] - t[0])
 
 
-def unmet(conditions: Iterable[Condition], known: Mapping[str, MeasuredNumber]) -> list[str]:
-    """Sentences on the conditions that do not hold. Raises ScenarioError for a measure that is not known."""
-    sentences = []
+def unmet(conditions: Iterable[Condition], known: Mapping[str, MeasuredNumber]) -> list[Unmet]:
+    """Conditions that do not hold. Raises ScenarioError for a measure that is not known."""
+    found: list[Unmet] = []
     for condition in conditions:
         value = _known(condition.measure, known)
         if condition.above is None and condition.below is None:
@@ -230,8 +249,8 @@ def unmet(conditions: Iterable[Condition], known: Mapping[str, MeasuredNumber]) 
             bound = condition.times * (_known(limit, known).value if isinstance(limit, str) else float(limit))
             holds = value.value > bound if word == "above" else value.value < bound
             if not holds:
-                sentences.append(f"{condition.measure} is {value}; wanted: {word} {MeasuredNumber(bound, value.unit)}")
-    return sentences
+                found.append(Unmet(condition.measure, value, word, MeasuredNumber(bound, value.unit)))
+    return found
 
 
 def _known(name: str, known: Mapping[str, MeasuredNumber]) -> MeasuredNumber:

@@ -4,6 +4,7 @@ const news = document.getElementById("news"); // for screen readers: only what i
 // what a lesson writes comes as HTML made of its Markdown (app/lessons/markup.py); everything else is text
 const make = (tag, name, html) => Object.assign(document.createElement(tag), { className: name ?? "", innerHTML: html ?? "" });
 const text = (tag, name, textContent) => Object.assign(document.createElement(tag), { className: name, textContent });
+const spoken = (element) => Object.assign(element, { lang: question.language }); // what the lesson says
 const COUNT = 25, WIDE = 320, HIGH = 200, LEFT = 8, RIGHT = 312, TOP = 10, BOTTOM = 180;
 let shown = "", question = null, own = null, drawn = null; // drawn: number of the question on the page
 
@@ -22,7 +23,7 @@ const send = async (given) => {
 };
 
 const options = () => question.options.map((option, k) => {
-  const button = make("button", "option", `<b>${"ABCDE"[k]}</b> ${option}`);
+  const button = spoken(make("button", "option", `<b>${"ABCDE"[k]}</b> ${option}`));
   button.setAttribute("aria-pressed", String(own === k + 1));
   button.disabled = !question.open;
   button.addEventListener("click", () => send(k + 1));
@@ -31,7 +32,8 @@ const options = () => question.options.map((option, k) => {
 
 const number = () => {
   const form = make("form"), label = text("label", "", question.unit ? `in ${question.unit}` : "");
-  const input = Object.assign(make("input"), { inputMode: "decimal", value: own ?? "", disabled: !question.open, required: true });
+  // "decimal" would bring a keypad without a minus on an iPhone
+  const input = Object.assign(make("input"), { inputMode: "text", autocomplete: "off", value: own ?? "", disabled: !question.open, required: true });
   input.setAttribute("aria-label", `your answer ${question.unit}`);
   const button = Object.assign(make("button", "", own === null ? "Answer" : "Change"), { disabled: !question.open });
   form.append(input, label, button);
@@ -59,7 +61,8 @@ const curve = () => {
   svg.append(part("rect", { x: LEFT, y: TOP, width: RIGHT - LEFT, height: BOTTOM - TOP }));
   if (question.low < 0 && question.high > 0) svg.append(part("line", { x1: LEFT, x2: RIGHT, y1: y(0), y2: y(0) }));
   const path = svg.appendChild(part("path", {})), pen = svg.appendChild(part("circle", { r: 5 }));
-  const ends = text("p", "ends dim", `${question.axis}: ${question.low} … ${question.high}, over ${question.start} … ${question.end} s`);
+  const ends = text("p", "ends dim", `: ${question.low} … ${question.high}, over ${question.start} … ${question.end} s`);
+  ends.prepend(spoken(text("span", "", question.axis)));
   const values = Array.isArray(own) ? [...own] : Array(COUNT).fill(null);
   const filled = () => {
     const known = values.map((v, k) => [k, v]).filter(([, v]) => v !== null);
@@ -121,12 +124,13 @@ const draw = () => {
   drawn = question?.number;
   place.replaceChildren();
   if (!question) return place.append(make("p", "dim", "Waiting for the next question…"));
-  place.append(make("h1", "", question.ask));
+  place.append(spoken(make("h1", "", question.ask)));
   place.append(...{ choice: options, number, curve }[question.kind]());
   if (question.told) place.append(make("div", "result", question.told));
   else if (own !== null) place.append(make("p", "dim", "Answered. You may change it until the answers are shown."));
   controls()[focused]?.focus();
-  news.textContent = place.querySelector(question.told ? ".result" : own === null ? "h1" : "p.dim:last-child").textContent;
+  const heard = place.querySelector(question.told ? ".result" : own === null ? "h1" : "p.dim:last-child");
+  Object.assign(news, { lang: heard.lang || "en", textContent: heard.textContent });
 };
 
 const ask = async () => {

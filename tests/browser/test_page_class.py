@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -18,6 +19,7 @@ STATIC = Path(__file__).parents[2] / "static" / "gateway"
 CURVE = ClassQuestion(1, "curve", "Draw the force.", end=2.0, high=30.0, axis="F_n [N]")
 NUMBER = ClassQuestion(3, "number", "How far?", unit="mm")
 CHOICE = ClassQuestion(2, "choice", "Which?", options=("less", "more"))
+GERMAN = ClassQuestion(4, "choice", "Welche?", options=("weniger", "mehr"), language="de")
 
 
 class Lecture:
@@ -109,10 +111,20 @@ def test_a_class_is_answered_by_keyboard(room: Classroom, lecture: Lecture, open
 
     room.ask(NUMBER)
     expect(news).to_have_text("How far?")
+    # the decimal keypad of an iPhone has no minus
+    expect(page.get_by_role("textbox")).not_to_have_attribute("inputmode", re.compile("decimal|numeric"))
     page.get_by_role("textbox").fill("1,000")
     page.keyboard.press("Enter")
     expect(page.locator("#message")).to_have_text("1,000 can be read in two ways: write 1.000 or 1000.")
-    page.get_by_role("textbox").fill("1,5")
+    page.get_by_role("textbox").fill("−1,5")
     page.keyboard.press("Enter")
     expect(content.get_by_text("Answered. You may change it")).to_be_visible()
-    assert room.own("b") == 1.5
+    assert room.own("b") == -1.5
+
+    room.ask(GERMAN)
+    expect(news).to_have_text("Welche?")
+    for part in (news, content.locator("h1"), page.get_by_role("button", name="B mehr")):
+        expect(part).to_have_attribute("lang", "de")
+    page.get_by_role("button", name="B mehr").click()
+    expect(news).to_contain_text("Answered")
+    expect(news).to_have_attribute("lang", "en")

@@ -187,6 +187,22 @@ async def test_a_class_goes_on_when_the_lecturers_process_has_fallen() -> None:
 
 
 @in_a_loop
+@pytest.mark.parametrize("after", [None, ClassQuestion(2, "choice", "And now?", options=("there", "back"))])
+async def test_an_answer_that_comes_just_before_the_next_question_is_not_lost(after: ClassQuestion | None) -> None:
+    """It was taken, and waits to be handed over with others when the lecturer goes on."""
+    async with town(classes=True) as lab:
+        page, path = await opened(lab)
+        one = await student(lab, path)
+        await asked(lab, QUESTION)
+        lab.pool.sessions[0].gathers = True  # as if others had answered just before: nothing hands it over by itself
+        assert await give(lab, path, {"number": 1, "given": 2}, **one) == (200, {"own": 2})
+        await asked(lab, after)
+        await asked(lab, QUESTION if after is None else None)
+        assert [(answers.number, answers.given) for answers in lab.actors[0].answers] == [(1, (2,))]
+        await page.close()
+
+
+@in_a_loop
 async def test_a_browser_that_never_stops_answering_does_not_flood_the_lecturer() -> None:
     async with town(classes=True) as lab:
         page, path = await opened(lab)

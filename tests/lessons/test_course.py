@@ -69,7 +69,7 @@ def test_an_answer_counts_once_before_the_run_and_is_scored_at_the_explanation()
     course = LessonCourse(lesson(), Notebook())
     course.go(1)
     course.give(27.5)
-    with pytest.raises(ScenarioError, match="locked"):
+    with pytest.raises(ScenarioError, match="locked, as one was given before"):
         course.give(28.0)
     course.go(2)
     course.give(2)
@@ -81,7 +81,7 @@ def test_an_answer_counts_once_before_the_run_and_is_scored_at_the_explanation()
     assert all(answer.score is None for answer in course.progress.answers.values())
     course.go(-2)  # the curve was skipped, and now its outcome is known
     assert not course.open
-    with pytest.raises(ScenarioError, match="locked"):
+    with pytest.raises(ScenarioError, match="locked, as the run has been seen"):
         course.give([(0.0, 0.0), (1.0, 1.0)])
     through(course, "observe")
     course.give(1)
@@ -184,7 +184,8 @@ def test_a_full_disk_loses_no_score(tmp_path: Path) -> None:
 
     while course.step.kind != "explain":
         if course.step.kind == "run":
-            course.take(course.step, play(course.step))
+            outcome = play(course.step)
+            fails(lambda outcome: course.take(course.step, outcome), outcome)
         elif course.step.question is not None and course.answer is None and course.open:
             fails(course.give, given[type(course.step.question)])
         fails(course.go, 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable
 from html import escape
@@ -15,6 +16,7 @@ from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.class_panel import ClassPanel
 from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.field_words import refusal_in_words
 from app.dashboard.widgets.file_delivery import FileDelivery
 from app.dashboard.widgets.lesson_answers import CurveAnswer, GoalControls, NumberAnswer, OptionAnswer, answer_unit
 from app.dashboard.widgets.lesson_list import LessonList
@@ -36,6 +38,7 @@ from app.simulation.search_memory import Memory
 log = structlog.get_logger()
 
 FORMATS: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
+_OWN_REFUSAL = re.compile(r"[\w.]+: refused: ")
 _KINDS = {
     "scenario": "the scene",
     "predict": "predict",
@@ -92,8 +95,6 @@ class LessonsPanel:
 
     def _open(self, lesson: Lesson) -> None:
         course = self._course = LessonCourse(lesson, self._desk.notebook)
-        if course.progress.finished and course.progress.step == len(lesson.steps):
-            self._try(lambda: course.go(1 - len(lesson.steps)))
         self._make_up(course)
         self._enter()
 
@@ -182,22 +183,20 @@ class LessonsPanel:
         self._busy.start()
 
     def _enter(self, *, again: bool = False) -> None:
-        """Load the scenario of the shown step where it needs one, and lock the other fields for a goal.
+        """Load the scenario of the shown step where it needs one, and lock the other fields for a goal. A run rests at
+        its beginning: nobody sees it before the prediction unless he or she plays it.
         again: load the scenario of any step."""
         course = self._course
         if course is None:
             return
         step, lock = course.step, self._desk.lock
         lock.fields = None
-        begins = isinstance(step.block, blocks.StartScenario | blocks.Goal) or again
+        runs = isinstance(step.block, blocks.LessonRun)
+        begins = runs or again or isinstance(step.block, blocks.StartScenario | blocks.Goal)
         if begins and step.scenario is not None:
             lock.post(Load(step.scenario))
             lock.post(Reset())
-            lock.post(Pause() if course.lesson.asks_before_run(step) else Play())
-        elif isinstance(step.block, blocks.LessonRun) and step.scenario is not None:
-            lock.post(Load(step.scenario))
-            lock.post(Reset())
-            lock.post(Pause())
+            lock.post(Pause() if runs or course.lesson.asks_before_run(step) else Play())
         if isinstance(step.block, blocks.Goal):
             lock.fields = frozenset(field_of(control.path) for control in step.block.controls)
         self._entered += 1
@@ -303,7 +302,7 @@ def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:
     outcome = course.outcomes[run.number]
     notes = []
     if outcome.refusal:
-        notes.append(f"Refused: {outcome.refusal}")
+        notes.append(f"Refused: {_reason(outcome.refusal)}")
     if outcome.stopped:
         notes.append(f"Stopped: {outcome.stopped}")
     if run is course.step and snapshot.phase != "running" and snapshot.scenario.name == _name_of(run):
@@ -311,6 +310,12 @@ def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:
         if len(now) and abs(snapshot.end - _ends(run)) < 1e-6 and not np.array_equal(now, outcome.q):
             notes.append("You changed this run while it went on: the picture shows it as the lesson describes it.")
     return "".join(f'<div class="vs-note">{escape(note)}</div>' for note in notes)
+
+
+def _reason(refusal: str) -> str:
+    """Reason of a refused edit; that of a blend says by itself that it is refused, behind the path of its field."""
+    own = _OWN_REFUSAL.match(refusal)
+    return refusal_in_words(refusal) if own is None else refusal[own.end() :]
 
 
 def _name_of(run: LessonStep) -> str:

@@ -36,7 +36,8 @@ class ClassPanel:
     async def _on_ask(self, _: object) -> None:
         course = self._course
         if course is not None and course.step.question is not None:
-            self._desk.classroom.ask(course.lesson.name, course.step, self._unit, course.measured)
+            language = course.lesson.head.language
+            self._desk.classroom.ask(course.lesson.name, course.step, self._unit, course.measured, language)
 
     async def _on_reveal(self, _: object) -> None:
         present, course = self._desk.classroom.present, self._course
@@ -57,19 +58,23 @@ class ClassPanel:
         if present is not None and here is not None and here != (present.lesson, present.step):
             classroom.rest()
             present = None
+        asked = present if here is None else classroom.last_of(*here)  # also where the lecturer comes back to it
         self._ask.visible = asks
-        self._ask.label = "Ask the class" if present is None else "Ask again"
-        self._reveal.visible = self._html.visible = present is not None
+        self._ask.label = "Ask the class" if asked is None else "Ask again"
+        self._reveal.visible, self._html.visible = present is not None, asked is not None
         if present is not None:
             self._reveal.disabled = not present.question.open
-            content = _html(present)
+        if asked is not None:
+            content = _html(asked, over=present is None)
             if self._html.content != content:
                 self._html.content = content
 
 
-def _html(asked: AskedQuestion) -> str:
+def _html(asked: AskedQuestion, *, over: bool) -> str:
+    """Answers to a question as HTML: their number, and their picture once it was revealed. over: whether the class is
+    asked the question no longer."""
     count = len(asked.answers)
-    total = f"{count} {'answer' if count == 1 else 'answers'}"
+    total = f"{count} {'answer' if count == 1 else 'answers'}{' when it was asked last' if over else ''}"
     shown = "" if asked.question.open else answers_html(asked.question, asked.answers)
     return f'<div class="vs-lesson vs-class" data-asked="{asked.question.number}"><b>{total}</b>{shown}</div>'
 
@@ -81,8 +86,11 @@ def answers_html(question: ClassQuestion, answers: Sequence[Given]) -> str:
             question.start, question.end, len(answers[0]) if answers and isinstance(answers[0], list) else 2
         )
         courses = [np.column_stack([times, given]) for given in answers if isinstance(given, list)]
-        return courses_html(question.axis, (question.start, question.end, question.low, question.high), courses)
-    return _bars(_counted(question, answers))
+        picture = courses_html(question.axis, (question.start, question.end, question.low, question.high), courses)
+    else:
+        picture = _bars(_counted(question, answers))
+    # what stands beside numbers is a sentence of this program
+    return picture if question.kind == "number" else f'<div lang="{escape(question.language)}">{picture}</div>'
 
 
 def _counted(question: ClassQuestion, answers: Sequence[Given]) -> list[tuple[str, int]]:

@@ -20,6 +20,7 @@ from app.lessons.answers import Answer
 from app.lessons.course import LessonCourse
 from app.lessons.goals import judged
 from app.lessons.lesson import LessonStep
+from app.lessons.measures import Unmet
 from app.scenario.errors import ScenarioError
 from app.session.commands import Play, Reset
 from app.session.snapshot import Snapshot
@@ -159,7 +160,7 @@ class GoalControls:
         self._rows: list[NumberField] = []
         self._of = 0
         self._missed_in = -1  # number of the last run that was judged
-        self._missed: tuple[str, ...] = ()
+        self._missed: tuple[str, ...] = ()  # HTML
         self._folder = desk.gui.add_folder("Your controls", visible=False)
         self._state = desk.gui.add_html("")
         hint = "Key: R. What happens at the beginning, such as a push, happens again."
@@ -219,14 +220,26 @@ class GoalControls:
                     self._desk.complain(
                         f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on"
                     )
-            self._missed_in, self._missed = snapshot.run, result.missed
-        missed = "".join(
-            f'<div class="vs-scored">{chip("not yet", "vs-warn")} {escape(each)}</div>' for each in self._missed
-        )
+            assert isinstance(course.step.block, blocks.Goal)
+            goal, language = course.step.block, course.lesson.head.language
+            self._missed_in = snapshot.run
+            self._missed = tuple(missed_html(each, goal, language) for each in result.missed)
+        missed = "".join(f'<div class="vs-scored">{chip("not yet", "vs-warn")} {each}</div>' for each in self._missed)
         changed = len(snapshot.recording.epochs) > 1
         return missed + (
             '<div class="vs-note">You changed something since: try it again.</div>' if missed and changed else ""
         )
+
+
+def missed_html(missed: Unmet, goal: blocks.Goal, language: str) -> str:
+    """Condition of a goal that does not hold as HTML, words of the program around those of the lesson.
+    language: of the lesson."""
+    title, lang = goal.measures[missed.measure].title or missed.measure, escape(language)
+    measured, limit = (escape(number.text(language)) for number in (missed.value, missed.limit))
+    return (
+        f'<span lang="{lang}">{escape(title)}: {measured}</span>; wanted: {missed.wanted} '
+        f'<span lang="{lang}">{limit}</span>'
+    )
 
 
 def _place(control: blocks.GoalSlider) -> FieldPlace:

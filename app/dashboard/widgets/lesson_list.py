@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine, Mapping
+from html import escape
 
 import viser
 
@@ -31,10 +32,13 @@ class LessonList:
             self._choice = desk.gui.add_dropdown("Lesson", tuple(self._titles), hint="They build on one another.")
             self._about = desk.gui.add_html("")
             self._begin = desk.gui.add_button("Begin")
+            hint = "The last step once more; the answers stay."
+            self._goal = desk.gui.add_button("Back to the goal", color="gray", visible=False, hint=hint)
             hint = "All answers so far, as a file; otherwise they stay on the server."
             self._files = desk.gui.add_button_group("Your answers", ("CSV", "JSON"), hint=hint)
             self._class_file = desk.gui.add_button("Answers of the class (CSV)", color="gray", visible=False)
         self._begin.on_click(self._on_begin)
+        self._goal.on_click(self._on_goal)
         self._files.on_click(self._on_file)
         self._class_file.on_click(self._on_class_file)
         for title, lesson in self._titles.items():
@@ -47,6 +51,12 @@ class LessonList:
         return begin
 
     async def _on_begin(self, _: object) -> None:
+        lesson, notebook = self._titles[self._choice.value], self._desk.notebook
+        if _ended(lesson, notebook.of(lesson.name)):
+            notebook.note(lesson.name, LessonProgress())
+        self._open(lesson)
+
+    async def _on_goal(self, _: object) -> None:
         self._open(self._titles[self._choice.value])
 
     async def _on_file(self, event: viser.GuiEvent) -> None:
@@ -70,20 +80,35 @@ class LessonList:
         lesson = self._titles[self._choice.value]
         done = progress.get(lesson.name)
         knows = "".join(f"<li>{inline_html(item)}</li>" for item in lesson.head.knows)
-        state, label = "", "Begin"
+        state, label, goal = "", "Begin", False
         if done is not None:
             scores = [answer.score for answer in done.answers.values() if answer.score is not None]
             result = f" {sum(scores):g} of {len(scores)} answers right" if scores else ""
             state = f"<p>{_state(lesson, done)}{result}</p>"
-            label = "Take it again" if done.finished else f"Continue at step {done.step}"
+            label = f"Continue at step {done.step}"
+            if _ended(lesson, done):
+                label, goal = "Take it again", done.step in _missed(lesson, done)
+                state += "<p>To take it again deletes its answers; save them first if you want to keep them.</p>"
         content = (
             f'<div class="vs-lesson vs-prose"><p class="vs-dim">{lesson.head.minutes:g} minutes. '
-            f"Afterwards you will know</p><ul>{knows}</ul>{state}</div>"
+            f'Afterwards you will know</p><ul lang="{escape(lesson.head.language)}">{knows}</ul>{state}</div>'
         )
         if self._about.content != content:
             self._about.content = content
         if self._begin.label != label:
             self._begin.label = label
+        if self._goal.visible != goal:
+            self._goal.visible = goal
+
+
+def _ended(lesson: Lesson, progress: LessonProgress) -> bool:
+    """Whether the lesson was gone through, and left at its last step."""
+    return progress.finished and progress.step == len(lesson.steps)
+
+
+def _missed(lesson: Lesson, progress: LessonProgress) -> set[int]:
+    """Numbers of the goals that were not met."""
+    return {step.number for step in lesson.steps if isinstance(step.block, Goal)} - set(progress.goals)
 
 
 def _state(lesson: Lesson, progress: LessonProgress) -> str:
@@ -91,7 +116,7 @@ def _state(lesson: Lesson, progress: LessonProgress) -> str:
     if not progress.finished:
         return chip("begun", "vs-warn")
     goals = [step.number for step in lesson.steps if isinstance(step.block, Goal)]
-    missed = len(set(goals) - set(progress.goals))
+    missed = len(_missed(lesson, progress))
     if not missed:
         return chip("done", "vs-good")
     return chip(f"done, {'goal' if len(goals) == 1 else f'{missed} of {len(goals)} goals'} not met", "vs-warn")
