@@ -21,14 +21,17 @@ class Spectrum:
     amplitude: np.ndarray
 
     def thinned(self, buckets: int) -> Spectrum:
-        """Spectrum of at most this many points, evenly spaced on a logarithmic axis; each has the highest peak of its
-        bucket."""
+        """Spectrum of at most this many points, one for each bucket of a logarithmic axis: its highest peaks, at the
+        frequency of the highest of them."""
         if len(self.frequency) <= buckets:
             return self
         edges = np.geomspace(self.frequency[0], self.frequency[-1] * (1 + 1e-9), buckets + 1)
         begin = np.unique(np.searchsorted(self.frequency, edges[:-1]))
         peaks = np.maximum.reduceat(self.amplitude, begin, axis=0)
-        return Spectrum(self.frequency[begin], peaks)
+        highest = self.amplitude.max(axis=1)
+        ends = np.append(begin[1:], len(highest))
+        at = [first + int(highest[first:end].argmax()) for first, end in zip(begin, ends, strict=True)]
+        return Spectrum(self.frequency[at], peaks)
 
 
 def amplitude_spectrum(t: np.ndarray, values: np.ndarray) -> Spectrum:

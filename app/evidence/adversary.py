@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from app.evidence.plants import BOUNDS, LAYERS, built, random_of, run, situation
+from app.evidence.plants import BOUNDS, LAYERS, built, random_of, run, situation, underway
 from app.scenario.data import edited, to_toml
 from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
@@ -143,10 +143,10 @@ def hunt(robot: str, mode: str, reaching: bool, generations: int = GENERATIONS) 
 
 
 def largest_ratio(loop: ClosedLoop) -> float:
-    """Largest ||s|| over (20) with its band among the periods with a promise, 0 without any."""
+    """Largest ||s|| over (20) with its band while a promise is underway, 0 where none is."""
     record = loop.recording.signals(("s_norm", "s_bound", "s_band"))
     limit = record["s_bound"] + record["s_band"]
-    promised = np.isfinite(limit)
+    promised = underway(np.isfinite(limit))
     return float((record["s_norm"][promised] / limit[promised]).max(initial=0.0))
 
 

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from app.analysis.perturbation import PerturbationAnalysis
-from app.evidence.plants import built, drawn, random_of, run, situation, with_arm_of, with_gains
+from app.evidence.plants import built, drawn, random_of, run, situation, underway, with_arm_of, with_gains
 from app.scenario.data import edited
 from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
@@ -67,7 +67,7 @@ class Reaching(DrawnPlant):
     promised_fraction: of the run's periods that have a promise.
     excess: largest excess of ||s|| over (20) with the band, m/s.
     early_excess: largest excess of ||s|| over (20) alone until the band is reached, m/s, nan where s began in the band.
-    tightness: largest ||s|| over (20) with the band.
+    tightness: largest ||s|| over (20) with the band, after the first row of each promise.
     V_tightness: largest V over (24) until the band is reached.
     layer, band: deadlines for both, None where a premise failed before, or there was nothing to reach.
     known: time to the band, s, that the theorem would promise with the true V(0), and with the least true margin of d
@@ -108,7 +108,7 @@ class Outside:
     """Run of an arm outside of the declared set, from s(0) = 0 on, judged as if the arm were inside. All metrics count
     the periods in which all other premises hold, and are nan without any.
     scale: distance of the true arm from the nominal one over the declared distance.
-    over_band: largest ||s|| over its band.
+    over_band: largest ||s|| over (20) with its band; s(0) = 0.
     over_rest: largest ||s|| over its band plus the rest that (23) leaves with the margin.
     margin: least d - perturbation, N."""
 
@@ -174,7 +174,7 @@ def _reaching(loop: ClosedLoop, about: DrawnPlant) -> Reaching:
         found,
         excess=float((s - limit)[promised].max()),
         early_excess=float((s - record["s_bound"])[early].max()) if early.any() else np.nan,
-        tightness=float((s / limit)[promised].max()),
+        tightness=float((s / limit)[underway(promised)].max(initial=0.0)),
         layer=_deadline(epoch.layer_reached_by, epoch.layer_reached, until, loop.t),
         band=_deadline(epoch.band_reached_by, epoch.band_reached, until, loop.t),
     )

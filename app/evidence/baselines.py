@@ -169,6 +169,7 @@ def conclude(results: Sequence[list[Outcome] | Outcome]) -> Findings:
             "path_gain": f"{path[computed] / path[ours]:.0f}",
             "path_gain_fast": f"{path[fast] / path[ours]:.1f}",
             "force_gain": f"{force[computed] / force[ours]:.0f}",
+            "noisy_plants": str(len(noisy[ours][-1])),
             "noise_ratio": f"{_variation(noisy[ours][-1]) / _variation(noisy[computed][-1]):.1f}",
             "exact_computed": f"{1e3 * (exact[fast].account.path_rms or 0.0):.2g}",
             "exact_ours": f"{1e3 * (exact[ours].account.path_rms or 0.0):.2g}",
@@ -262,7 +263,10 @@ def _figure(main: dict[Contestant, list[Outcome]], noisy: dict[Contestant, list[
             "variation of the torque, against noise", "N·m/s", over_noise("variation"), x_label=sigma, logarithmic=True
         ),
     )
-    return charts_in_columns(charts, "Left: each law's runs in the order of its own figure. Right: medians.")
+    count = len(next(iter(noisy.values()))[0])
+    return charts_in_columns(
+        charts, f"Left: each law's runs in the order of its own figure. Right: medians of the first {count} plants."
+    )
 
 
 def _curve(who: Contestant, x: np.ndarray, y: np.ndarray, *, listed: bool) -> Curve:

@@ -195,7 +195,7 @@ def start(name: str, choice: str) -> MeasuredStart:
     scenario = edited(edited(shipped()[name], "controller.on_change", choice), "simulation.duration", 1.0)
     loop, metrics = simulate(scenario)
     record = loop.recording.signals(("s_norm", "s_band"))
-    reached = np.nan if metrics.reaching_time is None else metrics.reaching_time
+    reached = np.nan if metrics.band_time is None else metrics.band_time
     largest = float(np.nanmax(record["s_norm"] / record["s_band"]))
     return MeasuredStart(name, choice, float(record["s_norm"][0]), largest, reached)
 

@@ -48,7 +48,7 @@ FACTORS = (0.9, 0.5, -0.5, -0.9)  # of the sampled loop through the multiplier
 READINGS: tuple[Reading, ...] = get_args(Reading)
 CHOICES = ("remove", "watch")  # `controller.on_change`: Remark 2, or z(0) = 0
 STEADY_CAPTION = "Lines: (37). Dots: where a UR5 and a planar 3R, both 15 % heavier than believed, come to rest."
-CAPTION = "Colour: simulated. Black and dashed: the closed form."
+CAPTION = "Colour: simulated. Dashed: the closed form."
 
 BLUE, ORANGE, GREEN, PINK, BLACK = (66, 135, 245), (230, 159, 0), (0, 158, 115), (204, 121, 167), (0, 0, 0)
 

@@ -45,7 +45,8 @@ SUBJECTS: Mapping[Subject, str] = {
     "band": "sliding band: largest ‖s‖ [m/s]",
 }
 CAPTION = (
-    "Dots: measured; of one colour the upper ones are semi-implicit Euler's, the lower ones RK4's. Dashed: the slope "
+    "Dots: measured; of one colour the upper ones are semi-implicit Euler's, the lower ones RK4's, and the leapfrog's "
+    "between them, in contact with a rigid surface on those of Euler. Dashed: the slope "
     "that theory gives, 4 for the plant under RK4 and 1 everywhere else, through the shortest step."
 )
 

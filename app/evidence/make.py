@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from tqdm import tqdm
 
 from app.evidence.section import EvidenceSection, Job
+from app.evidence.sections import SECTIONS
 from app.process import worker_pool
+from app.process.atomic_write import write_whole
 from app.process.cores import usable_cores
 from app.simulation.engines import Engine, in_force
 
@@ -36,18 +39,22 @@ def make(
     pictures.mkdir(parents=True, exist_ok=True)
     jobs = {section.name: section.jobs(thin) for section in sections if not section.missing()}
     results = _run(jobs, workers or usable_cores(), engine)
-    texts = [_opening(out, thin, engine)]
+    texts, figures = [_opening(out, sections, thin, engine)], dict[Path, bytes]()
     for section in sections:
         if missing := section.missing():
             texts.append(f"{section.heading}\n\n*Not run here; it needs {', '.join(missing)}.*\n")
             continue
         findings = section.conclude(results[section.name])
-        for name, svg in findings.figures.items():
-            (pictures / f"{section.name}-{name}.svg").write_bytes(svg)
+        figures |= {pictures / f"{section.name}-{name}.svg": svg for name, svg in findings.figures.items()}
         texts.append(section.text(findings, PICTURES))
-    page = out / "evidence.md"
-    page.write_text("\n".join(texts), encoding="utf-8")
+    page = out / "evidence.md"  # nothing is written before all is known: figures and text fit each other
+    for path, content in (figures | {page: "\n".join(texts).encode()}).items():
+        write_whole(path, partial(_write, content))
     return page
+
+
+def _write(content: bytes, file: BinaryIO) -> None:
+    file.write(content)
 
 
 def _run(jobs: Mapping[str, Sequence[Job]], workers: int, engine: Engine) -> dict[str, list[Any]]:
@@ -68,10 +75,11 @@ def _doer(engine: Engine) -> Callable[[tuple[str, int, Job]], Any]:
     return lambda task: task[2].function(*task[2].arguments)
 
 
-def _opening(out: Path, thin: int, engine: Engine) -> str:
+def _opening(out: Path, sections: Sequence[EvidenceSection], thin: int, engine: Engine) -> str:
+    only = "" if len(sections) == len(SECTIONS) else f" --only {' '.join(section.name for section in sections)}"
     return OPENING.format(
         out=out,
-        thin=(f" --thin {thin}" if thin > 1 else "") + (f" --engine {engine}" if engine != "pinocchio" else ""),
+        thin=only + (f" --thin {thin}" if thin > 1 else "") + (f" --engine {engine}" if engine != "pinocchio" else ""),
         share=f" **One in {thin} of the cases only.**" if thin > 1 else "",
         python=platform.python_version(),
         **{name: version(name) for name in ("pin", "numpy", "numba")},

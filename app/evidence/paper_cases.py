@@ -52,7 +52,8 @@ def run(scenario: str, law: str, duration: float | None) -> Run:
     assert settled is not None, "every case lasts longer"
     few = slice(None, None, max(1, len(t) // (4 * POINTS)))
     error = np.linalg.norm(motion_error(loop.system, {name: values[few] for name, values in record.items()}), axis=1)
-    spectrum = amplitude_spectrum(t, tau[:, :1]).thinned(POINTS)
+    late = t >= SETTLED
+    spectrum = amplitude_spectrum(t[late], tau[late, :1]).thinned(POINTS)
     curves = {
         "error": (t[few], 1e3 * error),
         "s": (t, 1e3 * record["s_norm"]),
@@ -62,7 +63,7 @@ def run(scenario: str, law: str, duration: float | None) -> Run:
     if loop.system.m:
         curves["force"] = (t, force_error(loop.system, record))
     drawn = {name: (x, y) if name == "spectrum" else thinned(x, y, POINTS) for name, (x, y) in curves.items()}
-    return Run(drawn, settled, float(np.abs(tau).max()))
+    return Run(drawn, settled, float(np.abs(tau[late]).max()))
 
 
 def jobs(thin: int) -> list[Job]:

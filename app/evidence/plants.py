@@ -135,3 +135,9 @@ def drawn(robot: str, mode: str, seed: int, number: int) -> Scenario:
     here = edited(here, "controller.bounds", BOUNDS[(seed + number) % 2])
     truth = Departure.inside(random, len(here.robot.posture or ())).truth(here.declared)
     return with_gains(msgspec.structs.replace(here, truth=truth, name=f"{robot}-{mode}-{seed}-{number}"), random)
+
+
+def underway(promised: np.ndarray) -> np.ndarray:
+    """Mask (N,) of the rows with a promise that stood a period before, too: in its first row the bound follows from
+    ||s|| itself, so that no arm can be over it. promised: (N,) bool."""
+    return promised & np.append(False, promised[:-1])

@@ -9,7 +9,7 @@ import numpy as np
 
 from app.export.figures import SINGLE, Rgb
 from app.export.inks import printed
-from app.export.printing import STYLE
+from app.export.printing import STYLE, with_fallbacks
 
 
 @dataclass(frozen=True)
@@ -58,4 +58,4 @@ def render_regions(regions: tuple[Region, ...], spots: tuple[Spot, ...], x_label
         axes.set_ylabel(y_label)
         canvas.legend(loc="lower left", bbox_to_anchor=(0.05, 0.0), ncols=1, frameon=False, fontsize=6.5)
         canvas.savefig(file, format="svg", metadata={"Date": None, "Creator": "VSMRC Lab"})
-    return file.getvalue()
+    return with_fallbacks(file.getvalue())

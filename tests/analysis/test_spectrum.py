@@ -40,3 +40,11 @@ def test_total_variation_per_second_of_a_triangle():
     rate = variation_rate(t, triangle, 0.2)
     assert np.isnan(rate[:200]).all()
     np.testing.assert_allclose(rate[201:], 5.0, rtol=1e-2)
+
+
+def test_a_thinned_spectrum_has_its_peaks_where_they_are():
+    t = np.arange(10_000) * 1e-3
+    for frequency in (123.4, 251.7):
+        thinned = amplitude_spectrum(t, np.sin(2 * np.pi * frequency * t)[:, None]).thinned(600)
+        assert len(thinned.frequency) <= 600
+        assert abs(thinned.frequency[thinned.amplitude[:, 0].argmax()] - frequency) < 0.06
