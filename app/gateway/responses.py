@@ -77,6 +77,9 @@ class _Connection(RequestHandler):
         if isinstance(exc, HttpProcessingError):
             log.info("request refused", reason=f"no HTTP: {type(exc).__name__}")
             page = pages.notice("This request is refused", "It is no HTTP as this server reads it.")
+        elif isinstance(exc, ConnectionError) and (request.transport is None or request.transport.is_closing()):
+            log.debug("visitor gone before the answer")  # no fault: a page was left while it loaded
+            page = ""
         else:
             log.error("fault", stage="a request", exc_info=exc)
             page = pages.notice("This server has made a mistake", "The sessions go on.")
