@@ -72,7 +72,7 @@ def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice,
     out.mkdir(parents=True, exist_ok=True)
     for kind in kinds:
         content = choice.name if kind in ("svg", "pdf", "png", "html") else ""
-        start = 0.0 if kind in OF_ONE_INSTANT else stretch.start
+        start = 0.0 if kind == "toml" else stretch.start  # a scenario has no stretch
         path = out / file_name(stretch.scenario.name, float(rows[-1]), kind, content, start)
         try:
             _write(stretch, kind, choice, path)

@@ -21,7 +21,7 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.autosave import Autosave, StateFolder, default_folder
 from app.session.changes import with_robot
-from app.session.commands import Edit, Pin, Seek, ToEnd, Unpin
+from app.session.commands import Edit, Pause, Pin, Seek, ToEnd, Unpin
 from app.session.runner import Runner
 from app.session.timeline import Pinned, Timeline
 from app.simulation.closed_loop import ClosedLoop
@@ -275,6 +275,8 @@ def test_what_could_not_be_saved_is_saved_at_the_end_when_there_is_room_again(tm
     runner, message = Runner(SCENARIO), list[str]()
     runner.start()
     autosave = Autosave(StateFolder(tmp_path), lambda: runner.snapshot, message.append)
+    runner.post(Pause())
+    until(lambda: runner.snapshot.phase == "paused")  # a loop that is too slow would write to the log, a file here, too
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
     try:
