@@ -27,8 +27,8 @@ from app.dashboard.widgets.whatif import HORIZON, HeldControl, WhatIf
 from app.process.markdown import Table
 from app.scenario.data import load
 from app.session.commands import Edit
-from app.session.preview import Outlook
 from app.session.preview_client import Previewer
+from app.session.preview_messages import Outlook
 from app.session.runner import Runner
 from benchmarks.effort import Effort
 

@@ -69,7 +69,7 @@ def _foot(bytecode, zeta, t):
 @kernel
 def distance(bytecode, side, zeta, t, chart):
     """Row 0 of a `Chart`: side times the distance of zeta (3,) m at time t (s). Returns the terms that the formula's
-    own time adds to its derivatives in time, as a tuple (phi_t, phi_tt, phi_xt, phi_yt, phi_zt).
+    own time adds to its derivatives in time, see `chart.STILL`: (phi_t, phi_tt, phi_xt, phi_yt, phi_zt, phi_tt).
 
     Where no nearest point is found, far from a curved surface, phi is Phi / |grad Phi|, without second derivatives.
     """

@@ -19,7 +19,7 @@ from app.process import precompile
 from app.process.deadline import end_within
 from app.process.interruption import Interruption
 from app.process.terminal_text import print_line
-from app.scenario.errors import ScenarioError
+from app.scenario.errors import ScenarioError, scenario_errors
 from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario
 from app.session.autosave import Autosave, StateFolder, default_folder
@@ -53,7 +53,9 @@ def serve(
             events.info("session opened", scenario=scenario.name)
             dashboard.attach(runner)
             if folder is not None:
-                if problem := dashboard.notebook.keep_in(folder.path):
+                with scenario_errors():
+                    problem = dashboard.notebook.keep_in(folder.path)
+                if problem:
                     print_line(problem)
                 autosave = Autosave(folder, lambda: runner.latest, dashboard.fail)
                 if (last_session := left_by(folder, autosave, scenario)) is not None:

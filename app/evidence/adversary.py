@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from app.evidence.plants import BOUNDS, LAYERS, built, random_of, run, situation, underway
+from app.evidence.plants import BOUNDS, LAYERS, built, largest_ratio, random_of, run, situation
 from app.scenario.data import edited, to_toml
 from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
@@ -117,7 +117,7 @@ def hunt(robot: str, mode: str, reaching: bool, generations: int = GENERATIONS) 
         except ScenarioError:
             ratios.append(None)
             return 1.0
-        ratio = largest_ratio(loop)
+        ratio = largest_ratio(loop.recording.stretch())
         ratios.append(ratio)
         broken += loop.standing.run.verdict == "broken"
         return -ratio
@@ -140,14 +140,6 @@ def hunt(robot: str, mode: str, reaching: bool, generations: int = GENERATIONS) 
         worst=to_toml(ground.scenario_of(found.x)),
         off=tuple(ground.off(found.x).tolist()),
     )
-
-
-def largest_ratio(loop: ClosedLoop) -> float:
-    """Largest ||s|| over (20) with its band while a promise is underway, 0 where none is."""
-    record = loop.recording.signals(("s_norm", "s_bound", "s_band"))
-    limit = record["s_bound"] + record["s_band"]
-    promised = underway(np.isfinite(limit))
-    return float((record["s_norm"][promised] / limit[promised]).max(initial=0.0))
 
 
 def _edged(x: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from app.analysis.perturbation import PerturbationAnalysis
-from app.evidence.plants import built, drawn, random_of, run, situation, underway, with_arm_of, with_gains
+from app.evidence.plants import built, drawn, largest_ratio, random_of, run, situation, with_arm_of, with_gains
 from app.scenario.data import edited
 from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
@@ -174,7 +174,7 @@ def _reaching(loop: ClosedLoop, about: DrawnPlant) -> Reaching:
         found,
         excess=float((s - limit)[promised].max()),
         early_excess=float((s - record["s_bound"])[early].max()) if early.any() else np.nan,
-        tightness=float((s / limit)[underway(promised)].max(initial=0.0)),
+        tightness=largest_ratio(record),
         layer=_deadline(epoch.layer_reached_by, epoch.layer_reached, until, loop.t),
         band=_deadline(epoch.band_reached_by, epoch.band_reached, until, loop.t),
     )

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from app.analysis.metrics import motion_error
-from app.evidence.plants import underway
+from app.evidence.plants import largest_ratio
 from app.evidence.section import EvidenceSection, Findings, Job, of_kind
 from app.export.figures import Curve, Figure, FigureChart, FilledArea
 from app.export.printing import render
@@ -47,7 +47,7 @@ class Arms:
     s: ||s||, (arms, instants), m/s.
     bound: (20) with its band, (arms, instants), m/s, NaN where nothing is promised.
     error: of the position, (arms, instants), m.
-    ratios: largest ||s|| over that bound of each arm, after the first row of each promise.
+    ratio: largest ||s|| over that bound, see `largest_ratio`.
     holds: number of arms whose promise was made and kept throughout.
     broken: number of arms whose promise was not kept."""
 
@@ -55,7 +55,7 @@ class Arms:
     s: np.ndarray
     bound: np.ndarray
     error: np.ndarray
-    ratios: list[float]
+    ratio: float
     holds: int
     broken: int
 
@@ -82,13 +82,12 @@ def arms(law: str, numbers: tuple[int, ...]) -> Arms:
     """Arms of a law's band. numbers: of the arms."""
     plan, memory = SweepPlan(band_of(law)), kept_memory()
     system: System | None = None
-    runs, ratios, holds, broken = [], list[float](), 0, 0
+    runs, ratio, holds, broken = [], 0.0, 0, 0
     for number in numbers:
         loop, metrics = simulate(plan.scenario(plan.row(number)), engine="compiled", previous=system, memory=memory)
         system = loop.system
         record = loop.recording.signals(("t", "s_norm", "s_bound", "s_band", "e_r", "tool"))
-        bound = record["s_bound"] + record["s_band"]
-        ratios.append(float((record["s_norm"] / bound)[underway(np.isfinite(bound))].max(initial=0.0)))
+        ratio = max(ratio, largest_ratio(record))
         few = np.linspace(0, len(record["t"]) - 1, INSTANTS).round().astype(int)
         record = {name: values[few] for name, values in record.items()}
         error = np.linalg.norm(motion_error(system, record), axis=1)
@@ -96,7 +95,7 @@ def arms(law: str, numbers: tuple[int, ...]) -> Arms:
         holds += metrics.promise.verdict == "holds"
         broken += metrics.promise.verdict == "broken"
     s, bound, errors = (np.array(each) for each in zip(*runs, strict=True))
-    return Arms(law, s, bound, errors, ratios, holds, broken)
+    return Arms(law, s, bound, errors, ratio, holds, broken)
 
 
 def jobs(thin: int) -> Sequence[Job]:
@@ -119,7 +118,7 @@ def conclude(results: Sequence[object]) -> Findings:
         "arms": str(sum(len(each.s) for each in robust)),
         "holds": str(sum(each.holds for each in robust)),
         "broken": str(sum(each.broken for each in robust)),
-        "ratio": f"{max(max(each.ratios) for each in robust):.2f}",
+        "ratio": f"{max(each.ratio for each in robust):.2f}",
         "points": str(len(tables["vsmrc"])),
         **{
             f"{short}_{name}": f"{np.nanmax(worst[law][inside[law] if name == 'inside' else ~inside[law]]):.2g}"

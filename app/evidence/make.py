@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from importlib.metadata import version
+from operator import methodcaller
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from tqdm import tqdm
 
@@ -21,7 +21,7 @@ from app.simulation.engines import Engine, in_force
 PICTURES = "evidence"  # folder beside evidence.md
 OPENING = """# Evidence
 
-Written by `vsmrc figures --out {out}{thin}`: every number and figure below comes from that command, only the prose is
+Written by `vsmrc figures --out {out}{more}`: every number and figure below comes from that command, only the prose is
 by hand. Made with Python {python}, pin {pin}, numpy {numpy}, numba {numba}.{share}
 """
 
@@ -49,12 +49,8 @@ def make(
         texts.append(section.text(findings, PICTURES))
     page = out / "evidence.md"  # nothing is written before all is known: figures and text fit each other
     for path, content in (figures | {page: "\n".join(texts).encode()}).items():
-        write_whole(path, partial(_write, content))
+        write_whole(path, methodcaller("write", content))
     return page
-
-
-def _write(content: bytes, file: BinaryIO) -> None:
-    file.write(content)
 
 
 def _run(jobs: Mapping[str, Sequence[Job]], workers: int, engine: Engine) -> dict[str, list[Any]]:
@@ -79,7 +75,7 @@ def _opening(out: Path, sections: Sequence[EvidenceSection], thin: int, engine: 
     only = "" if len(sections) == len(SECTIONS) else f" --only {' '.join(section.name for section in sections)}"
     return OPENING.format(
         out=out,
-        thin=only + (f" --thin {thin}" if thin > 1 else "") + (f" --engine {engine}" if engine != "pinocchio" else ""),
+        more=only + (f" --thin {thin}" if thin > 1 else "") + (f" --engine {engine}" if engine != "pinocchio" else ""),
         share=f" **One in {thin} of the cases only.**" if thin > 1 else "",
         python=platform.python_version(),
         **{name: version(name) for name in ("pin", "numpy", "numba")},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 from zlib import crc32
@@ -137,7 +138,10 @@ def drawn(robot: str, mode: str, seed: int, number: int) -> Scenario:
     return with_gains(msgspec.structs.replace(here, truth=truth, name=f"{robot}-{mode}-{seed}-{number}"), random)
 
 
-def underway(promised: np.ndarray) -> np.ndarray:
-    """Mask (N,) of the rows with a promise that stood a period before, too: in its first row the bound follows from
-    ||s|| itself, so that no arm can be over it. promised: (N,) bool."""
-    return promised & np.append(False, promised[:-1])
+def largest_ratio(record: Mapping[str, np.ndarray]) -> float:
+    """Largest ||s|| of a recording over (20) with its band, 0 where nothing is promised. The first row of each promise
+    does not count: there the bound follows from ||s|| itself, so that no arm can be over it."""
+    limit = record["s_bound"] + record["s_band"]
+    promised = np.isfinite(limit)
+    stands = promised & np.append(False, promised[:-1])
+    return float((record["s_norm"][stands] / limit[stands]).max(initial=0.0))

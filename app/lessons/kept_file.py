@@ -10,6 +10,7 @@ from typing import Generic, TypeVar
 import msgspec
 
 from app.process.atomic_write import write_whole
+from app.storage.session_index import StateError
 
 LARGEST = 64_000_000  # bytes of a file: 800 curves drawn by a hundred students
 _PRIVATE = 0o600
@@ -27,7 +28,7 @@ class KeptFile(Generic[T]):
 
     def read(self) -> tuple[T | None, str]:
         """Value of the file, None where there is none, and a sentence where the file cannot be read, else "". A file
-        that cannot be read is renamed, so that it is not overwritten. Raises OSError where it cannot be renamed."""
+        that cannot be read is renamed, so that it is not overwritten. Raises StateError where it cannot be renamed."""
         try:
             with self._path.open("rb") as file:
                 return msgspec.json.decode(file.read(LARGEST + 1), type=self._kind), ""
@@ -35,8 +36,13 @@ class KeptFile(Generic[T]):
             return None, ""
         except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             aside = self._path.with_name(f"set-aside-{self._path.name}")
-            self._path.replace(aside)
             reason = error.strerror if isinstance(error, OSError) else error
+            try:
+                self._path.replace(aside)
+            except OSError as stays:
+                raise StateError(
+                    f"{self._path}: {self._what} cannot be read: {reason}, nor be set aside: {stays.strerror}"
+                ) from stays
             return None, f"{self._what} cannot be read: {reason}; it is kept as {aside}"
 
     def write(self, value: T) -> None:

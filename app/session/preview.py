@@ -4,11 +4,10 @@ no file."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import msgspec
 import numpy as np
-from msgspec import Struct
 
 from app.analysis.metrics import (
     FORCE_RESOLUTION,
@@ -25,12 +24,12 @@ from app.analysis.metrics import (
 from app.analysis.steady_force import steady_force_error
 from app.scenario.departures import undrawn
 from app.scenario.schema import Scenario, TruthSection
-from app.session.arm_band import Band, BandStretch
+from app.session.arm_band import BandStretch
 from app.session.changes import sideways
+from app.session.preview_messages import Outlook, PreviewMetrics, PreviewRefusal, PreviewRequest
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
 from app.simulation.engines import Engine
-from app.simulation.recording import Epoch
 from app.simulation.search_memory import Memory
 from app.simulation.state import State
 from app.simulation.system import System
@@ -43,123 +42,6 @@ BEGINS, LASTS = 0.1, 1.0  # s after now, and s, of the push on an arm that nothi
 GROWTH = 0.02  # share by which an error has to differ from another one to count as another
 SAME = 1e-4  # rad or m of a joint, within which a run is where it was foreseen; the two engines differ far less
 LOOKS = 50  # instants at which the reference is compared with the present one
-
-
-@dataclass(frozen=True)
-class PreviewRequest:
-    """Request to the preview process: what are the next `horizon` s from `state` on under `scenario`?
-    number: larger than that of every earlier request.
-    partial: whether an intermediate answer is wanted, too; it is given even when a newer request is waiting.
-    push: N, of a push on the tool where nothing else would move the arm; 0 for none.
-    compared: whether the metrics of the running scenario are wanted, too.
-    arms: number of true arms, drawn from the declared set, whose band is wanted."""
-
-    number: int
-    state: State
-    scenario: Scenario
-    horizon: float
-    partial: bool = True
-    push: float = 0.0
-    compared: bool = False
-    arms: int = 0
-
-
-class PreviewMetrics(Struct, frozen=True):
-    """Metrics of a preview, over the time that it reaches; None where a metric has no meaning in the mode, inf for
-    never.
-    span: s ahead of now, over which they are taken.
-    push: of the push where nothing else moves the arm, N; 0 where there is none.
-    force_error: mean of f_n - f_nd over the tail, N.
-    force_error_predicted: that error by (37), for a constant desired force, N.
-    force_settling: s, see `metrics.settling_time`.
-    force_overshoot: how far the force goes beyond its final value, seen from its beginning, N; to either side where it
-        begins at that value.
-    contact_largest: largest force on the surfaces, N.
-    contact_final: mean of that force over the tail where it is not controlled, N.
-    motion_largest: largest position error, m; None where no position is free.
-    motion_grows: whether that is the last one, after a tail in which it has grown.
-    motion_error: largest position error in the tail, m.
-    motion_settling: of the position error, s.
-    motion_overshoot: how far the position error goes to the other side after its largest value, m.
-    angle_largest: largest error of the angles, rad; None where they neither yield nor follow a path.
-    angle_error: largest error of the angles in the tail, rad.
-    torque_largest: largest torque of any joint, as applied, N m.
-    reaching_time: s, until s is reached; None under a law without the gain d.
-    reaching_time_promised: (18), s; None where nothing is promised.
-    gain_margin: smallest d minus what (17) needs, N; None under such a law.
-    left: how and when the run leaves the theorem's domain."""
-
-    span: float
-    push: float
-    force_error: float | None
-    force_error_predicted: float | None
-    force_settling: float | None
-    force_overshoot: float | None
-    contact_largest: float | None
-    contact_final: float | None
-    motion_largest: float | None
-    motion_grows: bool
-    motion_error: float | None
-    motion_settling: float | None
-    motion_overshoot: float | None
-    angle_largest: float | None
-    angle_error: float | None
-    torque_largest: float
-    reaching_time: float | None
-    reaching_time_promised: float | None
-    gain_margin: float | None
-    left: str | None
-
-
-@dataclass(frozen=True)
-class Outlook:
-    """Outlook: the answer to a request, or the beginning of one.
-    number: of the request.
-    since: s, the instant of the request, or the start where the edit begins the scenario anew.
-    signals: those of a recording, at (N,) instants after that; epochs: of those rows.
-    whole: whether the answer reaches as far as the request.
-    restarts: whether the edit begins the scenario anew.
-    today: metrics of the running scenario; None until they are known.
-    band: of true arms, as far as it is known; None while nothing is. bandless: why there will be none, else ""."""
-
-    number: int
-    scenario: Scenario
-    since: float
-    signals: dict[str, np.ndarray]
-    epochs: tuple[Epoch, ...]
-    metrics: PreviewMetrics
-    whole: bool
-    restarts: bool
-    today: PreviewMetrics | None = None
-    band: Band | None = None
-    bandless: str = ""
-
-    @property
-    def ahead(self) -> np.ndarray:
-        """Instants (N,) of the signals, s after `since`."""
-        return self.signals["t"] - self.since
-
-    def follows(self, t: float) -> bool:
-        """Whether the outlook was requested at t (s) of the run or before; not where somebody has looked back since."""
-        return self.restarts or self.since < t + 0.5 * self.scenario.controller.period
-
-
-@dataclass(frozen=True)
-class PreviewRefusal:
-    """Refusal of a request whose scenario cannot be used; one sentence."""
-
-    number: int
-    sentence: str
-
-
-@dataclass(frozen=True)
-class Hurry:
-    """Message to the preview process: a newer request is waiting, or no answer is wanted any more."""
-
-
-@dataclass(frozen=True)
-class PreviewDone:
-    """Message from the preview process: ready for the next request."""
 
 
 class Foresight:
@@ -188,7 +70,8 @@ class Foresight:
         if self._push:
             self._loop.edit(_pushed(self._loop.system, self._loop.t + BEGINS, self._push))
         self._start, self._rows, self._points = self._loop.t, rows, _points(rows)
-        self._first = 0  # row with which the horizon begins, see `metrics_from`
+        self._first = 0  # row with which the horizon begins
+        self._metrics_from_first: PreviewMetrics | None = None  # see `metrics_from`; a paused loop asks again and again
         self._obstacle = (
             obstacle(self._loop) if engine == "compiled" else "it appears once this arm and contact are compiled"
         )
@@ -223,18 +106,21 @@ class Foresight:
 
     def metrics_from(self, state: State) -> PreviewMetrics | None:
         """Metrics of as many seconds from this state on, to which the run leads; the periods that are missing are
-        computed. None where it is too far from the beginning."""
-        row = 0 if self._push else self._row_of(state)
+        computed. None where it is too far from the beginning, or the run stopped at once."""
+        row, recording = 0 if self._push else self._row_of(state), self._loop.recording
         if row > self._rows:
             return None
-        self._first = row
-        while self.progress < 1.0:
-            self.advance(self.batch)
-        recording, period = self._loop.recording, self.request.scenario.controller.period
-        points = self._points + row
-        seen = recording.picked(points[points < len(recording)])
-        begin = self._start + (row - 0.5) * period
-        return self._metrics(recording.stretch(begin, begin + self._rows * period), seen)
+        if row != self._first or self._metrics_from_first is None:
+            self._first = row
+            while self.progress < 1.0:
+                self.advance(self.batch)
+            points = self._points[self._points < len(recording) - row] + row
+            if not len(points):
+                return None
+            begin = self._start + (row - 0.5) * self.request.scenario.controller.period
+            stretch = recording.stretch(begin, begin + self._rows * self.request.scenario.controller.period)
+            self._metrics_from_first = self._metrics(stretch, recording.picked(points))
+        return self._metrics_from_first
 
     def _row_of(self, state: State) -> int:
         """Number of the row at the instant of a state."""

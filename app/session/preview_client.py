@@ -16,7 +16,7 @@ import structlog
 from app.process import launcher
 from app.process.launcher import ChildProcess
 from app.scenario.schema import Scenario
-from app.session.preview import Hurry, Outlook, PreviewDone, PreviewRefusal, PreviewRequest
+from app.session.preview_messages import Hurry, Outlook, PreviewDone, PreviewRefusal, PreviewRequest
 from app.simulation.state import State
 
 log = structlog.get_logger()

@@ -222,17 +222,17 @@ class Runner:
 
         After a push, or an edit within a run, it need not: the loop makes up for the time that these took.
         """
-        runs, overtaken = self._commanded.runs, list[Command]()
+        runs, before = self._commanded.runs, None
         for command, following in itertools.zip_longest(queued, queued[1:]):
             if _overtaken(command, following):
-                overtaken.append(command)
+                before = command
                 continue
             if is_new_arm(command):
                 self._newest = replace(self._newest, notice=PREPARING)
-            # a position that is refused leaves the last one that is not; its refusal is what to say
-            if not self._commanded.execute(command) and any(map(self._commanded.execute, reversed(overtaken))):
+            # where the last position is refused, the one before it counts, if it can; what to say is the last refusal
+            if not self._commanded.execute(command) and before and self._commanded.execute(before):
                 self._commanded.execute(command)
-            overtaken.clear()
+            before = None
         self._executed += len(queued)
         return self._commanded.runs != runs or not all(
             isinstance(command, Edit | EditAll | Blend | PushNow | Push) for command in queued

@@ -18,7 +18,8 @@ from app.process.priority import step_back
 from app.scenario.errors import ScenarioError
 from app.session.arm_band import LATER, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.headless_run import engine_ready
-from app.session.preview import Foresight, Hurry, Outlook, PreviewDone, PreviewMetrics, PreviewRefusal, PreviewRequest
+from app.session.preview import Foresight
+from app.session.preview_messages import Hurry, Outlook, PreviewDone, PreviewMetrics, PreviewRefusal, PreviewRequest
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
@@ -235,13 +236,9 @@ def _send(answer: Outlook | PreviewRefusal, asker: Connection, band: _GrowingBan
 def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook | None:
     """Answer once more, with the metrics of the running scenario. A newer request does not interrupt this, because all
     answers while the slider is held have the same metrics beside theirs."""
-    running = Foresight(foresight.unchanged, known.system, known.memory, engine_ready())
-    while running.progress < 1.0:
-        running.advance(running.batch)
-    if isinstance(outlook := running.outlook(), Outlook):
-        known.running = running
-        return _send(foresight.outlook(outlook.metrics), asker, known.band)
-    return None
+    known.running = Foresight(foresight.unchanged, known.system, known.memory, engine_ready())
+    today = known.running.metrics_from(foresight.request.state)
+    return None if today is None else _send(foresight.outlook(today), asker, known.band)
 
 
 def load_for(loop: ClosedLoop) -> None:

@@ -164,16 +164,12 @@ def _folder(kept: KeptFolder, dashboard: Dashboard) -> StateFolder | None:
     """Folder of the session, None where it cannot be used; the page shows the reason then."""
     try:
         folder = StateFolder(Path(kept.folder))
-    except StateError as error:
-        dashboard.offer(remark(f"this session is not kept: {error}"))
-        return None
-    try:
         problems = (
             dashboard.notebook.keep_in(folder.path),
             dashboard.classroom.keep_in(folder.path, dashboard.fail),
         )
-    except OSError as error:
-        dashboard.offer(remark(f"this session is not kept: {folder.path}: {error.strerror}"))
+    except StateError as error:
+        dashboard.offer(remark(f"this session is not kept: {error}"))
         return None
     for problem in filter(None, problems):
         dashboard.offer(remark(problem))

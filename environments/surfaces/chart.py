@@ -99,6 +99,13 @@ STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @inline
+def swing(amplitude, omega, t):
+    """Displacement amplitude sin(omega t) of what moves or turns to and fro, its rate and its acceleration."""
+    displacement = amplitude * np.sin(omega * t)
+    return displacement, amplitude * omega * np.cos(omega * t), -(omega**2) * displacement
+
+
+@inline
 def one_of(three, i):
     """The first, second or third record of a named tuple of three, counted from 0."""
     if i == 0:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import numpy as np
 
-from environments.surfaces.chart import STILL, Shape, Turning, flat
+from environments.surfaces.chart import STILL, Shape, Turning, flat, swing
 from environments.surfaces.form import NORMAL, Form, grid, tangent_frame, triangles, unit
 from kernels import inline
 from kernels.algebra import cross, dot
@@ -26,8 +26,8 @@ def _chart(zeta, shape, t, chart):
         chart.normal_tt[k] = 0.0
     if turning.amplitude == 0.0:
         return STILL
-    axis, omega = turning.axis, turning.omega
-    angle, rate = turning.amplitude * np.sin(omega * t), turning.amplitude * omega * np.cos(omega * t)
+    axis = turning.axis
+    angle, rate, acceleration = swing(turning.amplitude, turning.omega, t)
     s, c, along, aside = np.sin(angle), np.cos(angle), dot(axis, n), cross(axis, n)
     g, g_t, g_tt = 0.0, 0.0, 0.0
     for k in range(3):  # n = along axis + (n_0 - along axis) c + (axis x n_0) s, and its derivatives by the angle
@@ -35,7 +35,7 @@ def _chart(zeta, shape, t, chart):
         here = along * axis[k] + across * c + aside[k] * s
         by_angle, twice = aside[k] * c - across * s, -across * c - aside[k] * s
         chart.G[0, k], chart.G_t[0, k] = here, by_angle * rate
-        chart.normal_tt[k] = twice * rate**2 - by_angle * omega**2 * angle
+        chart.normal_tt[k] = twice * rate**2 + by_angle * acceleration
         g += here * zeta[k]
         g_t += chart.G_t[0, k] * zeta[k]
         g_tt += chart.normal_tt[k] * zeta[k]

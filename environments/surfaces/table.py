@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Union
 
 import numpy as np
 
-from environments.surfaces.chart import Chart, Shape, Shapes, one_of
+from environments.surfaces.chart import Chart, Shape, Shapes, one_of, swing
 from environments.surfaces.cylinder import Cylinder
 from environments.surfaces.form import Form, SurfaceMotion
 from environments.surfaces.formula import FormulaSurface
@@ -30,8 +30,7 @@ _local_chart = choice([each.chart for each in SURFACES])
 @inline
 def surface_chart(shape, p, t, chart):
     """Write the `Chart` of a point p (3,) m at time t (s)."""
-    omega = 2 * np.pi * shape.frequency
-    moved, speed = shape.amplitude * np.sin(omega * t), shape.amplitude * omega * np.cos(omega * t)
+    moved, speed, acceleration = swing(shape.amplitude, 2 * np.pi * shape.frequency, t)
     u = shape.direction
     zeta = (
         p[0] - shape.origin[0] - moved * u[0],
@@ -46,7 +45,7 @@ def surface_chart(shape, p, t, chart):
             for a in range(3):
                 chart.G_t[i, k] -= chart.G_p[i, k, a] * speed * u[a]
             chart.g_t[i] -= chart.G[i, k] * speed * u[k]
-            chart.g_tt[i] += -chart.G_t[i, k] * speed * u[k] + chart.G[i, k] * omega**2 * moved * u[k]
+            chart.g_tt[i] -= chart.G_t[i, k] * speed * u[k] + chart.G[i, k] * acceleration * u[k]
     chart.g_t[0] += form[0]  # and those of its form
     chart.g_tt[0] += form[1]
     chart.deforming = form[5]

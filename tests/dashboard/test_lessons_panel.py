@@ -9,8 +9,9 @@ from unittest.mock import MagicMock
 
 import pytest
 
-from app.dashboard.panels.lessons import LessonsPanel, _reason
+from app.dashboard.panels.lessons import LessonsPanel
 from app.dashboard.widgets.class_panel import ClassPanel
+from app.dashboard.widgets.field_words import refusal_in_words
 from app.dashboard.widgets.lesson_list import LessonList
 from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk
@@ -54,9 +55,9 @@ def test_a_refused_blend_is_said_once_and_without_the_path_of_its_field() -> Non
     (blend,) = (step for step in runs(load("12-blends")) if getattr(step.block, "refused", None))
     refusal = play(blend, kept_memory()).refusal
     assert refusal.startswith("blend.to: refused: ")
-    assert _reason(refusal) == refusal.removeprefix("blend.to: refused: ")
-    assert _reason(refusal).startswith("at α = 0.5 a pole at ")
-    assert _reason("target_model.K_m: -900; allowed: larger") == "K_m: -900; allowed: larger"
+    assert refusal_in_words(refusal) == refusal.removeprefix("blend.to: refused: ")
+    assert refusal_in_words(refusal).startswith("at α = 0.5 a pole at ")
+    assert refusal_in_words("target_model.K_m: -900; allowed: larger") == "K_m: -900; allowed: larger"
 
 
 def test_a_question_that_the_class_was_asked_before_the_run_can_be_asked_again() -> None:

@@ -25,7 +25,8 @@ from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
 from app.scenario.data import edited, load, shipped
-from app.session.preview import Foresight, Outlook, PreviewRequest
+from app.session.preview import Foresight
+from app.session.preview_messages import Outlook, PreviewRequest
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from controllers.reaching import lyapunov_bound

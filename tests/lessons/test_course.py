@@ -49,6 +49,7 @@ from app.scenario.errors import ScenarioError
 from app.scenario.units import Units
 from app.session.commands import SetSpeed
 from app.session.runner import Runner
+from app.storage.session_index import StateError
 from drivers.waiting import until
 from tests.lessons.test_lessons import lesson
 
@@ -164,6 +165,14 @@ def test_progress_that_cannot_be_read_is_not_written_over(tmp_path: Path, monkey
     LessonCourse(lesson(), notebook).go(1)
     assert (tmp_path / f"set-aside-{FILE}").read_text() == "{}"
     assert json.loads((tmp_path / FILE).read_text())["test"]["step"] == 2
+
+
+def test_progress_that_can_neither_be_read_nor_set_aside_is_said_in_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_text("{")
+    (tmp_path / f"set-aside-{FILE}").mkdir()
+    with pytest.raises(StateError, match=r"the progress in lessons cannot be read: .*, nor be set aside: Is a dir"):
+        Notebook().keep_in(tmp_path)
+    assert (tmp_path / FILE).read_text() == "{"
 
 
 def unreadable(*_: object) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -22,3 +23,17 @@ def here(capfd: pytest.CaptureFixture[str]) -> Callable[..., Done]:
         return Done(status, *capfd.readouterr())
 
     return execute
+
+
+@pytest.fixture
+def refuses(here: Callable[..., Done], tmp_path: Path) -> Callable[[tuple[str, ...], str], None]:
+    """Test of a command that writes to a folder: it is refused with a message, and writes nothing."""
+
+    def require(arguments: tuple[str, ...], message: str) -> None:
+        done = here(*arguments, "--out", str(tmp_path / "out"))
+        assert done.returncode == 2
+        assert message in done.stderr
+        assert "Traceback" not in done.stderr
+        assert not (tmp_path / "out").exists()
+
+    return require

@@ -13,8 +13,9 @@ from app.scenario.data import edited, shipped
 from app.scenario.departures import Departure
 from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import SEED, SIGNALS, ArmsAhead, Band, BandStretch, TrueArms
-from app.session.preview import Foresight, Outlook, PreviewRequest
+from app.session.preview import Foresight
 from app.session.preview_client import Previewer
+from app.session.preview_messages import Outlook, PreviewRequest
 from app.simulation import assembly
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop

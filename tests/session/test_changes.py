@@ -11,7 +11,19 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.adaptation_sentence import adaptation_sentence
 from app.session.changes import in_coordinates, in_mode, on_robot, on_surface, possible
-from app.session.commands import DropWayOut, Edit, Fork, Pause, Push, PushNow, Reset, Seek, ShowAgain, TakeWayOut
+from app.session.commands import (
+    Command,
+    DropWayOut,
+    Edit,
+    Fork,
+    Pause,
+    Push,
+    PushNow,
+    Reset,
+    Seek,
+    ShowAgain,
+    TakeWayOut,
+)
 from app.session.runner import Runner
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
@@ -286,6 +298,21 @@ def test_a_valid_edit_before_a_refused_one_of_the_same_field_stays() -> None:
     assert now.scenario.controller.epsilon == 3.0
     assert now.refusal
     assert "controller.epsilon: -1" in now.refusal
+
+
+def test_a_long_drag_among_refused_values_tries_the_last_two_positions_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each can take longer than the slider needs to the next one; the loop must not fall behind more and more."""
+    runner, tried = Runner(shipped()["ur5-hybrid"]), list[object]()
+    execute = runner._commanded.execute
+
+    def noted(command: Command) -> bool:
+        tried.append(command)
+        return execute(command)
+
+    monkeypatch.setattr(runner._commanded, "execute", noted)
+    dragged = [Edit("controller.epsilon", -float(k)) for k in range(1, 30)]
+    runner._obey([*dragged])
+    assert tried == [dragged[-1], dragged[-2]]
 
 
 def test_an_irregular_further_surface_has_a_way_out_of_its_own() -> None:

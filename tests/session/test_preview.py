@@ -10,13 +10,8 @@ from app.analysis.metrics import BAND, settling_time
 from app.analysis.steady_force import steady_force_error
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import Scenario
-from app.session.preview import (
-    LASTS,
-    Foresight,
-    Outlook,
-    PreviewRefusal,
-    PreviewRequest,
-)
+from app.session.preview import LASTS, Foresight
+from app.session.preview_messages import Outlook, PreviewRefusal, PreviewRequest
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.constants_store import kept_memory
 from app.workers.preview import _GrowingBand, _Known

@@ -17,14 +17,8 @@ import numpy as np
 import pytest
 
 from app.scenario.data import edited, shipped
-from app.session.preview import (
-    Hurry,
-    Outlook,
-    PreviewDone,
-    PreviewRefusal,
-    PreviewRequest,
-)
 from app.session.preview_client import Previewer
+from app.session.preview_messages import Hurry, Outlook, PreviewDone, PreviewRefusal, PreviewRequest
 from app.workers.preview import serve
 from drivers.waiting import PATIENCE, until
 from tests.support.previews import preview_metrics, running

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -257,3 +258,22 @@ def test_a_run_is_resumed_exactly_before_within_and_after_a_loss() -> None:
         assert again.state.arm.data.tobytes() == whole.state.arm.data.tobytes()
         np.testing.assert_allclose(engine["phi"], rest["phi"][begun:], atol=1e-14)
         np.testing.assert_array_equal(engine["multiplier"] == 0.0, rest["multiplier"][begun:] == 0.0)
+
+
+@pytest.mark.slow
+def test_lost_contact_with_an_elastic_surface_is_said_with_its_instant() -> None:
+    """The tool is pulled off by a hand."""
+    push = {"truth.push_start": 0.5, "truth.push_duration": 0.2}
+    loop = ClosedLoop.from_scenario(pulled("ur5-hybrid", [0.0, 0.0, 200.0], "stop", **push))
+    while loop.t < 0.5:
+        loop.step()
+    assert loop.warning is None
+    resumed = ClosedLoop.from_state(loop.state.copy())
+    for each in (loop, resumed):
+        while each.t < 0.7:
+            each.step()
+        lost = re.match(r"t = ([\d.]+) s: contact lost", each.warning or "")
+        assert lost is not None, each.warning
+        rows = each.recording.signals(("t", "multiplier"))
+        first = rows["t"][(rows["multiplier"] == 0.0) & (rows["t"] >= 0.5)][0]
+        assert float(lost[1]) == pytest.approx(first, abs=1.5e-3)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from app.scenario.schema import Scenario
-from app.session.preview import Foresight, Outlook, PreviewMetrics, PreviewRequest
+from app.session.preview import Foresight
+from app.session.preview_messages import Outlook, PreviewMetrics, PreviewRequest
 from app.simulation.closed_loop import ClosedLoop
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import threading
 from collections.abc import Callable
 from html import escape
@@ -38,7 +37,6 @@ from app.simulation.search_memory import Memory
 log = structlog.get_logger()
 
 FORMATS: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
-_OWN_REFUSAL = re.compile(r"[\w.]+: refused: ")
 _KINDS = {
     "scenario": "the scene",
     "predict": "predict",
@@ -302,7 +300,7 @@ def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:
     outcome = course.outcomes[run.number]
     notes = []
     if outcome.refusal:
-        notes.append(f"Refused: {_reason(outcome.refusal)}")
+        notes.append(f"Refused: {refusal_in_words(outcome.refusal)}")
     if outcome.stopped:
         notes.append(f"Stopped: {outcome.stopped}")
     if run is course.step and snapshot.phase != "running" and snapshot.scenario.name == _name_of(run):
@@ -310,12 +308,6 @@ def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:
         if len(now) and abs(snapshot.end - _ends(run)) < 1e-6 and not np.array_equal(now, outcome.q):
             notes.append("You changed this run while it went on: the picture shows it as the lesson describes it.")
     return "".join(f'<div class="vs-note">{escape(note)}</div>' for note in notes)
-
-
-def _reason(refusal: str) -> str:
-    """Reason of a refused edit; that of a blend says by itself that it is refused, behind the path of its field."""
-    own = _OWN_REFUSAL.match(refusal)
-    return refusal_in_words(refusal) if own is None else refusal[own.end() :]
 
 
 def _name_of(run: LessonStep) -> str:

@@ -23,7 +23,7 @@ from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.equation import symbol
-from app.session.preview import Outlook
+from app.session.preview_messages import Outlook
 from app.session.snapshot import Snapshot
 from app.simulation.recording import Recording
 

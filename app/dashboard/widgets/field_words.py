@@ -19,6 +19,8 @@ _PER_AXIS = ("target_model.", "controller.")  # fields with a number for each ax
 _MATRIX = re.compile(r"\btarget_model\.([MBK]_[mf])([12]?)\b")
 # the field of which a refusal is, which stands first
 _FIELD = re.compile(r"^[a-z_]+(?:\.\w+)+(?=: )")
+# the field of a blend and its own words for a refusal
+_BLEND = re.compile(r"^blend\.\w+: refused: ")
 _BLOCKS = {"": "", "1": " of the pressed coordinates", "2": " of the free coordinates"}
 
 
@@ -59,7 +61,9 @@ def _listed(path: str, numbers: list[str], unit: str) -> str:
 
 
 def refusal_in_words(sentence: str) -> str:
-    """Reason of a refusal with its field and the matrices of the target model called as on the page."""
+    """Reason of a refusal with its field and the matrices of the target model called as on the page; that of a blend,
+    which says by itself that it is refused, without both."""
+    sentence = _BLEND.sub("", sentence)
     sentence = _MATRIX.sub(lambda found: f"{found[1]}{_BLOCKS[found[2]]}", sentence)
     return _FIELD.sub(lambda found: _label(found[0]), sentence)
 

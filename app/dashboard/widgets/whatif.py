@@ -10,8 +10,8 @@ from app.scenario.data import differences, edited, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.commands import Edit, EditAll
-from app.session.preview import Outlook, PreviewRefusal
 from app.session.preview_client import Previewer
+from app.session.preview_messages import Outlook, PreviewRefusal
 from app.session.snapshot import Snapshot
 
 HORIZON, PUSH, ARMS = 5.0, 30.0, 16  # s, N, and number of true arms of the band, until the user changes them

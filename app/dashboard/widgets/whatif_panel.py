@@ -14,7 +14,7 @@ from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_words import refusal_in_words
 from app.scenario.units import Units
-from app.session.preview import Outlook, PreviewMetrics
+from app.session.preview_messages import Outlook, PreviewMetrics
 from app.session.snapshot import Snapshot
 
 BANDS = {"none": 0, "16 of the declared set": 16, "64 of the declared set": 64}
