@@ -19,6 +19,7 @@ from app.session.commands import (
     DropWayOut,
     Edit,
     EditAll,
+    EditModel,
     Fork,
     Load,
     Pause,
@@ -265,6 +266,8 @@ class CommandedRun:
                 self._edit(scenario)
             case EditAll(values):
                 self._edit(with_values(scenario_now, dict(values)))
+            case EditModel(entries):
+                self._edit(changes.with_model_entries(scenario_now, entries))
             case BeginScenario(scenario):
                 self._begin(scenario)
             case Perform(scenario, changes_to_come, end):

@@ -124,6 +124,14 @@ class EditAll:
 
 
 @dataclass(frozen=True)
+class EditModel:
+    """Change entries on the diagonals of the target model in force; every other entry stays.
+    entries: new values, by matrix, then by coordinate from 0."""
+
+    entries: Mapping[str, Mapping[int, float]]
+
+
+@dataclass(frozen=True)
 class TimedChange:
     """A field's new value, as in `Edit`, from the instant `at` (s) of a run on."""
 
@@ -195,6 +203,7 @@ Command = (
     | Continue
     | Edit
     | EditAll
+    | EditModel
     | Perform
     | Blend
     | PushNow

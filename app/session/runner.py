@@ -18,7 +18,7 @@ import structlog
 from app.process.free_memory import give_back
 from app.scenario.schema import Scenario
 from app.session.commanded_run import CommandedRun, is_new_arm
-from app.session.commands import Blend, Command, Edit, EditAll, Push, PushNow, Seek
+from app.session.commands import Blend, Command, Edit, EditAll, EditModel, Push, PushNow, Seek
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.snapshot import PREPARING, Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
@@ -235,7 +235,7 @@ class Runner:
             before = None
         self._executed += len(queued)
         return self._commanded.runs != runs or not all(
-            isinstance(command, Edit | EditAll | Blend | PushNow | Push) for command in queued
+            isinstance(command, Edit | EditAll | EditModel | Blend | PushNow | Push) for command in queued
         )
 
     def _publish(self) -> Snapshot:
@@ -262,4 +262,6 @@ def _overtaken(command: Command, following: Command | None) -> bool:
     """Whether the next command replaces this one: only the last position of a slider or a hand matters."""
     if isinstance(command, Edit) and isinstance(following, Edit):
         return command.path == following.path
+    if isinstance(command, EditModel) and isinstance(following, EditModel):
+        return all(command.entries[name].keys() <= following.entries.get(name, {}).keys() for name in command.entries)
     return type(command) is type(following) and isinstance(command, Push | Seek)

@@ -11,6 +11,7 @@ from app.session.commands import (
     Blend,
     Command,
     Edit,
+    EditModel,
     Load,
     Pause,
     Play,
@@ -38,6 +39,7 @@ def lock() -> tuple[EditLock, list[Command], list[str]]:
     [
         Edit("mode", "motion"),
         Edit("target_model", {}),
+        EditModel({"B_m": {1: 100.0}, "K_m": {1: 900.0}}),
         Blend({}, 1.0),
         Load(HYBRID),
         BeginScenario(HYBRID),
@@ -63,7 +65,7 @@ def test_other_changes_are_refused_with_the_way_out(
 def test_the_controls_and_the_time_stay_free(lock: tuple[EditLock, list[Command], list[str]]) -> None:
     gate, posted, complaints = lock
     gate.fields = frozenset({"target_model.B_m"})
-    free = [ALLOWED, Play(), Pause(), Reset(), Seek(0.1), Push(None)]
+    free = [ALLOWED, EditModel({"B_m": {1: 100.0}}), Play(), Pause(), Reset(), Seek(0.1), Push(None)]
     for command in free:
         gate.post(command)
     assert posted == free

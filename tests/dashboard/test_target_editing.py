@@ -17,9 +17,10 @@ from app.dashboard.widgets.model_checks import checks_html, judge_requested, jud
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, model_edit, oscillators_of
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem_table import facts_html
+from app.dashboard.widgets.whatif import changed
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
-from app.session.commands import Edit
+from app.session.commands import Edit, EditModel
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
@@ -40,12 +41,12 @@ def hybrid() -> Snapshot:
     return snapshot_of("ur5-hybrid")
 
 
-def applied(snapshot: Snapshot, edit: Edit) -> Snapshot:
+def applied(snapshot: Snapshot, edit: Edit | EditModel) -> Snapshot:
     """The snapshot of a model that this edit has changed."""
     judged = judge_requested(snapshot, edit)
     assert judged.refusal == ""
     system = replace(snapshot.system, controller=snapshot.system.controller.following(judged.model))
-    return replace(snapshot, scenario=edited(snapshot.scenario, edit.path, edit.value), system=system)
+    return replace(snapshot, scenario=changed(snapshot.scenario, edit), system=system)
 
 
 @settings(deadline=None)
@@ -112,6 +113,32 @@ def test_linked_axes_are_those_that_are_alike(hybrid: Snapshot):
     before, after = oscillators_of(hybrid), oscillators_of(applied(hybrid, swinging.edit(hybrid, 7.5)))
     np.testing.assert_allclose(after.omega, [*before.omega[:3], 7.5, 7.5, 7.5])
     np.testing.assert_allclose(after.zeta, before.zeta)
+
+
+def test_edits_of_one_picture_of_the_page_all_hold():
+    """A second edit is made before the page has seen the first one: also in one batch of commands, where only the last
+    position of a slider counts."""
+    runner = Runner(shipped()["ur5-hybrid"])
+    seen = runner.snapshot
+    K_m = [DiagonalPlace("target_model.K_m", i) for i in (1, 2, 3)]
+    zeta = OscillatorPlace("target_model", "zeta", 4)
+    runner._obey(
+        [
+            K_m[0].edit(seen, 4100.0),
+            K_m[0].edit(seen, 4200.0),
+            K_m[1].edit(seen, 4300.0),
+            zeta.edit(seen, 0.5),
+            zeta.edit(seen, zeta.read(seen)),
+            K_m[2].edit(seen, 4400.0),
+        ]
+    )
+    after = runner._publish()
+    assert after.revision - seen.revision == 4
+    expected = seen.matrices["K_m"].copy()
+    expected[1, 1], expected[2, 2], expected[3, 3] = 4200.0, 4300.0, 4400.0
+    np.testing.assert_array_equal(after.matrices["K_m"], expected)
+    np.testing.assert_allclose(after.matrices["B_m"], seen.matrices["B_m"])
+    assert after.scenario.target_model.M_m == seen.scenario.target_model.M_m  # the mode's default is not written out
 
 
 @pytest.mark.parametrize("value", [0.0, -3, [1, 2]])

@@ -21,7 +21,7 @@ from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, p
 from app.dashboard.widgets.pole_drag import PoleDrag
 from app.scenario.schema import Scenario
 from app.scenario.units import JOINT
-from app.session.commands import Edit
+from app.session.commands import Edit, EditModel
 from app.session.snapshot import Snapshot
 
 
@@ -65,7 +65,7 @@ class ModelPanel:
                 self._views[title] = view()
         self._checks, self._poles, self._loops = gui.add_html(""), PoleDrag(desk), gui.add_html("")
         self._impedance = ImpedanceView(desk)
-        self._checked: tuple[Scenario, float | None, Edit | None] | None = None
+        self._checked: tuple[Scenario, float | None, Edit | EditModel | None] | None = None
 
     async def _on_choice(self, _: PageEvent) -> None:
         self._chosen = self._choice.value
@@ -84,11 +84,14 @@ class ModelPanel:
         self._loops.content = loops_html(snapshot)
         self._impedance.show(snapshot)
 
-    def _requested(self, snapshot: Snapshot) -> Edit | None:
+    def _requested(self, snapshot: Snapshot) -> Edit | EditModel | None:
         """Edit of the model that a held slider or a draft asks for."""
         held, view = self._desk.whatif.held, self._views[self._chosen]
-        if held is not None and isinstance(held.edit, Edit) and held.edit.path.startswith("target_model"):
-            return held.edit
+        match held and held.edit:
+            case EditModel() | Edit("target_model") as edit:
+                return edit
+            case _:
+                pass
         try:
             return view.edit(snapshot) if isinstance(view, MatrixEditor) else None
         except ValueError:  # the editor shows the reason

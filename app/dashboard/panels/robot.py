@@ -12,7 +12,7 @@ from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, SliderScal
 from app.dashboard.widgets.matrix_text import number
 from app.dashboard.widgets.text_field import TextField
 from app.scenario.schema import Scenario
-from app.session.commands import Edit
+from app.session.commands import Edit, EditModel
 from app.session.snapshot import Snapshot
 
 UNSTATED = "from the above"
@@ -25,7 +25,7 @@ class StatedBounds(FieldPlace):
         value = super().read(snapshot)
         return UNSTATED if value is None else value if isinstance(value, str) else f"{value:.6g}"
 
-    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit | EditModel:
         text = str(value).strip()
         try:
             return super().edit(snapshot, None if text == UNSTATED else number(text))

@@ -29,7 +29,7 @@ from app.lessons.class_desk import ClassDesk
 from app.scenario.data import kind_of
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, Units, label_in, unit_in
-from app.session.commands import Command, Edit
+from app.session.commands import Command, Edit, EditModel
 from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
 from app.sweep.background_jobs import BackgroundJobs
@@ -205,7 +205,7 @@ class NumberField:
         self._answer.expect(snapshot, seconds=0.0)
         self.show(snapshot)
 
-    def _ask(self, snapshot: Snapshot, edit: Edit, seconds: float) -> bool:
+    def _ask(self, snapshot: Snapshot, edit: Edit | EditModel, seconds: float) -> bool:
         """Post an edit; returns whether an answer is to be awaited."""
         posted = self._desk.post(edit)
         self._answer.expect(snapshot, seconds if posted else 0.0)

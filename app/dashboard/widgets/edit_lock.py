@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from app.session.commands import BeginScenario, Blend, Command, Continue, Edit, EditAll, Load, Push, PushNow, TakeWayOut
+from app.session.commands import (
+    BeginScenario,
+    Blend,
+    Command,
+    Continue,
+    Edit,
+    EditAll,
+    EditModel,
+    Load,
+    Push,
+    PushNow,
+    TakeWayOut,
+)
 
 # commands that change the run and are no edits, and their names in a refusal
 _OTHERS = {
@@ -46,6 +58,9 @@ class EditLock:
                 return "" if path in self.fields else path
             case EditAll(values):
                 return ", ".join(path for path in values if path not in self.fields)
+            case EditModel(entries):
+                paths = [f"target_model.{name}" for name in entries]
+                return ", ".join(path for path in paths if path not in self.fields)
             case Push(grip):
                 return "" if grip is None else "a push by hand"
             case _:

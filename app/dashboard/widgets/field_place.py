@@ -11,7 +11,7 @@ from app.export.ticks import plain_number
 from app.scenario.field_info import FieldInfo, field_info
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, Units, unit_in
-from app.session.commands import Edit
+from app.session.commands import Edit, EditModel
 from app.session.snapshot import Snapshot
 
 FINE_STEP = 0.0002  # share of a slider's length: step with Shift
@@ -31,7 +31,7 @@ class FieldPlace:
             value = getattr(value, name, None)
         return value
 
-    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit | EditModel:
         """Command that gives this place a value. A place that is part of a field takes the rest of it from the
         snapshot; where one number is shown of a field that holds a list, one number can be typed.
 

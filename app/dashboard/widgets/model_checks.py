@@ -15,11 +15,11 @@ from app.dashboard.widgets.matrix_text import short
 from app.dashboard.widgets.pole_drag import draggable
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem_table import judged
-from app.scenario.data import edited
+from app.dashboard.widgets.whatif import changed
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
-from app.session.commands import Edit
+from app.session.commands import Edit, EditModel
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import (
     certificate_between,
@@ -57,10 +57,10 @@ def judge_running(snapshot: Snapshot) -> Judgement:
     return _judge(TargetModel(**snapshot.matrices), snapshot.scenario, snapshot.system.layout)
 
 
-def judge_requested(snapshot: Snapshot, edit: Edit) -> Judgement:
+def judge_requested(snapshot: Snapshot, edit: Edit | EditModel) -> Judgement:
     """Judgement of the model that an edit would bring. Raises ScenarioError or InvalidGain for an edit that brings no
     model."""
-    scenario = edited(snapshot.scenario, edit.path, edit.value)
+    scenario = changed(snapshot.scenario, edit)
     model = target_model(scenario, len(snapshot.coordinates))
     return _judge(model, scenario, snapshot.system.layout)
 
@@ -75,7 +75,7 @@ def _judge(model: TargetModel, scenario: Scenario, layout: TaskLayout) -> Judgem
     return Judgement(model, mode.poles(model, stiffness_met(scenario)), refusal)
 
 
-def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
+def judge_blend(snapshot: Snapshot, edit: Edit | EditModel) -> BlendCertificate | None:
     """Certificate of the blend from the running model to the model that an edit would bring; None where the latter is
     refused. Raises InvalidGain where the scenario admits no blend between the two."""
     try:
@@ -88,7 +88,7 @@ def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
     return certificate_between(running, requested.model, snapshot.scenario, system.mode, system.layout)
 
 
-def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
+def blend_html(snapshot: Snapshot, edit: Edit | EditModel | None) -> str:
     """Progress of the present blend as HTML; without one, the certificate of a blend to the model of `edit`."""
     if snapshot.blending is not None:
         per_cent = f"{100 * snapshot.blending:.0f}"
@@ -104,7 +104,7 @@ def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
     return f'<div class="vs-checks"><div class="vs-message {look}">blend: {escape(sentence)}</div></div>'
 
 
-def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
+def checks_html(snapshot: Snapshot, edit: Edit | EditModel | None) -> str:
     """Verdict, pole map and table of the running model, and beside them those of the model of `edit`, as HTML."""
     now = judge_running(snapshot)
     requested, problem = None, ""

@@ -14,16 +14,11 @@ from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.field_place import FieldPlace
 from app.dashboard.widgets.matrix_text import written
 from app.scenario.units import Units
-from app.session.commands import Blend, Edit
+from app.session.changes import plain
+from app.session.commands import Blend, Edit, EditModel
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import stiffness_met
 from controllers.second_order import Oscillators, oscillators, shaped
-
-
-def plain(matrix: np.ndarray) -> list[Any]:
-    """Numbers of a matrix as a scenario holds them: the n entries of a diagonal matrix, else n rows."""
-    diagonal = np.diag(matrix)
-    return (matrix if np.count_nonzero(matrix - np.diag(diagonal)) else diagonal).tolist()
 
 
 def model_edit(snapshot: Snapshot, matrices: Mapping[str, np.ndarray]) -> Edit:
@@ -65,17 +60,15 @@ def alike(snapshot: Snapshot, index: int, values: np.ndarray) -> list[int]:
     return [j for j in range(len(of)) if of[j] == of[index] and equal[j]]
 
 
-def reshaped(snapshot: Snapshot, wanted: Mapping[int, Mapping[str, float]]) -> Edit:
+def reshaped(snapshot: Snapshot, wanted: Mapping[int, Mapping[str, float]]) -> EditModel:
     """Command that gives coordinates another omega (rad/s) and zeta; M_m is kept. wanted: both, by coordinate."""
-    changed: dict[str, np.ndarray] = {}
+    changed: dict[str, dict[int, float]] = {}
     for i, oscillator in wanted.items():
         M_m, K_m, K_f = (float(snapshot.matrices[name][i, i]) for name in ("M_m", "K_m", "K_f"))
         entries = shaped(M_m, K_m, K_f, float(pressed_on(snapshot)[i]), **oscillator)
         for name in ("B_m", "K_m", "K_f"):
-            if snapshot.matrices[name][i, i] != getattr(entries, name):
-                matrix = changed.setdefault(name, snapshot.matrices[name].copy())
-                matrix[i, i] = getattr(entries, name)
-    return model_edit(snapshot, changed)
+            changed.setdefault(name, {})[i] = getattr(entries, name)
+    return EditModel(changed)
 
 
 @dataclass(frozen=True)
@@ -90,11 +83,8 @@ class DiagonalPlace(FieldPlace):
         matrix = self._matrix(snapshot)
         return float(matrix[self.index, self.index]) if self.index < len(matrix) else None
 
-    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
-        matrix = self._matrix(snapshot).copy()
-        for i in self._set(snapshot):
-            matrix[i, i] = _single(value)
-        return Edit(self.path, plain(matrix))
+    def edit(self, snapshot: Snapshot, value: Any) -> EditModel:
+        return EditModel({self._name: dict.fromkeys(self._set(snapshot), _single(value))})
 
     def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
         return tuple(replace(self, index=i) for i in self._set(snapshot))
@@ -133,7 +123,7 @@ class OscillatorPlace(FieldPlace):
             return None
         return float(values[self.index])
 
-    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+    def edit(self, snapshot: Snapshot, value: Any) -> EditModel:
         value = _single(value)
         if not value > 0.0:
             raise ValueError(f"{written(value)}; allowed: a number > 0")

@@ -16,7 +16,7 @@ from app.dashboard.widgets.matrix_text import written
 from app.dashboard.widgets.model_fields import oscillators_of, pressed_on, reshaped
 from app.dashboard.widgets.pole_map import grouped
 from app.dashboard.widgets.whatif import HeldControl
-from app.session.commands import Edit
+from app.session.commands import EditModel
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import stiffness_met
 from controllers.second_order import moved, poles_of
@@ -33,7 +33,7 @@ def draggable(snapshot: Snapshot) -> frozenset[int]:
     return frozenset(number for number in range(len(poles)) if others_of(snapshot, poles[number]))
 
 
-def pole_edit(snapshot: Snapshot, others: dict[int, complex], pole: complex) -> tuple[Edit, float, float]:
+def pole_edit(snapshot: Snapshot, others: dict[int, complex], pole: complex) -> tuple[EditModel, float, float]:
     """Command that moves a pole of some coordinates, and omega (rad/s) and zeta of the first of them afterwards.
     others: their other poles, see `others_of`. pole: to which it is moved, 1/s."""
     wanted = {}

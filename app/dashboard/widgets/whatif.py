@@ -9,7 +9,8 @@ from types import MappingProxyType
 from app.scenario.data import differences, edited, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
-from app.session.commands import Edit, EditAll
+from app.session.changes import with_model_entries
+from app.session.commands import Edit, EditAll, EditModel
 from app.session.preview_client import Previewer
 from app.session.preview_messages import Outlook, PreviewRefusal
 from app.session.snapshot import Snapshot
@@ -27,7 +28,7 @@ class HeldControl:
     then: ways to go on, in words for the user.
     moved: value of every place that the edit sets."""
 
-    edit: Edit | EditAll
+    edit: Edit | EditAll | EditModel
     label: str
     value: str
     control: object
@@ -36,11 +37,15 @@ class HeldControl:
     moved: Mapping[object, float] = field(default_factory=dict)
 
 
-def changed(scenario: Scenario, edit: Edit | EditAll) -> Scenario:
+def changed(scenario: Scenario, edit: Edit | EditAll | EditModel) -> Scenario:
     """The scenario after this edit. Raises ScenarioError."""
-    if isinstance(edit, EditAll):
-        return with_values(scenario, dict(edit.values))
-    return edited(scenario, edit.path, edit.value)
+    match edit:
+        case Edit(path, value):
+            return edited(scenario, path, value)
+        case EditAll(values):
+            return with_values(scenario, dict(values))
+        case EditModel(entries):
+            return with_model_entries(scenario, entries)
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class _RequestKey:
     push, arms: see `PreviewRequest`.
     t: instant at which the preview begins, s."""
 
-    edit: Edit | EditAll
+    edit: Edit | EditAll | EditModel
     base: Scenario
     horizon: float
     push: float
@@ -121,7 +126,7 @@ class WhatIf:
         return {} if applied is None or applied.answers != _answers(snapshot) else applied.moved
 
     def remember(
-        self, snapshot: Snapshot, edit: Edit | EditAll, moved: Mapping[object, float] = MappingProxyType({})
+        self, snapshot: Snapshot, edit: Edit | EditAll | EditModel, moved: Mapping[object, float] = MappingProxyType({})
     ) -> None:
         """Remember an edit that is posted, for `undo`. moved: see `HeldControl`."""
         try:
