@@ -36,9 +36,10 @@ def figure_of(loop: RespondingLoop, response: PushResponse, points: Sequence[Mea
     under a step, the poles, and gain and phase of the force loop where there is one. points: measured ones."""
     frequency = response.frequencies()
     sampled, target = response.admittance(frequency), response.target(frequency)
-    z_sampled, z_target = along_axes(sampled), along_axes(target)
+    z_sampled, z_target = along_axes(frequency, sampled), along_axes(frequency, target)
     at = np.array([point.frequency for point in points])
-    dots = along_axes(np.array([point.admittance for point in points])) if points else np.empty((0, len(response.axes)))
+    of_points = [point.admittance for point in points]
+    dots = along_axes(at, np.array(of_points)) if points else np.empty((0, len(response.axes)))
     charts = [
         _chart(
             f"impedance {axis.words}",
@@ -52,16 +53,14 @@ def figure_of(loop: RespondingLoop, response: PushResponse, points: Sequence[Mea
         for k, axis in enumerate(response.axes)
     ]
     for push, axes in response.kinds.items():
-        extremes, wanted = (largest_and_smallest(block(each, axes)) for each in (sampled, target))
+        extremes, wanted = (largest_and_smallest(frequency, block(each, axes)) for each in (sampled, target))
         charts.append(
             _chart(
                 f"impedance to {push.name}s, over all directions",
                 push.impedance,
                 [
-                    _line("target model (8), largest and smallest", ORANGE, frequency, wanted[:, 0], dashed=True),
-                    replace(_line("", ORANGE, frequency, wanted[:, 1], dashed=True), listed=False),
-                    _line("sampled loop, the same", BLUE, frequency, extremes[:, 0]),
-                    replace(_line("", BLUE, frequency, extremes[:, 1]), listed=False),
+                    *_pair("target model (8)", ORANGE, frequency, wanted, dashed=True),
+                    *_pair("sampled loop", BLUE, frequency, extremes),
                 ],
             )
         )
@@ -162,6 +161,15 @@ def _line(name: str, color: Rgb, frequency: np.ndarray, impedance: np.ndarray, *
     return Curve(name, color, frequency[finite], impedance[finite], dashed=dashed, listed=bool(finite.any()))
 
 
+def _pair(name: str, color: Rgb, frequency: np.ndarray, values: np.ndarray, *, dashed: bool = False) -> list[Curve]:
+    """Curves of the largest and the smallest impedance, values (N, 2), under one name: the latter alone, and named so,
+    where the arm does not yield in some direction."""
+    largest, smallest = (_line("", color, frequency, each, dashed=dashed) for each in values.T)
+    if not len(largest.x):
+        return [replace(smallest, name=f"{name}, smallest")]
+    return [replace(largest, name=f"{name}, largest and smallest"), replace(smallest, listed=False)]
+
+
 def _dots(frequency: np.ndarray, impedance: np.ndarray) -> list[Curve]:
     """Curves of dots for measured points, none where the tool does not yield."""
     finite = np.isfinite(impedance)
@@ -200,8 +208,9 @@ def table_of(response: PushResponse, points: Sequence[Measured]) -> str:
 
 
 def _lines(response: PushResponse, frequency: np.ndarray, admittance: np.ndarray) -> Iterator[list[str]]:
-    impedance, phase = along_axes(admittance), -np.angle(np.diagonal(admittance, axis1=1, axis2=2), deg=True)
-    extremes = np.hstack([largest_and_smallest(block(admittance, axes)) for axes in response.kinds.values()])
+    impedance, phase = along_axes(frequency, admittance), -np.angle(np.diagonal(admittance, axis1=1, axis2=2), deg=True)
+    blocks = [block(admittance, axes) for axes in response.kinds.values()]
+    extremes = np.hstack([largest_and_smallest(frequency, each) for each in blocks])
     does = passive(admittance)
     for k, at in enumerate(frequency):
         pairs = np.column_stack([impedance[k], phase[k]]).ravel()

@@ -15,7 +15,7 @@ import numpy as np
 
 from app.simulation.sampled_frequencies import SampledFrequencies
 
-NOTHING = 1e-12  # m/s per N, or rad/s per N m: a tool that does not yield, but for rounding
+NOTHING = 1e-12  # m/s per N, or rad/s per N m: an admittance that is rounding
 RIGID = 1e-9  # m per N, or rad per N m: a compliance below this counts as none
 ROUNDING = 1e-9  # share of the admittance's largest entry by which an eigenvalue may be below zero, for rounding
 
@@ -132,18 +132,23 @@ def block(admittance: np.ndarray, axes: list[int]) -> np.ndarray:
     return admittance[:, axes][:, :, axes]
 
 
-def along_axes(admittance: np.ndarray) -> np.ndarray:
-    """Impedance (N, p) that a push along each axis meets while the others are free; infinite where nothing moves.
-    admittance: (N, p, p)."""
-    size = np.abs(np.diagonal(admittance, axis1=1, axis2=2))
-    return np.divide(1.0, size, out=np.full_like(size, np.inf), where=size > NOTHING)
+def along_axes(frequency: np.ndarray, admittance: np.ndarray) -> np.ndarray:
+    """Impedance (N, p) that a push along each axis meets while the others are free; infinite for an axis along which
+    nothing moves. frequency: (N,) Hz. admittance: (N, p, p)."""
+    return _impedance(frequency, np.abs(np.diagonal(admittance, axis1=1, axis2=2)))
 
 
-def largest_and_smallest(admittance: np.ndarray) -> np.ndarray:
-    """Largest and smallest impedance (N, 2) over all directions: one over the admittance's singular values. admittance:
-    (N, p, p), of one kind of push."""
-    values = np.linalg.svd(admittance, compute_uv=False)[:, [-1, 0]]
-    return np.divide(1.0, values, out=np.full_like(values, np.inf), where=values > NOTHING)
+def largest_and_smallest(frequency: np.ndarray, admittance: np.ndarray) -> np.ndarray:
+    """Largest and smallest impedance (N, 2) over all directions: one over the admittance's singular values; infinite
+    where nothing moves. frequency: (N,) Hz. admittance: (N, p, p), of one kind of push."""
+    return _impedance(frequency, np.linalg.svd(admittance, compute_uv=False)[:, [-1, 0]])
+
+
+def _impedance(frequency: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Impedance (N, k) of admittances of this size (N, k); infinite in a column of which no compliance counts, since
+    all of it is rounding."""
+    yields = (size / (2.0 * np.pi * frequency[:, None])).max(axis=0, initial=0.0) > RIGID
+    return np.divide(1.0, size, out=np.full_like(size, np.inf), where=yields & (size > 0.0))
 
 
 def passive(admittance: np.ndarray) -> np.ndarray:

@@ -121,7 +121,7 @@ def test_what_has_no_response_is_refused_in_a_sentence(
     [
         ("ur5-hybrid", 1, 0),
         ("ur5-constrained", 0, 0),
-        ("planar2r-semicircle", 1, 0),
+        ("planar2r-semicircle", 0, 0),
         ("ur5-motion", 0, 0),
         ("panda-align", 1, 3),
     ],
@@ -144,3 +144,7 @@ def test_the_page_draws_a_line_for_each_axis_that_yields_and_says_where_the_mode
     assert "the target model feels no force, and the arm " in html
     figure = figure_of(loop, response, [], "")
     assert "inf" not in render(figure, "svg").decode()
+    impedances = [chart for chart in figure.charts if chart.title.startswith("impedance")]
+    assert sum("all directions" not in chart.title for chart in impedances) == forces + moments
+    for chart in impedances:  # no color without a name
+        assert {curve.color for curve in chart.curves} == {curve.color for curve in chart.curves if curve.listed}

@@ -50,10 +50,10 @@ def test_the_target_is_the_impedance_of_mass_damper_and_spring() -> None:
     s = 2j * np.pi * frequency
     expected = np.abs(8.0 * s + 120.0 + 700.0 / s)
     target, length = response.target(frequency), np.array([1.0, 1.0, 1.0, *[response.l**2] * 3])
-    assert along_axes(target) == pytest.approx(np.outer(expected, length), rel=1e-9)
+    assert along_axes(frequency, target) == pytest.approx(np.outer(expected, length), rel=1e-9)
     assert list(response.kinds) == [FORCE, MOMENT]
     for axes, unit in zip(response.kinds.values(), (1.0, response.l**2), strict=True):
-        extremes = largest_and_smallest(block(target, axes))
+        extremes = largest_and_smallest(frequency, block(target, axes))
         assert extremes == pytest.approx(np.outer(expected, np.ones(2)) * unit, rel=1e-9)
     assert [axis.words for axis in response.axes] == [
         *("along x", "along y", "along z"),

@@ -46,7 +46,9 @@ def impedance_html(response: PushResponse, points: Sequence[Measured] = (), meas
     measured: words on the measured points."""
     frequency = response.frequencies(_POINTS)
     sampled, target = response.admittance(frequency), response.target(frequency)
-    drawn = _Drawn(response, frequency, along_axes(sampled), along_axes(target), passive(sampled), points)
+    drawn = _Drawn(
+        response, frequency, along_axes(frequency, sampled), along_axes(frequency, target), passive(sampled), points
+    )
     maps = "".join(_map(drawn, push, axes) for push, axes in response.kinds.items())
     lines = "<br>".join(escape(line) for line in (*summary(response), *([measured] if measured else [])))
     if not maps:
@@ -120,7 +122,8 @@ def _dots(drawn: _Drawn, axes: Sequence[int], low: int, high: int) -> list[str]:
     points, response = drawn.points, drawn.response
     if not points:
         return []
-    impedance = along_axes(np.array([point.admittance for point in points]))[:, axes]
+    at = np.array([point.frequency for point in points])
+    impedance = along_axes(at, np.array([point.admittance for point in points]))[:, axes]
     inside = np.isfinite(impedance) & (impedance <= 10.0**high) & (impedance >= 10.0**low)
     return [
         f'<circle class="measured" cx="{_x(points[k].frequency, response):.1f}" '
