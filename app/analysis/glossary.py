@@ -6,7 +6,7 @@ symbol is a row of `GLOSSARY`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +16,16 @@ from app.scenario.schema import Scenario
 from app.scenario.units import JOINT, unit_in
 from app.simulation.signals import SIGNALS
 from app.simulation.system import System
+from environments.contact_kinds import ContactKind
+from environments.robots import MOST_JOINTS
 
 _SIGNALS = {signal.name: signal for signal in SIGNALS}
+Where = Callable[[System], bool]
 _THOUSANDTHS = ("m", "m/s", "rad", "rad/s")  # what the page shows in mm, mm/s, …
+
+
+def _everywhere(_: System) -> bool:
+    return True
 
 
 @dataclass(frozen=True)
@@ -29,7 +36,8 @@ class Symbol:
     unit, joint_unit: of its value, for an arm of revolute joints, in Cartesian task coordinates and where r = q.
     equation: of the paper, "" for a symbol that is not in the paper.
     also: other words for it in titles and legends.
-    signal, field: of which it is the value, "" where none is."""
+    signal, field: of which it is the value, "" where none is.
+    where: whether it means something in a system; its signal or field may have a number nevertheless."""
 
     written: str
     meaning: str
@@ -39,11 +47,14 @@ class Symbol:
     also: tuple[str, ...] = ()
     signal: str = ""
     field: str = ""
+    where: Where = _everywhere
 
     def value(self, row: Mapping[str, np.ndarray], system: System, model: Mapping[str, np.ndarray]) -> str:
         """Present value of the symbol with its unit; "" where there is none.
         row: recorded signals of one instant.
         model: the matrices of (8) in force, each (n, n)."""
+        if not self.where(system):
+            return ""
         if self.signal:
             value = np.atleast_1d(row[self.signal]).astype(float)
         elif self.written in model:
@@ -82,16 +93,53 @@ def _short(number: float) -> str:
     return text.replace("-", "−")
 
 
-def _signal(written: str, signal: str, equation: str, *also: str) -> Symbol:
+def _robust(system: System) -> bool:
+    return system.controller.law.robust
+
+
+def _layered(system: System) -> bool:
+    return _robust(system) and system.scenario.controller.switching != "discontinuous"
+
+
+def _meets(number: int, holds: Callable[[ContactKind], bool] = lambda kind: kind.touches) -> Where:
+    """Where the world has the surface of this number, from 0, and this holds of its contact."""
+
+    def where(system: System) -> bool:
+        surfaces = system.scenario.surfaces
+        return number < len(surfaces) and holds(surfaces[number].contact.nature)
+
+    return where
+
+
+def _foreseen(system: System) -> bool:
+    """Where the law's reference needs the stiffness of the surface (33)."""
+    return system.mode.on_surface and not system.scenario.contact.nature.rigid
+
+
+def _flat(system: System) -> bool:
+    return system.scenario.face.flat
+
+
+def _aligned(system: System) -> bool:
+    return _flat(system) and system.mode.on_surface
+
+
+def _turning(system: System) -> bool:
+    """Where a coordinate is an angle times ℓ."""
+    return any(each.metres_per_radian is not None for each in system.coordinates)
+
+
+def _signal(written: str, signal: str, equation: str, *also: str, where: Where = _everywhere) -> Symbol:
     of = _SIGNALS[signal]
     unit = of.unit_in(JOINT)
-    return Symbol(written, of.doc, of.unit, "" if unit == of.unit else unit, equation, also, signal=signal)
+    joint_unit = "" if unit == of.unit else unit
+    return Symbol(written, of.doc, of.unit, joint_unit, equation, also, signal=signal, where=where)
 
 
-def _field(written: str, path: str, equation: str, *also: str) -> Symbol:
+def _field(written: str, path: str, equation: str, *also: str, where: Where = _everywhere) -> Symbol:
     of = field_info(path)
     unit = "" if of.unit == "1" else of.unit
-    return Symbol(written, of.doc, unit, unit_in(JOINT, path, unit), equation, also, field=path)
+    return Symbol(written, of.doc, unit, unit_in(JOINT, path, unit), equation, also, field=path, where=where)
 
 
 def _own(written: str, meaning: str, equation: str = "", unit: str = "", also: tuple[str, ...] = ()) -> Symbol:
@@ -113,17 +161,19 @@ GLOSSARY: tuple[Symbol, ...] = (
     _signal("F_cd", "F_cd", "(8)", "desired normal"),
     _signal("F", "F", "(8)", "force on the environment"),
     _signal("M", "moment", "(8)", "moment on the environment"),
+    _signal("q", "q", "(3)", *(f"q{joint}" for joint in range(1, MOST_JOINTS + 1))),
+    _own("ℓ·θ", "rotation of the tool of a planar arm, times ℓ", "(3)", "m", ("θ",)),
     _own("ℓ·α", "rotation of the tool about its own x axis at the start, times ℓ", "(3)", "m", ("α",)),
     _own("ℓ·β", "rotation of the tool about its own y axis at the start, times ℓ", "(3)", "m", ("β",)),
     _own("ℓ·γ", "rotation of the tool about its own z axis at the start, times ℓ", "(3)", "m", ("γ",)),
     _own("ℓ·θ₁", "sine of the tilt of the flat tool's first axis against the plane, times ℓ", "(30)", "m", ("θ₁",)),
     _own("ℓ·θ₂", "sine of the tilt of the flat tool's second axis against the plane, times ℓ", "(30)", "m", ("θ₂",)),
-    _field("K_t", "face.K_t", "(32)"),
-    _field("K̂_t", "face.K_t_hat", "(33)"),
-    _field("ℓ", "task_space.characteristic_length", "", "characteristic length"),
-    _signal("φ", "phi", "(30)", "penetration", "φ₁"),
-    _signal("φ₂", "phi_2", "(30)"),
-    _signal("φ₃", "phi_3", "(30)"),
+    _field("K_t", "face.K_t", "(32)", where=_flat),
+    _field("K̂_t", "face.K_t_hat", "(33)", where=_aligned),
+    _field("ℓ", "task_space.characteristic_length", "", "characteristic length", where=_turning),
+    _signal("φ", "phi", "(30)", "penetration", "φ₁", where=_meets(0)),
+    _signal("φ₂", "phi_2", "(30)", where=_meets(1)),
+    _signal("φ₃", "phi_3", "(30)", where=_meets(2)),
     _own("ψ₁", "first coordinate of the tool along the surface", "(31)", "m"),
     _own("ψ₂", "second coordinate of the tool along the surface", "(31)", "m"),
     _own("ψ", "coordinate of the tool along the edge of two surfaces", "(31)", "m"),
@@ -131,12 +181,12 @@ GLOSSARY: tuple[Symbol, ...] = (
     _own("y", "coordinate of the tool along the task frame's y axis, or force along the world's", "(3)", "m"),
     _own("z", "coordinate of the tool along the task frame's z axis, or force along the world's", "(3)", "m"),
     _own("z(0)", "initial state of the compensator", "(9)", "m/s"),
-    _signal("s", "s", "(10)"),
-    _signal("‖s‖", "s_norm", "(10)", "sliding variable"),
-    _signal("(20)", "s_bound", "(20)", "bound"),
-    _signal("band", "s_band", ""),
-    _signal("d", "d", "(17)", "gain d"),
-    _signal("(17)", "d_required", "(17)", "needed"),
+    _signal("s", "s", "(10)", where=_robust),
+    _signal("‖s‖", "s_norm", "(10)", "sliding variable", where=_robust),
+    _signal("(20)", "s_bound", "(20)", "bound", where=_robust),
+    _signal("band", "s_band", "", where=_robust),
+    _signal("d", "d", "(17)", "gain d", where=_robust),
+    _signal("(17)", "d_required", "(17)", "needed", where=_robust),
     _own("(8)", "target model: the second-order system that the arm shall behave like", "(8)"),
     _own("(18)", "reaching time: the latest time at which s becomes 0, in continuous time", "(18)", "s"),
     _own("(24)", "bound of the Lyapunov function V", "(24)", "J"),
@@ -148,21 +198,21 @@ GLOSSARY: tuple[Symbol, ...] = (
         "N",
     ),
     _own("V", "Lyapunov function of the proof, ½ sᵀHs", "(21)", "J", ("Lyapunov function",)),
-    _field("ε", "controller.epsilon", "(17)"),
-    _field("K_s", "controller.K_s", "(15)"),
-    _field("F_1", "controller.F_1", "(10)"),
-    _field("F_2", "controller.F_2", "(10)"),
-    _field("A", "controller.A", "(9)"),
-    _field("layer s_b", "controller.layer", "", "boundary layer", "layer"),
+    _field("ε", "controller.epsilon", "(17)", where=_robust),
+    _field("K_s", "controller.K_s", "(15)", where=_robust),
+    _field("F_1", "controller.F_1", "(10)", where=_robust),
+    _field("F_2", "controller.F_2", "(10)", where=_robust),
+    _field("A", "controller.A", "(9)", where=_robust),
+    _field("layer s_b", "controller.layer", "", "boundary layer", "layer", where=_layered),
     _field("T", "controller.period", "", "period"),
-    _field("K_e", "contact.K_e", "(32)"),
-    _field("B_e", "contact.B_e", "(28)"),
-    _field("M_e", "contact.M_e", "(28)"),
-    _field("K̂_e", "controller.K_e_hat", "(33)"),
+    _field("K_e", "contact.K_e", "(32)", where=_meets(0, lambda kind: kind.springs)),
+    _field("B_e", "contact.B_e", "(28)", where=_meets(0, lambda kind: kind.springs)),
+    _field("M_e", "contact.M_e", "(28)", where=_meets(0, lambda kind: kind.massive)),
+    _field("K̂_e", "controller.K_e_hat", "(33)", where=_foreseen),
     _signal("τ", "tau", "(25)", "joint torque"),
-    _signal("λ", "multiplier", "(39)"),
-    _signal("λ₂", "multiplier_2", "(39)"),
-    _signal("λ₃", "multiplier_3", "(39)"),
+    _signal("λ", "multiplier", "(39)", where=_meets(0)),
+    _signal("λ₂", "multiplier_2", "(39)", where=_meets(1)),
+    _signal("λ₃", "multiplier_3", "(39)", where=_meets(2)),
     _signal("σ_min(J_q)", "sigma_min", "(3)", "σmin(Jq)"),
     _own("J_q", "Jacobian of the task coordinates", "(3)"),
     _own("H", "inertia of the true arm in task coordinates", "(4)", "kg"),

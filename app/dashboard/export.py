@@ -11,7 +11,14 @@ import numpy as np
 from tqdm import tqdm
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import BESIDE_PLAYBACK, figure_of, plots_of, plots_with_lines, with_series
+from app.dashboard.plots.paper_figures import (
+    BESIDE_PLAYBACK,
+    figure_name,
+    figure_of,
+    plots_of,
+    plots_with_lines,
+    with_series,
+)
 from app.dashboard.scene.standalone import standalone_html
 from app.export.export_jobs import PLAYBACK_LIMIT, file_name
 from app.export.figures import Figure, FigureOptions
@@ -55,9 +62,7 @@ class FigureChoice:
 
     @property
     def name(self) -> str:
-        """Name of the plots and lines, "" for all: two figures of a run have two names."""
-        plots = () if tuple(self.plots) == (ALL_PLOTS,) else self.plots
-        return " ".join((*plots, *self.series))
+        return figure_name(self.plots, self.series)
 
 
 def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice, out: Path) -> Iterator[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import time
 from collections.abc import Callable, Collection
 
@@ -78,7 +79,7 @@ class PageContent:
             snapshot=lambda: runner.snapshot,
             whatif=self._whatif,
             viewing=self._viewing,
-            complain=complaint.refuse,
+            complain=complaint.tell,
             export_jobs=self._export_jobs,
             uploads=uploads,
             choose=lambda row: self._chosen_sliders.choose(row),
@@ -113,6 +114,7 @@ class PageContent:
         self._refreshed = 0.0
         self._equation_of: System | None = None
         self._drawn: Snapshot | None = None
+        self._drawn_with: tuple[object, ...] = ()  # what else the scene was last drawn of
         self._page_height = 0
 
     @property
@@ -142,17 +144,20 @@ class PageContent:
         self._background_jobs.close()
 
     def draw(self, now: float) -> None:
-        """Draw one frame: the scene always, everything else less often."""
+        """Draw one frame: the scene where it has changed, everything else less often. A run that stands still has no
+        new snapshot, but its page gets other options, and the target is dragged."""
         snapshot = self._runner.snapshot
         options = self._viewing.scene_options
-        if snapshot is not self._drawn:
+        drawn_with = options, self._hand.held
+        same = snapshot is self._drawn and _same(drawn_with, self._drawn_with)
+        if not same or self._scene.has_new_meshes:
             self._viewing.legend = self._scene.show(snapshot, options)
             self._hand.show(snapshot, self._viewing.legend.newtons)
         foreseen = self._whatif.look(snapshot, self._server.get_clients())
         if foreseen or now - self._refreshed >= REFRESH:
             self._refresh(snapshot, now)
             self._refreshed = now
-        self._drawn = snapshot
+        self._drawn, self._drawn_with = snapshot, drawn_with
 
     def _refresh(self, snapshot: Snapshot, now: float) -> None:
         complaint = self._complaint.text(snapshot, now)
@@ -189,3 +194,8 @@ class PageContent:
         if height and height != self._page_height:
             self._page_height = height
             self._plots.fit(height)
+
+
+def _same(shown: tuple[object, ...], drawn: tuple[object, ...]) -> bool:
+    """Whether these are the same objects, which never change."""
+    return len(shown) == len(drawn) and all(map(operator.is_, shown, drawn))

@@ -49,11 +49,11 @@ class Legend:
     """Legend of the scene: the present meaning of its colours and lengths.
     error: m, of the last colour.
     newtons: force per 100 mm of arrow.
-    ghost: distance of arm and ghost, m, None where none is drawn."""
+    ghost: distance of arm and ghost, m, or in words why there is none; None where none is wanted."""
 
     error: float
     newtons: float
-    ghost: float | None
+    ghost: float | str | None
 
 
 class Viewing:

@@ -12,7 +12,9 @@ import select
 import signal
 import socket
 import subprocess
+import time
 from collections.abc import Iterator
+from pathlib import Path
 
 from app.process import launcher
 
@@ -68,10 +70,12 @@ class ForkServer:
         self._asking = asyncio.Lock()
         self._control: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
+        self._orphans = set[int]()  # adopted beside the sessions' processes, and not waited for yet
 
     async def start(self, file: int) -> ForkedProcess:
         """Start a session's process, which inherits this file. Raises OSError."""
         async with self._asking:
+            self._orphans = {orphan for orphan in self._orphans if not _has_ended(orphan)}
             if self._control is not None:
                 with contextlib.suppress(ConnectionError):
                     return await self._forked(self._control, file)
@@ -82,7 +86,7 @@ class ForkServer:
         """Process that the fork server makes; where it does not answer, or nobody waits any more, it is ended. Raises
         OSError."""
         try:
-            with _adopting_orphans():
+            with _adopting_orphans(self._orphans):
                 async with asyncio.timeout(PATIENCE):
                     socket.send_fds(control, [b"session"], [file])
                     answer = await asyncio.get_running_loop().sock_recv(control, 100)
@@ -121,12 +125,45 @@ class ForkServer:
 
 
 @contextlib.contextmanager
-def _adopting_orphans() -> Iterator[None]:
+def _adopting_orphans(others: set[int]) -> Iterator[None]:
     """Context in which orphans among the descendants of this process become its children: the fork server's child ends
-    at once, so that its own child, the session's process, does not depend on the fork server's life."""
+    at once, so that its own child, the session's process, does not depend on the fork server's life.
+
+    others: gets the children of a session's process that is killed meanwhile, for whom nobody else would wait. They are
+    older than the context; other new children may have been started by this process."""
     prctl = ctypes.CDLL(None).prctl
+    began, before = time.clock_gettime(time.CLOCK_BOOTTIME), _children()
     prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     try:
         yield
     finally:
         prctl(_PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
+        others |= {child for child in _children() - before if _started(child) < began}
+
+
+def _children() -> set[int]:
+    """Numbers of this process's children, also of those that have ended and are not waited for; of none where the
+    system does not tell."""
+    found = set[int]()
+    for thread in Path("/proc/self/task").iterdir():
+        with contextlib.suppress(OSError):  # the thread has ended
+            found.update(map(int, (thread / "children").read_text().split()))
+    return found
+
+
+def _started(process: int) -> float:
+    """Latest instant (s since the system's start) at which a process may have started; inf where it is gone."""
+    try:
+        stat = Path(f"/proc/{process}/stat").read_text()
+    except OSError:
+        return float("inf")
+    ticks = int(stat.rpartition(")")[2].split()[19])  # behind the name, which may have blanks
+    return (ticks + 1) / os.sysconf("SC_CLK_TCK")
+
+
+def _has_ended(child: int) -> bool:
+    """Whether a child has ended; it is waited for then."""
+    try:
+        return os.waitpid(child, os.WNOHANG)[0] == child
+    except ChildProcessError:  # somebody has waited for it
+        return True

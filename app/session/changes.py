@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from msgspec import to_builtins
 
-from app.scenario.data import edited, from_plain, of_kind, to_plain, with_values
+from app.scenario.data import edited, from_plain, of_kind, to_plain
 from app.scenario.errors import (
     IrregularCorner,
     IrregularSurface,
@@ -29,7 +29,7 @@ from app.scenario.schema import (
     TargetModelSection,
     Vector3,
 )
-from app.simulation.controller_builder import matrices_of, mode_of, target_model
+from app.simulation.controller_builder import mode_of, target_model
 from app.simulation.environment_builder import (
     positions_of,
     robot_of,
@@ -204,25 +204,6 @@ def _turned(scenario: Scenario, path: str, normal: np.ndarray, p: np.ndarray, ph
         if name in directions:
             scenario = edited(scenario, f"{path}.{name}", directions[name].round(4).tolist())
     return scenario
-
-
-def plain(matrix: np.ndarray) -> list[Any]:
-    """Numbers of a matrix as a scenario holds them: the n entries of a diagonal matrix, else n rows."""
-    diagonal = np.diag(matrix)
-    return (matrix if np.count_nonzero(matrix - np.diag(diagonal)) else diagonal).tolist()
-
-
-def with_model_entries(scenario: Scenario, entries: Mapping[str, Mapping[int, float]]) -> Scenario:
-    """The scenario with other entries on the diagonals of its target model, see `EditModel`; a matrix at the mode's
-    default is written out where it changes. Raises ScenarioError and RobotError."""
-    matrices = matrices_of(scenario, robot_of(scenario).n)
-    changed: dict[str, object] = {}
-    for name, values in entries.items():
-        matrix, diagonal = matrices[name].copy(), list(values)
-        matrix[diagonal, diagonal] = list(values.values())
-        if not np.array_equal(matrix, matrices[name]):
-            changed[f"target_model.{name}"] = plain(matrix)
-    return with_values(scenario, changed)
 
 
 def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:

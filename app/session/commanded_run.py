@@ -39,11 +39,14 @@ from app.session.commands import (
     ToEnd,
     Unpin,
 )
+from app.session.model_entries import with_model_entries
 from app.session.nearest_model import way_to_model
+from app.session.own_push import OwnPush
 from app.session.snapshot import Snapshot
 from app.session.timeline import Timeline
 from app.session.ways_out import WayOut, nearest, way_out
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.restarts import begins_anew
 from app.storage.uploaded_urdfs import Reach, hold
 
 log = structlog.get_logger()
@@ -96,6 +99,7 @@ class CommandedRun:
         self._refusals, self._adaptation = 0, ""
         self._refusal: str | None = None
         self._way_out: WayOut | None = None
+        self._own_push = OwnPush()
 
     @property
     def loop(self) -> ClosedLoop:
@@ -207,6 +211,9 @@ class CommandedRun:
                 except ScenarioError:
                     self._way_out = self._way_out or nearest(self.loop.system.scenario, path, value)
                     raise
+            case Seek() | ToEnd() | ShowAgain():
+                self._carry_out(command)
+                self._way_out = None  # made of the scenario at another instant
             case _:
                 self._carry_out(command)
 
@@ -263,21 +270,23 @@ class CommandedRun:
                 plan = {"to": dict(model), "at": line.loop.t, "over": over}
                 self._edit(edited(scenario_now, "blend", plan))
             case Load(scenario):
-                self._edit(scenario)
+                self._edit(scenario, as_it_is=True)
             case EditAll(values):
                 self._edit(with_values(scenario_now, dict(values)))
             case EditModel(entries):
-                self._edit(changes.with_model_entries(scenario_now, entries))
+                self._edit(with_model_entries(scenario_now, entries))
             case BeginScenario(scenario):
                 self._begin(scenario)
             case Perform(scenario, changes_to_come, end):
                 self._begin(scenario)
                 self._performed = _Performance(self.runs, changes_to_come, end)
             case Continue(scenario, pinned):
-                self._edit(scenario)
+                self._edit(scenario, as_it_is=True)
                 line.adopt(pinned)
             case PushNow():
-                self._edit(changes.pushed(scenario_now, line.loop.system.robot, line.loop.t))
+                own = self._own_push
+                self._edit(changes.pushed(scenario_now, line.loop.system.robot, line.loop.t), as_it_is=True)
+                self._own_push = own.behind(scenario_now, line.loop.system.scenario)
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the present mode is not begun anew
             case Edit("mode", value):
@@ -305,8 +314,12 @@ class CommandedRun:
         changes.possible(scenario, self._edit)
         self._adaptation = adaptation_sentence(requested, self.loop.system.scenario)
 
-    def _edit(self, scenario: Scenario) -> None:
+    def _edit(self, scenario: Scenario, *, as_it_is: bool = False) -> None:
+        """Edit to this scenario; where that begins a new run, with its own push, unless it is to be taken as it is."""
         before = self.loop.system.robot
+        over = self.loop.stopped is not None or begins_anew(self.loop.system.scenario, scenario)
+        if over and not as_it_is:
+            scenario = self._own_push.back(scenario)
         try:
             # a change may have converted a number, or taken one of the run, beyond what a scenario's file may have
             self.runs += self.line.edit(from_plain(to_plain(scenario)))
@@ -314,6 +327,8 @@ class CommandedRun:
             self._way_out = way_out(scenario, error) or way_to_model(self.loop.system, scenario)
             raise
         self._way_out = None
+        if over or as_it_is:
+            self._own_push = OwnPush()
         if self.loop.system.robot is not before:
             hold(self.loop.system.robot, scenario.robot.urdf)
         self._adaptation = ""
@@ -321,14 +336,19 @@ class CommandedRun:
 
     def _begin(self, scenario: Scenario) -> None:
         """Begin this scenario at t = 0, also where an edit would let the run go on, and let it run."""
-        self._edit(scenario)
+        self._edit(scenario, as_it_is=True)
         self._reset()
         self.playing = True
 
     def _reset(self) -> None:
-        """Begin the run's scenario at t = 0."""
+        """Begin the run's scenario at t = 0, with its own push."""
         self.line.reset()
         self.runs += 1
+        own, self._own_push = self._own_push.back(self.line.latest.scenario), OwnPush()
+        if own != self.line.latest.scenario:
+            self.line.edit(own)
+            self.line.reset()  # the run is that of its scenario, without an edit at t = 0
+            self.revision += 1
 
     def known(self, seen: Snapshot) -> Snapshot:
         """The snapshot of the loop with what is known of its run."""
@@ -351,13 +371,6 @@ class CommandedRun:
             pinned=line.pinned,
             forks=line.forks,
         )
-
-
-def is_new_arm(command: Command) -> bool:
-    """Whether a command may change the arm, whose kernels may have to be compiled."""
-    if isinstance(command, Edit):
-        return command.path.startswith(("mode", "robot."))
-    return isinstance(command, Load | BeginScenario | Continue | Perform | TakeWayOut)
 
 
 def _admitted(speed: float) -> float:

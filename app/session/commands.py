@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from app.scenario.schema import Scenario
 from app.session.timeline import Pinned
 from environments.push import Grip
+
+# fields that decide which kernels run
+_WITH_KERNELS = re.compile(
+    r"mode|robot\..*|task_space\.(kind|supplemental)|face\.flat"
+    r"|((second|third)\.)?(surface(\.kind)?|contact\.kind|control)"
+)
 
 
 @dataclass(frozen=True)
@@ -125,8 +132,9 @@ class EditAll:
 
 @dataclass(frozen=True)
 class EditModel:
-    """Change entries on the diagonals of the target model in force; every other entry stays.
-    entries: new values, by matrix, then by coordinate from 0."""
+    """Change entries on the diagonals of the target model in force, or omega (rad/s) and zeta of coordinates, of which
+    the one that is not given stays; M_m and every other entry stay.
+    entries: new values, by the name of a matrix, "omega" or "zeta", then by coordinate from 0."""
 
     entries: Mapping[str, Mapping[int, float]]
 
@@ -174,7 +182,8 @@ class DropWayOut:
 
 @dataclass(frozen=True)
 class PushNow:
-    """Begin the scenario's push now; where it has none, one of `changes.PUSH` N sideways."""
+    """Begin the scenario's push now, in place of its schedule; where it has none, one of `changes.PUSH` N sideways. The
+    next run has the scenario's own push again."""
 
 
 @dataclass(frozen=True)
@@ -211,3 +220,14 @@ Command = (
     | DropWayOut
     | Push
 )
+
+
+def needs_kernels(command: Command) -> bool:
+    """Whether a command may bring another arm, contact, surface or tool, whose kernels may have to be compiled."""
+    match command:
+        case Edit(path):
+            return _WITH_KERNELS.fullmatch(path) is not None
+        case EditAll(values):
+            return any(_WITH_KERNELS.fullmatch(path) for path in values)
+        case _:
+            return isinstance(command, Load | BeginScenario | Continue | Perform | TakeWayOut)

@@ -8,6 +8,7 @@ arm solves (8) with only the residual on the right side, in every mode and again
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -36,6 +37,14 @@ class Shade:
     distance: float
 
 
+class NoShade(StrEnum):
+    """Reason in words why there is no ghost at an instant."""
+
+    NO_ROWS = "begins when the run goes on"
+    THINNED = "not known so far back"
+    NO_POSTURE = "out of reach"
+
+
 @dataclass
 class _Run:
     """Ghost since the last change of the scenario: its response to the force error, of one model or of the models of a
@@ -57,17 +66,19 @@ class Ghost:
     def __init__(self) -> None:
         self._run: _Run | None = None
 
-    def follow(self, snapshot: Snapshot) -> Shade | None:
-        """The ghost at the last recorded instant of a snapshot; None before there is one, and where its arm cannot
-        reach the position given by (8)."""
+    def follow(self, snapshot: Snapshot) -> Shade | NoShade:
+        """The ghost at the last recorded instant of a snapshot, or why there is none: nothing is recorded since the
+        last change, too little of what was, or its arm cannot reach the position given by (8)."""
         run, period = self._run, snapshot.scenario.controller.period
         if run is None or run.key != self._key(snapshot) or not run.t <= snapshot.t <= run.t + REACH_BACK:
             run = self._run = self._begun(snapshot)
         if run is None:
-            return None
+            return NoShade.NO_ROWS
         rows = _rows(snapshot.recording, run.t - 0.5 * period, snapshot.t)
-        if not len(rows["t"]) or np.ptp(rows["t"]) > 1.5 * period * len(rows["t"]):  # no rows, or already thinned
-            return None
+        if not len(rows["t"]):
+            return NoShade.NO_ROWS
+        if np.ptp(rows["t"]) > 1.5 * period * len(rows["t"]):
+            return NoShade.THINNED
         run.x = self._onward(run, rows["t"], rows["F_c"] - rows["F_cd"])
         run.t = t = float(rows["t"][-1])
         return self._shade(run, rows["r_d"][-1] + run.x[: len(run.q)], t, rows["tool"][-1])
@@ -104,23 +115,22 @@ class Ghost:
             q=rows["q"][0],
         )
 
-    def _shade(self, run: _Run, r: np.ndarray, t: float, tool: np.ndarray) -> Shade | None:
-        """The ghost in the posture with these coordinates, by Newton's method from the last posture; None where there
-        is none."""
+    def _shade(self, run: _Run, r: np.ndarray, t: float, tool: np.ndarray) -> Shade | NoShade:
+        """The ghost in the posture with these coordinates, if there is one, by Newton's method from the last one."""
         q, rest = run.q, np.zeros_like(run.q)
         for _ in range(NEWTON_STEPS):
             try:
                 estimate, task = run.observer.at(q, rest, t)
             except ValueError:  # J_q exactly singular
-                return None
+                return NoShade.NO_POSTURE
             away = task.J_q_inv @ (r - task.r)
             if not np.linalg.norm(q - run.q) < FAR:
-                return None
+                return NoShade.NO_POSTURE
             if np.abs(r - task.r).max() < CLOSE:
                 run.q = q
                 return Shade(t, q, estimate.p.copy(), float(np.linalg.norm(tool - estimate.p)))
             q = q + away
-        return None
+        return NoShade.NO_POSTURE
 
 
 def _rows(recording: Recording, t_from: float, t_to: float) -> dict[str, np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 
 import msgspec
 import numpy as np
@@ -49,6 +50,7 @@ class Foresight:
 
     previous: a system whose equal parts are used again; memory: results of searches.
     engine: "compiled" is used only where it can take the scenario; without its kernels in the cache it takes seconds.
+    restarts: whether the edit begins the scenario anew.
 
     Raises ScenarioError when the edited scenario cannot be built.
     """
@@ -66,6 +68,7 @@ class Foresight:
         self.base = self._loop.system  # of the running scenario: a good `previous` for the next request
         if request.scenario != request.state.scenario:
             self._loop.edit(request.scenario)
+        self.restarts = self._loop.t != request.state.t
         self._push = request.push if request.push and self._rests() else 0.0
         if self._push:
             self._loop.edit(_pushed(self._loop.system, self._loop.t + BEGINS, self._push))
@@ -85,10 +88,12 @@ class Foresight:
             return self._obstacle
         return undrawn(self._loop.system.scenario.declared)
 
-    @property
+    @cached_property
     def unchanged(self) -> PreviewRequest:
-        """The same request about the scenario that runs, with a push where the asked one has a push."""
-        return replace(self.request, scenario=self.request.state.scenario, push=self._push)
+        """The same request about the scenario that runs, for the same seconds: from its beginning where the edit begins
+        it anew. With a push where the asked one has a push."""
+        state = ClosedLoop.from_system(self.base.anew(), history=1).state if self.restarts else self.request.state
+        return replace(self.request, state=state, scenario=state.scenario, push=self._push)
 
     @property
     def progress(self) -> float:
@@ -105,9 +110,11 @@ class Foresight:
         return bool(np.abs(state.arm.views.q - there).max() < SAME)
 
     def metrics_from(self, state: State) -> PreviewMetrics | None:
-        """Metrics of as many seconds from this state on, to which the run leads; the periods that are missing are
-        computed. None where it is too far from the beginning, or the run stopped at once."""
-        row, recording = 0 if self._push else self._row_of(state), self._loop.recording
+        """Metrics of as many seconds from this state on, to which the run leads, or from the beginning where nothing is
+        computed yet; the periods that are missing are computed. None where it is too far from the beginning, or the run
+        stopped at once."""
+        recording = self._loop.recording
+        row = self._row_of(state) if len(recording) and not self._push else 0
         if row > self._rows:
             return None
         if row != self._first or self._metrics_from_first is None:
@@ -173,7 +180,7 @@ class Foresight:
             tuple(recording.epochs),
             self._metrics(recording.stretch(), signals),
             whole=self.progress >= 1.0,
-            restarts=self._start != self.request.state.t,
+            restarts=self.restarts,
             today=today,
             bandless=self.bandless if self.request.arms else "",
         )

@@ -17,8 +17,8 @@ import structlog
 
 from app.process.free_memory import give_back
 from app.scenario.schema import Scenario
-from app.session.commanded_run import CommandedRun, is_new_arm
-from app.session.commands import Blend, Command, Edit, EditAll, EditModel, Push, PushNow, Seek
+from app.session.commanded_run import CommandedRun
+from app.session.commands import Blend, Command, Edit, EditAll, EditModel, Push, PushNow, Seek, needs_kernels
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.snapshot import PREPARING, Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
@@ -105,12 +105,13 @@ class Runner:
         if self._thread.is_alive():
             self._thread.join(ENDING)
 
-    def post(self, command: Command) -> None:
-        """Queue a command; it takes effect between two control periods."""
+    def post(self, command: Command) -> int:
+        """Queue a command; it takes effect between two control periods. Returns its number: see `Snapshot.executed`."""
         with self._posting:
-            self.posted += 1
+            self.posted = number = self.posted + 1
             self._commands.put(command)
         self._wake.set()
+        return number
 
     def _run(self) -> None:
         while not self._closing.is_set():
@@ -227,7 +228,7 @@ class Runner:
             if _overtaken(command, following):
                 before = command
                 continue
-            if is_new_arm(command):
+            if needs_kernels(command):
                 self._newest = replace(self._newest, notice=PREPARING)
             # where the last position is refused, the one before it counts, if it can; what to say is the last refusal
             if not self._commanded.execute(command) and before and self._commanded.execute(before):

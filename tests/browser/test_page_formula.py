@@ -18,7 +18,7 @@ def test_a_formula_is_typed_refused_mended_and_pressed_upon(session: PageSession
     fill_in(field, "z - 0.165 - 0.01*sine(8*x - 2*t)")
     assert session.now.scenario == before.scenario
     field.press("Enter")
-    session.page.get_by_text('surface.text: "sine" at character 18 is unknown').first.wait_for()
+    session.page.get_by_text('formula of the surface: "sine" at character 18 is unknown').first.wait_for()
     session.wait(lambda now: now.t > before.t + 0.5)
     assert session.now.scenario == before.scenario
     assert session.now.run == before.run

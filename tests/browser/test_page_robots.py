@@ -20,7 +20,7 @@ def tab(session: PageSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_for(tab: PageSession):
     upload = tab.page.locator("input[type=file][accept*='.urdf']")
     tab.choose("Arm", "own URDF")
-    tab.page.locator(".vs-message", has_text="robot.urdf: none is given").wait_for()
+    tab.page.locator(".vs-message", has_text="URDF: none is given").wait_for()
     with tab.page.expect_file_chooser() as dialog:
         tab.page.locator(".vs-acts").get_by_role("button", name="Upload a URDF").click()
     dialog.value.set_files(BENT)

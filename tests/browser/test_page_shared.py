@@ -74,8 +74,16 @@ def test_watcher_cannot_steer_and_a_private_copy_recovers_from_a_crash(
     row = student.locator("form:visible", has=student.get_by_text("F_d [N]", exact=True))
     force = row.locator(".mantine-TextInput-input")
     expect(force).to_have_css("pointer-events", "none")
+    expect(student.locator(".vs-tools")).to_be_hidden()
+    expect(student.locator(".vs-acts button").first).to_have_css("pointer-events", "none")
     open_tab(student, "Torque")  # looking around is free
     expect(student.locator(".uplot-container:visible").first).to_be_visible()
+    student.locator(".vs-legend-button").click()
+    expect(student.locator(".vs-legend")).to_be_visible()
+    student.locator(".uplot-container:visible").first.hover()
+    student.locator(".vs-measure:visible").first.click()
+    student.locator(".vs-measured").wait_for()
+    student.keyboard.press("Escape")
     for _ in range(3):  # the curves go on, not only the first ones are sent
         student.evaluate(f"() => {{ window.noted = {CHARTS}.map((chart) => chart.data); }}")
         student.wait_for_function(f"{CHARTS}.some((chart, i) => chart.data !== window.noted[i])")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app.dashboard.widgets.model_checks import blend_html
-from app.dashboard.widgets.model_fields import applying, model_edit
+from app.dashboard.widgets.model_fields import blending, model_edit
 from app.evidence import blend as section
 from app.evidence.blend import NOTE, diagonal_lyapunov
 from app.scenario.data import edited, from_toml, shipped, with_values
@@ -328,8 +328,7 @@ def test_a_draft_is_applied_by_a_blend_and_judged_before() -> None:
     runner = Runner(shipped()["planar3r-hybrid"])
     snapshot = runner.snapshot
     draft = model_edit(snapshot, {name: np.diag(values) for name, values in TO.items()})
-    assert isinstance(applying(draft, 0.0), Edit)
-    command = applying(draft, 0.2)
+    command = blending(draft, 0.2)
     assert isinstance(command, Blend)
     html = blend_html(snapshot, draft)
     assert "vs-good" in html

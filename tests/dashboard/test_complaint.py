@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import pytest
 
+from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.complaint import SHOWN, Complaint
 from app.scenario.data import load
+from app.session.commands import DropWayOut
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot, snapshot_of
 from app.session.ways_out import WayOut
@@ -28,7 +30,7 @@ def complaint(monkeypatch: pytest.MonkeyPatch) -> tuple[Complaint, Snapshot]:
 def test_a_refusal_is_shown_for_a_while_and_called_as_on_the_page(complaint: tuple[Complaint, Snapshot]) -> None:
     shown, refused = complaint
     now = time.monotonic()
-    assert shown.text(refused, now) == "Refused: radius: -1; allowed: a number >= 0"
+    assert shown.text(refused, now) == "Refused: radius (desired motion): -1; allowed: a number >= 0"
     assert shown.text(refused, now + 0.5 * SHOWN)
     assert not shown.text(refused, now + 2.0 * SHOWN)
 
@@ -53,3 +55,23 @@ def test_a_refusal_is_shown_as_long_as_its_way_out_is_offered(complaint: tuple[C
     assert shown.text(offering, now + 10.0 * SHOWN)
     assert not shown.text(refused, now + 10.0 * SHOWN)  # it was dropped
     assert not shown.text(replace(offering, way_out=None, revision=offering.revision + 1), now)  # another edit
+
+
+@pytest.mark.faults
+def test_a_failure_is_no_refusal_and_leaves_the_way_out(
+    complaint: tuple[Complaint, Snapshot], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A callback of the page fails while a way out is offered: it is said as a failure, then the refusal again."""
+    shown, refused = complaint
+    posted: list[object] = []
+    monkeypatch.setattr(Runner, "post", lambda _, command: posted.append(command))
+    offering = replace(refused, way_out=WayOut("Take 0, the smallest allowed", refused.scenario))
+    now = time.monotonic()
+    refusal = shown.text(offering, now)
+    guarded(lambda: 1 / 0, shown.tell)()
+    assert shown.text(offering, now).startswith("Failed: the page could not carry that out (ZeroDivisionError")
+    assert posted == []
+    assert shown.text(offering, now + 1.5 * SHOWN) == refusal
+    shown.tell("time t [s]: 'x' is not a number; allowed: such as 1.5")
+    assert shown.text(offering, now).startswith("Refused: time t [s]")
+    assert posted == [DropWayOut()]

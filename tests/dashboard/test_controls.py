@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -16,7 +17,8 @@ from app.dashboard.panels.runs import RunsPanel, _note
 from app.dashboard.panels.task import Shift, TaskPanel
 from app.dashboard.theme.style import COMMIT, RELEASED
 from app.dashboard.view_options import Viewing
-from app.dashboard.widgets.controls import Desk, NumberField
+from app.dashboard.widgets import controls, text_field
+from app.dashboard.widgets.controls import Desk, Dropdown, NumberField, Switch
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.field_place import FieldPlace, log_scale
 from app.dashboard.widgets.text_field import TextField
@@ -25,7 +27,7 @@ from app.scenario.data import edited, shipped
 from app.session.commands import Command, Edit, EditAll, Load, Pause, Pin, StepOnce, Unpin
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
-from app.session.snapshot import Snapshot
+from app.session.snapshot import PREPARING, Snapshot
 
 VISITOR = cast(viser.GuiEvent, SimpleNamespace(client=SimpleNamespace(client_id=1)))
 
@@ -56,7 +58,16 @@ class Page:
         self.complaints: list[str] = []
         self.whatif = WhatIf(Previewer())
         self.lock = EditLock(self._obey, self.complaints.append)
-        names = ("add_form", "add_folder", "add_text", "add_slider", "add_html", "add_button", "add_dropdown")
+        names = (
+            "add_form",
+            "add_folder",
+            "add_text",
+            "add_slider",
+            "add_html",
+            "add_button",
+            "add_dropdown",
+            "add_checkbox",
+        )
         gui = SimpleNamespace(**dict.fromkeys(names, self._add))
         self.desk = cast(
             Desk,
@@ -66,8 +77,9 @@ class Page:
             ),
         )  # fmt: skip
 
-    def _obey(self, command: Command) -> None:
+    def _obey(self, command: Command) -> int:
         self.runner._obey([command])
+        return self.runner._executed
 
     def snapshot(self) -> Snapshot:
         return self.runner._publish()
@@ -89,7 +101,7 @@ def test_accepted_text_shows_the_normalised_running_value() -> None:
     page = Page()
     before = page.snapshot().scenario
     field = TextField(page.desk, StatedBounds("declared.delta_G"), "δ_G")
-    text = page.widgets[-1]
+    _, text, _ = page.widgets
     page.give(text, f"2.0{COMMIT}")
     assert page.snapshot().scenario.declared.delta_G == 2.0
     field.show(page.snapshot())
@@ -102,6 +114,31 @@ def test_accepted_text_shows_the_normalised_running_value() -> None:
     assert text.value == "-1"
 
 
+def test_a_text_that_is_not_in_force_says_so_and_is_forgotten_after_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    page, now = Page(), [0.0]
+    monkeypatch.setattr(text_field.time, "monotonic", lambda: now[0])
+    field = TextField(page.desk, StatedBounds("declared.delta_G"), "δ_G")
+    _, text, note = page.widgets
+
+    def shown() -> tuple[str, str]:
+        field.show(page.snapshot())
+        return text.value, note.content if note.visible else ""
+
+    assert shown() == (UNSTATED, "")
+    for typed, said in (("7", "Not applied yet"), (f"-1{COMMIT}", "Refused, not applied")):
+        page.give(text, typed)
+        draft, told = shown()
+        assert draft == typed.rstrip(COMMIT)
+        assert said in told
+        assert f"In force: {UNSTATED}" in told
+        now[0] += 0.9 * text_field.KEPT
+        assert shown() == (draft, told)
+        now[0] += 0.2 * text_field.KEPT
+        assert shown() == (UNSTATED, "")
+    page.give(text, f"2{COMMIT}")
+    assert shown() == ("2", "")
+
+
 def test_a_slider_that_a_lesson_locks_shows_the_running_value_again_and_nothing_as_applied() -> None:
     page = Page()
     field = NumberField(page.desk, FieldPlace("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
@@ -112,7 +149,7 @@ def test_a_slider_that_a_lesson_locks_shows_the_running_value_again_and_nothing_
     page.give(slider, place - 0.2)
     page.give(text, f"{text.value}{RELEASED}")
     assert page.complaints == [
-        "contact.K_e: locked by the goal of a lesson; allowed: target_model.B_m, or leave the lesson"
+        "K_e, stiffness of the surface: locked by the goal of a lesson; allowed: B_m, or leave the lesson"
     ]
     assert page.whatif.undo(page.snapshot()) is None
     field.show(page.snapshot())
@@ -125,6 +162,50 @@ def test_a_slider_that_a_lesson_locks_shows_the_running_value_again_and_nothing_
     assert page.snapshot().scenario != shipped()["ur5-hybrid"]
     assert page.desk.post(undo)
     assert page.snapshot().scenario == shipped()["ur5-hybrid"]
+
+
+def test_an_input_stays_until_the_runner_has_answered_it_however_long_that_takes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    page, now, posted = Page(), [0.0], list[Command]()
+    monkeypatch.setattr(controls.time, "monotonic", lambda: now[0])
+
+    def queue(command: Command) -> int:
+        posted.append(command)
+        return page.runner._executed + len(posted)
+
+    page.desk.post(Edit("force.value", -1.0))  # refused: of no meaning for what is asked for later
+    page.lock._post = queue
+    contact = Dropdown(page.desk, "contact.kind", "Contact", {"elastic": "elastic", "heavy": "mass-damper-spring"})
+    menu = page.widgets[-1]
+    force = NumberField(page.desk, FieldPlace("force.value"), "F_d [N]")
+    text = page.widgets[-1]
+    flat = Switch(page.desk, FieldPlace("face.flat"), "flat")
+    box = page.widgets[-1]
+
+    def shown(snapshot: Snapshot) -> tuple[object, object, object]:
+        for control in (contact, force, flat):
+            control.show(snapshot)
+        return menu.value, text.value, box.value
+
+    assert shown(page.snapshot()) == ("elastic", "20", False)
+    page.give(menu, "heavy")
+    page.give(text, f"25.0{COMMIT}")
+    page.give(box, True)
+    asked = "heavy", "25.0", True
+    now[0] = 30.0
+    assert shown(page.snapshot()) == asked
+    for half in range(61, 400):  # the time of compiling does not count
+        now[0] = 0.5 * half
+        assert shown(replace(page.snapshot(), notice=PREPARING)) == asked
+    page.runner._obey(posted[:2])
+    assert shown(page.snapshot()) == ("heavy", "25", True)  # accepted, accepted and not answered yet
+    assert page.snapshot().refusal_number == 1
+    page.runner._obey([Edit("face.flat", None)])
+    assert shown(page.snapshot()) == ("heavy", "25", False)  # refused
+    page.give(menu, "elastic")
+    now[0] += controls.LONGEST + 1.0
+    assert shown(page.snapshot()) == ("heavy", "25", False)  # the loop has ended
 
 
 def test_a_shift_shows_a_number_for_each_coordinate_and_says_how_many_there_are() -> None:
@@ -279,3 +360,24 @@ def test_the_note_on_a_pinned_run_says_how_to_see_both() -> None:
     assert _note(page.snapshot(), 8.0, "own").startswith("run 1 ends at 0.00 s: ")
     page.desk.post(StepOnce())
     assert "press reset (R)" in _note(page.snapshot(), 8.0, "own")
+
+
+def test_the_same_instants_are_those_that_every_run_has() -> None:
+    """A pinned run keeps its last minute only, and the present one may not have come that far."""
+    page = Page()
+    for _ in range(50):
+        page.desk.post(StepOnce())
+    page.desk.post(Pin())
+    snapshot = page.snapshot()
+    (pinned,) = snapshot.pinned
+    period = snapshot.scenario.controller.period
+    late = replace(pinned, recording=pinned.recording.branch(0.0, pinned.t))
+    late.recording._blocks[0].rows[: late.recording._blocks[0].filled, 0] += 20 * period
+    first = late.recording.first
+    assert first == pytest.approx(20 * period)
+    beside = replace(snapshot, pinned=(late,))
+    assert _note(beside, 8.0, "own").endswith("Last 8 s of each run; in brackets: compared with the present run.")
+    assert f"t = {first:.2f} to {snapshot.t:.2f} s, the last instants that all runs have" in _note(beside, 8.0, "same")
+    early = replace(beside, t=10 * period)
+    said = _note(early, 8.0, "same")
+    assert f"No instant is in all runs: the present run ends at {early.t:.2f} s, run 1 is kept from" in said

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 from unittest.mock import MagicMock
 
+import viser
+
 from app.analysis.run_events import Event
-from app.dashboard.widgets.field_words import field_in_words, refusal_in_words
+from app.dashboard.widgets.field_words import called, field_in_words, refusal_in_words
 from app.dashboard.widgets.playback import APART, Playback, apart
+from app.dashboard.widgets.section_controls import _paths
 from app.scenario.data import load
+from app.scenario.field_info import types_of
+from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT
 from app.session.commanded_run import CommandedRun
 from app.session.commands import Seek
@@ -87,16 +95,58 @@ def test_a_list_is_said_by_its_one_number_or_its_first_ones() -> None:
 
 def test_a_refusal_names_a_matrix_as_the_page_does() -> None:
     refusal = "blend.to: target_model.K_m2: smallest eigenvalue -1000; allowed: symmetric positive definite"
-    assert refusal_in_words(refusal).startswith("blend.to: K_m of the free coordinates: smallest eigenvalue")
+    named = "the model at its end (blend): K_m of the free coordinates: smallest eigenvalue"
+    assert refusal_in_words(refusal).startswith(named)
     assert refusal_in_words("target_model.M_m1: small") == "M_m of the pressed coordinates: small"
     assert refusal_in_words("target_model.K_f: an entry") == "K_f: an entry"
     assert refusal_in_words("target_model: unstable") == "target_model: unstable"
 
 
-def test_a_refusal_names_its_field_as_the_page_does() -> None:
-    assert refusal_in_words("motion.radius: -1; allowed: a number >= 0") == "radius: -1; allowed: a number >= 0"
-    assert refusal_in_words("motion.period: 0") == "period: 0"
+def test_a_refusal_names_its_field_so_that_one_knows_which_is_meant() -> None:
+    refusal = "controller.epsilon: -1.0; allowed: a number > 0"
+    assert refusal_in_words(refusal) == "ε, margin of the gain d in (17): -1.0; allowed: a number > 0"
+    assert refusal_in_words("motion.radius: -1; allowed: more") == "radius (desired motion): -1; allowed: more"
+    assert refusal_in_words("motion.displacement: 1") == "displacement (desired motion): 1"
+    assert refusal_in_words("contact.K_e: 0") == "K_e, stiffness of the surface: 0"
+    assert refusal_in_words("second.contact.K_e: 0") == "K_e, stiffness of the surface (second surface): 0"
     assert refusal_in_words("truth.push_start: -5") == "start of the push: -5"
-    # the user looks for this name in a file of his or her own, and the label of a formula is "0 ="
+    assert refusal_in_words("surface.text: unknown") == "formula of the surface: unknown"
+    # the user looks for this name in a file of his or her own
     assert refusal_in_words("own.toml: motion.radius: -1") == "own.toml: motion.radius: -1"
-    assert refusal_in_words("surface.text: unknown") == "surface.text: unknown"
+
+
+def test_every_number_of_the_page_has_a_name_of_its_own_in_a_refusal() -> None:
+    """So that a student finds its row: no dotted path, and no label such as "by" or "x, y, z"."""
+    sections = {name: types_of(Scenario, name) for name in Scenario.__struct_fields__}
+    paths = [path for name, kinds in sections.items() for path in _paths(name, kinds)]
+    names = {path: called(path) for path in paths if path.partition(".")[0] not in ("second", "third", "target_model")}
+    assert len(names) > 80
+    assert [path for path, name in names.items() if path in name or len(name) < 4] == []
+    twice = [name for name, count in Counter(names.values()).items() if count > 1]
+    assert twice == []
+
+
+def test_the_menu_shows_the_speed_of_a_slow_motion_as_long_as_it_holds(viser_server: viser.ViserServer) -> None:
+    snapshot = snapshot_of(ClosedLoop.from_scenario(load("planar2r-semicircle")))
+    desk = MagicMock(gui=viser_server.gui)
+    desk.snapshot = lambda: snapshot
+    playback = Playback(desk)
+    menu = playback._speed
+    usual = menu.options
+    for speed, title in (
+        (0.05, "1/20×"),
+        (1 / 52, "1/52×"),
+        (0.01, "1/100×"),
+        (0.3, "1/3.3×"),
+        (100.0, "100×"),
+        (1.0, "1×"),
+    ):
+        playback.show(replace(snapshot, speed=speed))
+        assert menu.value == title
+        assert set(menu.options) == {*usual, title}
+        assert (menu.options.index(title) < menu.options.index("1×")) == (speed < 1.0)
+    assert menu.options == usual
+    desk.post.reset_mock()
+    playback.show(replace(snapshot, speed=1 / 52))
+    asyncio.run(playback._on_speed(MagicMock()))
+    desk.post.assert_not_called()

@@ -51,7 +51,7 @@ def test_the_model_then_has_the_pole_where_it_was_dropped(scenario: str, pole: c
     assert numbers
     for number in numbers:
         others = others_of(snapshot, numbered_poles(snapshot)[number])
-        edit, _, _ = pole_edit(snapshot, others, pole)
+        edit, _, _ = pole_edit(others, pole)
         asked = judge_requested(snapshot, edit)
         near = np.abs(asked.poles - pole).min()
         if pole.real < 0.0:
@@ -88,7 +88,7 @@ def test_a_drag_that_never_ended_spoils_none_of_another_model(viser_server: vise
     report("held", 2)
     report("dropped", 2)
     others = others_of(runs[1], numbered_poles(runs[1])[number])
-    assert posted == [pole_edit(runs[1], others, -6.0 + 8.0j)[0]]
+    assert posted == [pole_edit(others, -6.0 + 8.0j)[0]]
     assert [control.client for control in held] == [1, 2]
 
 

@@ -1,26 +1,32 @@
 """The target model as people edit it: omega and zeta, whole matrices as text, poles and what is said of them."""
 
+import asyncio
 import re
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
+import viser
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from app.dashboard.panels.model import matrix_note, oscillator_note
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.equation import EquationLine, equation_html, lines
-from app.dashboard.widgets.matrix_editor import Draft, starts, with_entries
+from app.dashboard.widgets.matrix_editor import Draft, MatrixEditor, starts, with_entries
 from app.dashboard.widgets.matrix_text import read_back, read_matrix, require_point, written, written_rows
 from app.dashboard.widgets.model_checks import checks_html, judge_requested, judge_running
-from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, model_edit, oscillators_of
+from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, model_edit, only, oscillators_of
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem_table import facts_html
 from app.dashboard.widgets.whatif import changed
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
-from app.session.commands import Edit, EditModel
+from app.session.commands import Blend, Command, Edit, EditAll, EditModel
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
@@ -47,6 +53,71 @@ def applied(snapshot: Snapshot, edit: Edit | EditModel) -> Snapshot:
     assert judged.refusal == ""
     system = replace(snapshot.system, controller=snapshot.system.controller.following(judged.model))
     return replace(snapshot, scenario=changed(snapshot.scenario, edit), system=system)
+
+
+def test_omega_zeta_and_a_matrix_of_one_picture_of_the_page_all_hold():
+    """Each is converted for the model that then runs; of one axis the last position counts."""
+    runner = Runner(shipped()["ur5-hybrid"])
+    seen = runner.snapshot
+    swing = {(kind, i): OscillatorPlace("target_model", kind, i) for kind in ("omega", "zeta") for i in (0, 1, 2)}
+    K_m = np.diag(seen.matrices["K_m"]).copy()
+    K_m[4] = 4500.0
+    for batch in (
+        [
+            swing["omega", 1].edit(seen, 30.0),
+            swing["zeta", 1].edit(seen, 0.4),
+            swing["zeta", 1].edit(seen, 0.5),
+            DiagonalPlace("target_model.M_m", 2).edit(seen, 4.0),
+        ],
+        [swing["zeta", 2].edit(seen, 0.7), swing["omega", 0].edit(seen, 25.0)],
+        [swing["zeta", 0].edit(seen, 0.8), DiagonalPlace("target_model.M_m", 3).edit(seen, 7.0)],
+    ):
+        runner._obey(batch)
+    after = runner._publish()
+    assert (after.refusal, after.revision - seen.revision) == (None, 7)
+    before, now = oscillators_of(seen), oscillators_of(after)
+    assert now.omega[:3] == pytest.approx([25.0, 30.0, np.sqrt(4000.0 / 4.0)])
+    assert now.zeta[:3] == pytest.approx([0.8, 0.5, 0.7])
+    np.testing.assert_array_equal(now.zeta[4:], before.zeta[4:])
+    assert after.matrices["K_m"][0, 0] == 0.0
+    runner._obey([only({"K_m": np.diag(K_m)})])  # a draft of the first picture, too
+    assert runner._publish().matrices["K_m"][4, 4] == 4500.0
+    assert oscillators_of(runner._publish()).zeta[0] == pytest.approx(0.8)
+    # nothing swings into a rigid surface: refused, where the page has not seen it yet
+    runner._obey([Edit("mode", "constrained"), swing["zeta", 0].edit(seen, 0.3)])
+    assert "coordinate 1 does not swing" in runner._publish().refusal
+
+
+def test_a_draft_that_is_applied_sets_its_matrices_only(hybrid: Snapshot, viser_server: viser.ViserServer):
+    posted = list[Command]()
+
+    def post(command: Command) -> bool:
+        posted.append(command)
+        return True
+
+    desk = SimpleNamespace(gui=viser_server.gui, post=post, snapshot=lambda: hybrid)
+    editor = MatrixEditor(cast(Desk, desk))
+    editor._draft = Draft(6, {"K_m": "0 4000 4000 4000 4000 4500"})
+    apply = cast(viser.GuiEvent, SimpleNamespace(target=SimpleNamespace(value="apply all")))
+    asyncio.run(editor._on_button(apply))
+    editor._seconds = 2.0
+    asyncio.run(editor._on_button(apply))
+    K_m = [0.0, 4000.0, 4000.0, 4000.0, 4000.0, 4500.0]
+    assert posted[0] == EditAll({"target_model.K_m": K_m})
+    assert isinstance(posted[1], Blend)
+    assert posted[1].model["K_m"] == K_m
+
+
+def test_a_lesson_that_allows_damping_allows_zeta_and_not_omega(hybrid: Snapshot):
+    posted, complaints = list[Command](), list[str]()
+    lock = EditLock(posted.append, complaints.append)
+    lock.fields = frozenset({"target_model.B_m"})
+    zeta, omega = (OscillatorPlace("target_model", kind, 1).edit(hybrid, 2.0) for kind in ("zeta", "omega"))
+    assert lock.post(zeta)
+    assert not lock.post(omega)
+    assert posted == [zeta]
+    locked = complaints[0].partition(": locked")[0]
+    assert ("B_m" in locked, "K_m" in locked, "K_f" in locked) == (False, True, True)
 
 
 @settings(deadline=None)

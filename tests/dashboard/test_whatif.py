@@ -1,4 +1,4 @@
-"""What if: from which state a held slider's preview goes on."""
+"""What if: from which state a held slider's preview goes on, and what the panel says of it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from app.dashboard.widgets.whatif import HeldControl, WhatIf
-from app.scenario.data import shipped
+from app.dashboard.widgets.whatif_panel import body_html
+from app.scenario.data import edited, shipped
 from app.session.commands import Edit, Push, Seek
+from app.session.preview import Foresight
 from app.session.preview_client import Previewer
+from app.session.preview_messages import Outlook, PreviewRequest
 from app.session.runner import Runner
+from app.simulation.closed_loop import ClosedLoop
 from app.simulation.state import State
 from environments.push import Grip
 
@@ -39,3 +43,24 @@ def test_a_preview_of_a_past_instant_goes_on_without_the_hand_as_its_edit_would(
     assert asked[-1].t == past.t
     runner._obey([edit])
     assert runner._loop.grip is None
+
+
+def test_the_panel_says_of_which_seconds_it_tells_and_whether_a_layer_or_the_band_is_reached() -> None:
+    loop = ClosedLoop.from_scenario(shipped()["ur5-hybrid"])
+    for _ in range(20):
+        loop.step()
+    for path, value, which, reached in (
+        ("force.value", 25.0, "within the next 0.1 s", "layer reached after"),
+        ("task_space.characteristic_length", 0.2, "within the first 0.1 s", "layer reached after"),
+        ("controller.switching", "discontinuous", "within the next 0.1 s", "band reached after"),
+    ):
+        foresight = Foresight(
+            PreviewRequest(1, loop.state.copy(), edited(loop.system.scenario, path, value), 0.1), loop.system
+        )
+        foresight.advance(1000)
+        outlook = foresight.outlook()
+        assert isinstance(outlook, Outlook)
+        html = body_html(cast(WhatIf, SimpleNamespace(outlook=outlook, refusal="")), loop.system.units)
+        assert which in html
+        assert ("both columns are of a run from its beginning" in html) == outlook.restarts == ("first" in which)
+        assert reached in html

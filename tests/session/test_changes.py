@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from app.session.commands import (
     Command,
     DropWayOut,
     Edit,
+    EditAll,
     Fork,
     Pause,
     Push,
@@ -23,8 +25,10 @@ from app.session.commands import (
     Seek,
     ShowAgain,
     TakeWayOut,
+    ToEnd,
 )
-from app.session.runner import Runner
+from app.session.runner import SILENCE, Runner
+from app.session.snapshot import PREPARING
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
@@ -249,6 +253,27 @@ def test_a_time_that_is_refused_leaves_the_tool_in_the_hand() -> None:
     assert runner._loop.grip is None
 
 
+@pytest.mark.parametrize("look", [Seek(0.02), ToEnd(), ShowAgain(0.0, 0.05, 0.1)])
+def test_a_way_out_takes_nothing_from_one_instant_to_another(look: Command) -> None:
+    runner = Runner(shipped()["ur5-hybrid"])
+    for _ in range(40):
+        runner._commanded.step()
+    runner._obey([Edit("controller.layer", 0.03)])
+    for _ in range(20):
+        runner._commanded.step()
+    runner._obey([Seek(0.01)] if isinstance(look, ToEnd) else [])
+    runner._obey([Edit("force.value", -20.0)])
+    assert runner._publish().way_out is not None
+    runner._obey([Seek(99.0)])  # refused: nothing else is looked at
+    assert runner._publish().way_out is not None
+    runner._obey([look, TakeWayOut()])
+    now = runner._publish()
+    assert (now.way_out, now.refusal) == (None, "way out: there is none; allowed: after a refusal that names one")
+    assert now.scenario.controller.layer == (
+        0.03 if isinstance(look, ToEnd) else shipped()["ur5-hybrid"].controller.layer
+    )
+
+
 def test_a_refusal_of_the_page_has_not_the_way_out_of_the_one_before() -> None:
     runner = Runner(shipped()["ur5-hybrid"])
     runner._obey([Edit("force.value", -20.0)])
@@ -328,3 +353,34 @@ def test_an_irregular_further_surface_has_a_way_out_of_its_own() -> None:
     assert now.way_out is None
     assert now.scenario.surface == refused.scenario.surface
     assert now.scenario.second.surface.text != "0.9 - y"
+
+
+@pytest.mark.parametrize(
+    ("command", "prepares"),
+    [
+        (Edit("contact.kind", "mass-damper-spring"), True),
+        (Edit("third.contact.kind", "free"), True),
+        (Edit("surface", "cylinder"), True),
+        (Edit("face.flat", True), True),
+        (EditAll({"force.value": 25.0, "second.surface.kind": "plane"}), True),
+        (Edit("robot.name", "ur3"), True),
+        (Edit("surface.motion.amplitude", 0.01), False),
+        (Edit("contact.K_e", 3e4), False),
+        (EditAll({"force.value": 25.0}), False),
+    ],
+)
+def test_what_may_have_to_be_compiled_is_said_while_it_is(
+    command: Command, prepares: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runner, said = Runner(shipped()["ur5-hybrid"]), list[str]()
+
+    def slow(_: Command) -> bool:
+        monkeypatch.setattr(runner, "_came_round", runner._came_round - SILENCE - 1.0)
+        said.append(runner.latest.notice)
+        return True
+
+    monkeypatch.setattr(runner._commanded, "execute", slow)
+    monkeypatch.setattr(runner, "_thread", SimpleNamespace(is_alive=lambda: True))
+    runner._obey([command])
+    assert said == [PREPARING if prepares else ""]
+    assert bool(runner.hang) != prepares

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -212,6 +214,30 @@ def test_metrics_of_the_running_scenario_count_until_the_run_goes_another_way(pu
     loop.reset()
     go_on(1.5)
     assert not count()  # beyond what was foreseen
+
+
+def test_an_edit_that_restarts_is_compared_with_a_restart_of_the_running_scenario() -> None:
+    """The transient of the start must not be read as the slider's effect."""
+    loop = running(shipped()["ur5-hybrid"], 1500)
+    state, scenario = loop.state.copy(), loop.system.scenario
+    foresight = Foresight(PreviewRequest(1, state, edited(scenario, "task_space.characteristic_length", 0.2), 0.3))
+    while foresight.progress < 1.0:
+        foresight.advance(100)
+    running_now = Foresight(foresight.unchanged, foresight.base)
+    today, outlook = running_now.metrics_from(state), foresight.outlook()  # as the process asks first
+    begun = ClosedLoop.from_scenario(scenario).state
+    assert today == preview_metrics(PreviewRequest(1, begun, scenario, 0.3))
+    assert isinstance(outlook, Outlook)
+    assert today is not None
+    assert outlook.metrics.motion_largest == pytest.approx(today.motion_largest, rel=0.1)
+    assert today.motion_largest > 10.0 * preview_metrics(PreviewRequest(1, state, scenario, 0.3)).motion_largest
+    # what is known of the restart answers the next question of its kind, also from a later state
+    known = _Known(memory := kept_memory(), _GrowingBand(memory), running=running_now)
+    assert known.metrics_for(foresight.unchanged) == today
+    loop.step()
+    later = replace(foresight.request, state=loop.state.copy())
+    assert known.metrics_for(Foresight(later, foresight.base).unchanged) == today
+    assert known.metrics_for(replace(later, scenario=scenario)) is None  # 1.5 s ahead nothing is foreseen
 
 
 @pytest.mark.parametrize("periods", [1, 2, 3, 1000])

@@ -6,12 +6,13 @@ import asyncio
 import io
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import viser
 from PIL import Image
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import BESIDE_PLAYBACK, figure_of, plots_of, with_series
+from app.dashboard.plots.paper_figures import BESIDE_PLAYBACK, figure_name, figure_of, plots_of, with_series
 from app.dashboard.plots.pinned_runs import PinnedChart
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport.callback_errors import guarded
@@ -39,7 +40,7 @@ DATA_LIMIT = 256 * MEGABYTE  # a browser receives this through a web socket with
 RENDERING = 60.0  # s in which a page must render a picture, since a hidden page never answers
 
 OnClick = Callable[[viser.GuiEvent[viser.GuiButtonGroupHandle]], None]
-Make = Callable[[Snapshot, ProgressCallback], bytes]
+Make = Callable[[ProgressCallback], bytes]
 
 
 WIDTHS = {"as the plots need": None, "one column, 85 mm": SINGLE, "two columns, 180 mm": DOUBLE}
@@ -53,6 +54,20 @@ def _inches(text: str) -> float | None:
         return float(text) * MM if text.strip() else None
     except ValueError as error:
         raise ValueError(f"height: {text.strip()!r:.40}; allowed: a number of mm, or nothing") from error
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Part of the run that a file is made of, from `begin` to `end`, s. snapshot: of the end."""
+
+    snapshot: Snapshot
+    begin: float
+    end: float
+
+    def file_name(self, extension: str, content: str = "") -> str:
+        """Name that tells files of other parts and contents apart. content: see `export_jobs.file_name`."""
+        begin = max(self.begin, self.snapshot.recording.first)  # what is older has been forgotten
+        return file_name(self.snapshot.scenario.name, self.end, extension, content, begin)
 
 
 class ExportPanel:
@@ -93,11 +108,17 @@ class ExportPanel:
     def show(self, snapshot: Snapshot) -> None:
         """Do nothing: no widget of this panel depends on the scenario."""
 
-    def _stretch(self, snapshot: Snapshot) -> tuple[Snapshot, float, float]:
-        """The chosen part of the run: a snapshot of its end, and its begin and end, s."""
-        if self._part.value == WHOLE:
-            return snapshot.at_end, -math.inf, snapshot.end
-        return snapshot, snapshot.t - self._desk.viewing.window, snapshot.t
+    def _shown(self) -> _Part:
+        """What the plots show now."""
+        snapshot = self._desk.snapshot()
+        return _Part(snapshot, snapshot.t - self._desk.viewing.window, snapshot.t)
+
+    def _chosen(self) -> _Part:
+        """What is chosen for the data and the playback."""
+        if self._part.value != WHOLE:
+            return self._shown()
+        snapshot = self._desk.snapshot().at_end
+        return _Part(snapshot, -math.inf, snapshot.end)
 
     def _buttons(self, label: str, options: tuple[str, ...], on_click: OnClick, hint: str) -> None:
         group = self._desk.gui.add_button_group(label, options, hint=hint)
@@ -108,8 +129,8 @@ class ExportPanel:
 
     def _on_figure(self, event: viser.GuiEvent) -> None:
         form: Format = event.target.value.lower()
-        plots, viewing = plots_of([self._plots.value]), self._desk.viewing
-        lines = [name for name in map(str.strip, self._lines.value.split(",")) if name]
+        viewing, part, chosen = self._desk.viewing, self._shown(), (self._plots.value,)
+        lines = tuple(name for name in map(str.strip, self._lines.value.split(",")) if name)
         try:
             options = FigureOptions(
                 width=WIDTHS[self._width.value],
@@ -122,42 +143,42 @@ class ExportPanel:
             self._desk.complain(f"The figure was not made: {error}")
             return
 
-        def make(snapshot: Snapshot, on_progress: ProgressCallback) -> bytes:
-            setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
-            pinned = tuple(map(PinnedChart.of, snapshot.pinned))
-            figure = figure_of(plots, snapshot, setup, snapshot.t - viewing.window, snapshot.t, pinned)
+        def make(on_progress: ProgressCallback) -> bytes:
+            setup = Setup.of(part.snapshot, viewing.coordinate, viewing.joint)
+            pinned = tuple(map(PinnedChart.of, part.snapshot.pinned))
+            figure = figure_of(plots_of(chosen), part.snapshot, setup, part.begin, part.end, pinned)
             return self._desk.export_jobs.made(FigureJob(with_series(figure, lines), form, options), on_progress)
 
-        self._give(event, "Figure", form, make)
+        self._delivery.give(event, "Figure", part.file_name(form, figure_name(chosen, lines)), make)
 
     def _on_data(self, event: viser.GuiEvent) -> None:
         form: DataFormat = event.target.value.lower()
+        part = self._chosen()
 
-        def make(snapshot: Snapshot, on_progress: ProgressCallback) -> bytes:
-            last, begin, end = self._stretch(snapshot)
-            rows = table(last.scenario, last.recording, begin, end)
+        def make(on_progress: ProgressCallback) -> bytes:
+            rows = table(part.snapshot.scenario, part.snapshot.recording, part.begin, part.end)
             return self._desk.export_jobs.made(DataJob(rows, form, DATA_LIMIT), on_progress)
 
-        self._give(event, "Data", form, make)
+        self._delivery.give(event, "Data", part.file_name(form), make)
 
     def _on_playback(self, event: viser.GuiEvent) -> None:
-        viewing = self._desk.viewing
+        viewing, part = self._desk.viewing, self._chosen()
 
-        def make(snapshot: Snapshot, on_progress: ProgressCallback) -> bytes:
-            last, begin, end = self._stretch(snapshot)
+        def make(on_progress: ProgressCallback) -> bytes:
+            last, begin, end = part.snapshot, part.begin, part.end
             frames = playback_frames(last.scenario, last.recording, begin, end)
             setup = Setup.of(last, viewing.coordinate, viewing.joint)
             figure = figure_of(plots_of(BESIDE_PLAYBACK), last, setup, begin, end)
             return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT, figure), on_progress)
 
-        self._give(event, "3-D playback", "html", make)
+        self._delivery.give(event, "3-D playback", part.file_name("html"), make)
 
     def _on_picture(self, event: viser.GuiEvent) -> None:
         client, scale = event.client, 2 if event.target.value == "2×" else 1
         if client is None:
             return
 
-        def make(_: Snapshot, on_progress: ProgressCallback) -> bytes:
+        def make(on_progress: ProgressCallback) -> bytes:
             on_progress(0.0)
             # the camera's size is that of the pixels that viser draws, fewer on a slow machine
             width, height = self._desk.scene_of(client.client_id) or (
@@ -169,15 +190,16 @@ class ExportPanel:
             Image.fromarray(picture).save(file, "png")
             return file.getvalue()
 
-        self._give(event, "3-D picture", "png", make)
+        self._give_instant(event, "3-D picture", "png", make, "scene" if scale == 1 else f"scene {scale}x")
 
     def _on_scenario(self, event: viser.GuiEvent) -> None:
-        self._give(event, "Scenario", "toml", lambda snapshot, _: to_toml(snapshot.scenario).encode())
+        scenario = self._desk.snapshot().scenario
+        self._give_instant(event, "Scenario", "toml", lambda _: to_toml(scenario).encode())
 
-    def _give(self, event: viser.GuiEvent, what: str, extension: str, make: Make) -> None:
+    def _give_instant(self, event: viser.GuiEvent, what: str, extension: str, make: Make, content: str = "") -> None:
+        """Give a file of the shown instant. content: see `export_jobs.file_name`."""
         snapshot = self._desk.snapshot()
-        name = file_name(snapshot.scenario.name, snapshot.t, extension)
-        self._delivery.give(event, what, name, lambda on_progress: make(snapshot, on_progress))
+        self._delivery.give(event, what, file_name(snapshot.scenario.name, snapshot.t, extension, content), make)
 
     async def _on_upload(self, event: viser.GuiEvent) -> None:
         if event.client is None:

@@ -11,7 +11,7 @@ import structlog
 import viser
 
 from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure, run_colors
-from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.transport.callback_errors import Fault, guarded
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.class_panel import ClassPanel
 from app.dashboard.widgets.controls import Desk
@@ -157,7 +157,7 @@ class LessonsPanel:
         except ScenarioError as error:
             self._desk.complain(str(error))
         except OSError as error:
-            self._desk.complain(f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on")
+            self._desk.complain(Fault(f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on"))
 
     def _make_up(self, course: LessonCourse) -> None:
         if course.missing:
@@ -171,7 +171,7 @@ class LessonsPanel:
                 self._try(act)
             except Exception as error:
                 log.error("fault", stage="a lesson", exc_info=error)
-                self._desk.complain(f"the run of the lesson failed ({type(error).__name__}: {error})")
+                self._desk.complain(Fault(f"the run of the lesson failed ({type(error).__name__}: {error})"))
             finally:
                 # after "Leave the lesson", another lesson may be computing by now
                 if self._busy is threading.current_thread():

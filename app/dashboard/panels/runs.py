@@ -146,24 +146,43 @@ def _over(snapshot: Snapshot, window: float, over: Over) -> str:
     """Note on the instants that the table compares."""
     if over == "own":
         return f"Last {window:g} s of each run; in brackets: compared with the present run."
-    end = _last_of_all(snapshot)
-    span = f"t = {max(end - window, 0.0):.2f} to {end:.2f} s"
+    begin, end = _same(snapshot, window)
+    if begin >= end:
+        late = max(_shown(snapshot), key=lambda run: run.recording.first)
+        early = min(_shown(snapshot), key=lambda run: run.t)
+        return (
+            f"No instant is in all runs: {_called(early)} ends at {early.t:.2f} s, {_called(late)} is kept from "
+            f"{late.recording.first:.2f} s on."
+        )
+    span = f"t = {begin:.2f} to {end:.2f} s"
     return f"{span}, the last instants that all runs have; in brackets: compared with the present run."
 
 
-def _last_of_all(snapshot: Snapshot) -> float:
-    """Last instant that all runs have, s."""
-    return min(snapshot.t, *(pinned.t for pinned in snapshot.pinned))
+def _shown(snapshot: Snapshot) -> tuple[Snapshot | Pinned, ...]:
+    return snapshot, *snapshot.pinned
+
+
+def _called(run: Snapshot | Pinned) -> str:
+    return escape(run.title) if isinstance(run, Pinned) else "the present run"
+
+
+def _same(snapshot: Snapshot, window: float) -> tuple[float, float]:
+    """The last instants that all runs have, at most `window` s of them: from begin to end, s; none where begin >= end.
+    A pinned run keeps its last minute, and a long run forgets its beginning."""
+    end = min(run.t for run in _shown(snapshot))
+    return max(end - window, *(run.recording.first for run in _shown(snapshot))), end
 
 
 def table_html(snapshot: Snapshot, window: float, over: Over = "own") -> str:
     """Table of metrics over `window` s as HTML: a column for each run, with the difference of a pinned run from the
     present one in per cent; below it the differences of each pinned run's scenario.
     over: whether each run is measured over its own last seconds, or all over the same instants."""
-    shown, same = (snapshot, *snapshot.pinned), _last_of_all(snapshot)
-    runs = [(each.system, each.recording, each.t if over == "own" else same) for each in shown]
-    systems = tuple(system for system, _, _ in runs)
-    accounts = tuple(account(system, rows, end - window, end) for system, rows, end in runs)
+    shown, same = _shown(snapshot), _same(snapshot, window)
+    spans = [(run.t - window, run.t) if over == "own" else same for run in shown]
+    systems = tuple(run.system for run in shown)
+    accounts = tuple(
+        account(run.system, run.recording, begin, end) for run, (begin, end) in zip(shown, spans, strict=True)
+    )
     heads = "".join(f'<th><i class="vs-dot" style="background: {css(RUNS[p.place])}"></i> {escape(p.title)}</th>'
                     for p in snapshot.pinned)  # fmt: skip
     rows = "".join(_row(metric, metric.units(systems), accounts) for metric in ACCOUNT_METRICS)

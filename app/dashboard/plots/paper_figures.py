@@ -40,6 +40,11 @@ def plots_of(names: Sequence[str]) -> list[Plot]:
     return list(dict.fromkeys(plot for name in names for plot in by_name[name]))
 
 
+def figure_name(plots: Sequence[str], series: Sequence[str]) -> str:
+    """Name of a figure of these plots and lines, "" for all: two figures of a run have two names."""
+    return " ".join((*(() if tuple(plots) == (ALL_PLOTS,) else plots), *series))
+
+
 def with_series(figure: Figure, names: Sequence[str]) -> Figure:
     """The figure with only the lines of these names in the legends, and only the charts that have one of them; the
     whole figure where there are no names. Raises ScenarioError."""

@@ -23,6 +23,10 @@ class PinnedArms:
         self._scene, self._new_root = scene, new_root
         self._arms: dict[int, tuple[Pinned, RobotView]] = {}
 
+    @property
+    def has_new_meshes(self) -> bool:
+        return any(arm.has_new_meshes for _, arm in self._arms.values())
+
     def show(self, snapshot: Snapshot, *, wanted: bool) -> None:
         """Move the arms to their postures at snapshot.t; hide them unless wanted."""
         runs = {pinned.number: pinned for pinned in snapshot.pinned}

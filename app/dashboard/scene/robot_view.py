@@ -48,6 +48,11 @@ class RobotView:
         kept = PartStore().read(robot, cell, self._coat) if robot.shipped else None
         self._shapes = self._shaped(link_meshes(robot)) if kept is None else self._added(kept, "mesh")
 
+    @property
+    def has_new_meshes(self) -> bool:
+        """Whether meshes have come that the next `show` puts in place of the bones; never of a hidden arm."""
+        return self._coming is not None and self._coming.done() and self._root.visible
+
     def show(self, q: np.ndarray) -> None:
         """Move the joints to q (n,)."""
         if self._coming is not None and self._coming.done():

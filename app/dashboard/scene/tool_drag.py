@@ -106,6 +106,11 @@ class Hand:
         self._handle.on_drag("left")(guarded(self._on_drag, desk.complain))
         self._handle.on_drag("left", modifier="shift")(guarded(self._on_shift_drag, desk.complain))
 
+    @property
+    def held(self) -> HeldHandle | None:
+        """The drag that is going on; another object whenever it has moved the target."""
+        return self._held
+
     async def _on_drag(self, event: viser.SceneNodeDragEvent) -> None:
         self._drag(event, self._desk.viewing.scene_options.drag)
 

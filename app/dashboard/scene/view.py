@@ -79,9 +79,16 @@ class SceneView:
         """Set the grid's colours; the page's style sheet sets the background."""
         self._grid.cell_color, self._grid.section_color = GRID[theme], GRID_SECTION[theme]
 
+    @property
+    def has_new_meshes(self) -> bool:
+        """Whether meshes have come for an arm that is drawn with bones."""
+        arms = self._robot_view, self._ghost_view, self._pinned
+        return any(arm is not None and arm.has_new_meshes for arm in arms)
+
     def show(self, snapshot: Snapshot, options: SceneOptions) -> Legend:
         """Draw a snapshot; returns the present legend of lengths and colours."""
-        shade = self._ghost.follow(snapshot) if options.ghost else None
+        ghost = self._ghost.follow(snapshot) if options.ghost else None
+        shade = ghost if isinstance(ghost, Shade) else None
         self._rebuild(snapshot, options, shade)
         newtons = self._scale.fit((snapshot.force, snapshot.force_desired, snapshot.push), options.newtons)
         if self._robot_view is not None:
@@ -110,7 +117,7 @@ class SceneView:
         self._grid.visible = options.grid
         if not snapshot.looking_back:  # then the paths of the whole run are drawn already
             self._extend_paths(snapshot)
-        return Legend(self._tool_path.scale, newtons, None if shade is None else shade.distance)
+        return Legend(self._tool_path.scale, newtons, ghost.distance if isinstance(ghost, Shade) else ghost)
 
     def draw_paths(self, options: SceneOptions) -> None:
         """Send the paths; they are long, so this happens less often than `show`."""

@@ -20,6 +20,11 @@ Complain = Callable[[str], None]
 _OURS = "app."
 
 
+class Fault(str):
+    """Sentence on a failure: of this program, of a disk, or of a job. Whoever gets complaints shows it as such, other
+    sentences as refusals of what the user has asked for."""
+
+
 def watch(loop: asyncio.AbstractEventLoop, complain: Complain) -> None:
     """Report exceptions of this event loop from now on. Exceptions outside of this program's code, as by a client's
     garbage, are only logged."""
@@ -61,7 +66,7 @@ def guarded(callback: Callable[..., Any], complain: Complain) -> Callable[..., A
 
 def _failed(error: Exception, complain: Complain) -> None:
     log.error("fault", stage="a callback of the page", exc_info=error)
-    complain(f"the page could not carry that out ({type(error).__name__}: {error}); the run goes on")
+    complain(Fault(f"the page could not carry that out ({type(error).__name__}: {error}); the run goes on"))
 
 
 def _is_ours(error: Exception) -> bool:

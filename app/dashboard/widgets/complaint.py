@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import structlog
 
+from app.dashboard.transport.callback_errors import Fault
 from app.dashboard.widgets.field_words import refusal_in_words
 from app.session.commands import DropWayOut
 from app.session.runner import Runner
@@ -17,7 +18,7 @@ SHOWN = 12.0  # s
 class Complaint:
     """The last refusal, or failure of this program. It is shown until another edit is accepted, another run begins, or
     SHOWN is over since a page was first drawn with it; a refusal stays as long as its way out is offered, which nobody
-    would understand without it."""
+    would understand without it, and comes back after a failure that was shown meanwhile."""
 
     def __init__(self, runner: Runner) -> None:
         self._runner = runner
@@ -27,16 +28,25 @@ class Complaint:
         # revision and run after these commands, None until the runner has executed them: later ones end the complaint
         self._of: tuple[int, int] | None = None
         self._refusals = runner.snapshot.refusal_number
-        self._offered: WayOut | None = None  # with what is shown
+        self._refused = ""  # the runner's last refusal
+        self._offered: WayOut | None = None  # with it
+
+    def tell(self, sentence: str) -> None:
+        """Show a complaint of the page: a refusal, or a failure where it is a `Fault`."""
+        if isinstance(sentence, Fault):
+            self.fail(sentence)
+        else:
+            self.refuse(sentence)
 
     def refuse(self, sentence: str) -> None:
-        """Show a refusal by the page."""
+        """Show a refusal by the page, which takes back the way out of the one before."""
         log.info("refused", sentence=sentence)
         self._runner.post(DropWayOut())
+        self._offered = None
         self._show(f"Refused: {refusal_in_words(sentence)}")
 
     def fail(self, sentence: str) -> None:
-        """Show a failure of this program; not again while the same one is shown."""
+        """Show a failure of this program, which leaves the way out as it is; not again while the same one is shown."""
         if self._text != (text := f"Failed: {sentence}"):
             self._show(text)
 
@@ -44,18 +54,18 @@ class Complaint:
         """What is shown at this instant (s, monotonic), with a new refusal by the runner; "" for nothing."""
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
-            self._show(f"Refused: {refusal_in_words(snapshot.refusal or '')}")
-            self._offered = snapshot.way_out
+            self._refused, self._offered = f"Refused: {refusal_in_words(snapshot.refusal or '')}", snapshot.way_out
+            self._show(self._refused)
         of = snapshot.revision, snapshot.run
         if self._of is None and snapshot.executed >= self._posted:
             self._of = of
         if self._until is None:
             self._until = now + SHOWN
         offers = self._offered is not None and self._offered is snapshot.way_out
-        if (now > self._until and not offers) or self._of not in (None, of):
-            self._text = ""
+        if now > self._until or self._of not in (None, of):
+            self._text = self._refused if offers else ""
         return self._text
 
     def _show(self, text: str) -> None:
         self._text, self._until = text, None
-        self._posted, self._of, self._offered = self._runner.posted, None, None
+        self._posted, self._of = self._runner.posted, None

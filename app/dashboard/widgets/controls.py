@@ -30,9 +30,12 @@ from app.scenario.data import kind_of
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, Units, label_in, unit_in
 from app.session.commands import Command, Edit, EditModel
-from app.session.snapshot import Snapshot
+from app.session.snapshot import PREPARING, Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
 from app.sweep.background_jobs import BackgroundJobs
+
+LONGEST = 60.0  # s of waiting for an answer; the loop may have ended
+SOON = 1.0  # s of waiting after another arm has been prepared
 
 
 @dataclass(frozen=True)
@@ -78,20 +81,42 @@ class Control(Protocol):
 
 
 class AwaitedAnswer:
-    """Wait for the runner's answer to an edit: as long as it is awaited, a widget keeps the user's input."""
+    """Wait for the runner's answer to an edit: as long as it is awaited, a widget keeps the user's input. Time in which
+    another arm or contact is prepared does not count."""
 
     def __init__(self) -> None:
         self._until = -math.inf
         self._refusals = 0
+        self._command: int | None = None
 
     def expect(self, snapshot: Snapshot, seconds: float) -> None:
-        self._until = time.monotonic() + seconds
+        """Wait that long, or until something is refused."""
+        self._until, self._command = time.monotonic() + seconds, None
         self._refusals = snapshot.refusal_number
 
+    def expect_answer(self, command: int) -> None:
+        """Wait until the command of this number is carried out or refused, but not longer than `LONGEST`."""
+        self._until, self._command = time.monotonic() + LONGEST, command
+
     def awaited(self, snapshot: Snapshot) -> bool:
-        if snapshot.refusal_number != self._refusals:
+        now, answered = time.monotonic(), snapshot.refusal_number != self._refusals
+        if self._command is not None:
+            answered = snapshot.executed >= self._command
+        if answered:
             self._until = -math.inf
-        return time.monotonic() < self._until
+        elif now < self._until and snapshot.notice == PREPARING:
+            self._until = max(self._until, now + SOON)
+        return now < self._until
+
+
+def _asked(desk: Desk, snapshot: Snapshot, edit: Edit | EditModel, answer: AwaitedAnswer) -> bool:
+    """Post an edit, whose answer is awaited unless a lesson locks it. Returns whether it was posted."""
+    posted = desk.post(edit)
+    if posted:
+        answer.expect_answer(desk.lock.last)
+    else:
+        answer.expect(snapshot, seconds=0.0)
+    return posted
 
 
 def labelled(label: str, unit: str) -> str:
@@ -153,7 +178,7 @@ class NumberField:
         if value == running or written(value) == written(running):
             self._show_again(snapshot)
         else:
-            self._ask(snapshot, edit, seconds=1.0)
+            self._ask(snapshot, edit)
 
     async def _on_slider(self, event: PageEvent) -> None:
         if self._slider is None or self._scale is None:
@@ -169,7 +194,7 @@ class NumberField:
             held = HeldControl(edit, self._label, value_text, self, client, moved=self._moved(snapshot, value))
             self._desk.whatif.hold(held)
         else:
-            self._ask(snapshot, edit, seconds=0.5)
+            self._ask(snapshot, edit)
 
     def _unit_beside(self, snapshot: Snapshot) -> str:
         """Unit of the number where the label has none and r is not q."""
@@ -190,7 +215,7 @@ class NumberField:
         changed = apply and written(value) != written(running)
         if changed:  # before the slider counts as let go, since the page may be drawn in between
             edit = self._place.edit(snapshot, value)
-            if self._ask(snapshot, edit, seconds=1.0):
+            if self._ask(snapshot, edit):
                 self._desk.whatif.remember(snapshot, edit, self._moved(snapshot, value))
         self._desk.whatif.let_go(self)
         if not changed:
@@ -205,11 +230,9 @@ class NumberField:
         self._answer.expect(snapshot, seconds=0.0)
         self.show(snapshot)
 
-    def _ask(self, snapshot: Snapshot, edit: Edit | EditModel, seconds: float) -> bool:
+    def _ask(self, snapshot: Snapshot, edit: Edit | EditModel) -> bool:
         """Post an edit; returns whether an answer is to be awaited."""
-        posted = self._desk.post(edit)
-        self._answer.expect(snapshot, seconds if posted else 0.0)
-        return posted
+        return _asked(self._desk, snapshot, edit, self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
@@ -270,8 +293,7 @@ class Dropdown:
 
     async def _on_update(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
-        posted = self._desk.post(Edit(self._place.path, self._options[self._dropdown.value]))
-        self._answer.expect(snapshot, seconds=1.0 if posted else 0.0)
+        _asked(self._desk, snapshot, Edit(self._place.path, self._options[self._dropdown.value]), self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
@@ -293,8 +315,7 @@ class Switch:
 
     async def _on_update(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
-        posted = self._desk.post(Edit(self._place.path, self._checkbox.value))
-        self._answer.expect(snapshot, seconds=1.0 if posted else 0.0)
+        _asked(self._desk, snapshot, Edit(self._place.path, self._checkbox.value), self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from app.dashboard.widgets.field_words import called
 from app.session.commands import (
     BeginScenario,
     Blend,
@@ -17,6 +18,7 @@ from app.session.commands import (
     PushNow,
     TakeWayOut,
 )
+from app.session.model_entries import CHANGED_BY
 
 # commands that change the run and are no edits, and their names in a refusal
 _OTHERS = {
@@ -33,19 +35,21 @@ class EditLock:
     """Lock in front of the runner: passes every command, or, while it is closed, of the changes only edits of `fields`.
 
     fields: dotted paths, None while the lock is open.
+    last: number of the command that was passed on last, as `post` of the runner returns it; 0 where it returns none.
     """
 
-    def __init__(self, post: Callable[[Command], None], complain: Callable[[str], None]) -> None:
+    def __init__(self, post: Callable[[Command], int | None], complain: Callable[[str], None]) -> None:
         self._post, self._complain = post, complain
         self.fields: frozenset[str] | None = None
+        self.last = 0
 
     def post(self, command: Command) -> bool:
         """Pass a command on to the runner, or complain where it is locked. Returns whether it was passed on."""
         locked = self._locked(command)
         if not locked:
-            self._post(command)
+            self.last = self._post(command) or 0
             return True
-        allowed = ", ".join(sorted(self.fields or ()))
+        allowed = ", ".join(map(called, sorted(self.fields or ())))
         self._complain(f"{locked}: locked by the goal of a lesson; allowed: {allowed}, or leave the lesson")
         return False
 
@@ -55,12 +59,13 @@ class EditLock:
             return ""
         match command:
             case Edit(path):
-                return "" if path in self.fields else path
+                return "" if path in self.fields else called(path)
             case EditAll(values):
-                return ", ".join(path for path in values if path not in self.fields)
+                return ", ".join(called(path) for path in values if path not in self.fields)
             case EditModel(entries):
-                paths = [f"target_model.{name}" for name in entries]
-                return ", ".join(path for path in paths if path not in self.fields)
+                names = dict.fromkeys(name for each in entries for name in CHANGED_BY.get(each, (each,)))
+                paths = [f"target_model.{name}" for name in names]
+                return ", ".join(called(path) for path in paths if path not in self.fields)
             case Push(grip):
                 return "" if grip is None else "a push by hand"
             case _:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 
+from app.analysis.glossary import GLOSSARY
 from app.dashboard.widgets.matrix_text import written
 from app.scenario.data import differences
-from app.scenario.field_info import field_info
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
-from app.sweep.titles import TITLES, title_of, unit_of, value_in_words
+from app.sweep.titles import FURTHER, title_of, unit_of, value_in_words
 
 LONGEST = 40  # letters of a value
 TOLD = 4  # differences of two scenarios
@@ -21,6 +21,31 @@ _MATRIX = re.compile(r"\btarget_model\.([MBK]_[mf])([12]?)\b")
 _FIELD = re.compile(r"^[a-z_]+(?:\.\w+)+(?=: )")
 # the field of a blend and its own words for a refusal
 _BLEND = re.compile(r"^blend\.\w+: refused: ")
+# titles of fields whose meanings in the schema go on from those of their section
+_TITLES = {
+    "robot.urdf": "URDF",
+    "truth.payload_offset": "place of the payload in the tool frame",
+    "truth.link_shape": "change of the links' inertias about their centres (true arm)",
+    "coupling.K_e_hat": "estimated stiffness between surfaces 1 and 2, 1 and 3, 2 and 3 (33)",
+    "sensor.ideal": "ideal reading of the sensor",
+    "surface.text": "formula of the surface",
+    "surface.origin": "point of the surface",
+    "surface.axis": "direction of the surface's axis",
+    "surface.normal": "normal of the surface",
+    "surface.reference": "direction from the surface's axis where ψ₁ = 0",
+    "surface.side": "side of the surface on which the tool is",
+    "surface.solid": "side of the formula that is solid",
+    "surface.motion.direction": "direction of the surface's motion",
+    "surface.tilt.axis": "axis of the surface's tilt",
+    "force.start": "force before the change (desired force)",
+    "force.time": "time of the change (desired force)",
+    "force.rise": "duration of the change (desired force)",
+    "motion.displacement": "displacement (desired motion)",
+    "motion.axes": "plane (desired motion)",
+    "rotation.displacement": "displacement (desired rotation)",
+    "rotation.axes": "plane (desired rotation)",
+}
+_SYMBOLS = {symbol.field: symbol for symbol in GLOSSARY if symbol.field}
 _BLOCKS = {"": "", "1": " of the pressed coordinates", "2": " of the free coordinates"}
 
 
@@ -65,14 +90,21 @@ def refusal_in_words(sentence: str) -> str:
     which says by itself that it is refused, without both."""
     sentence = _BLEND.sub("", sentence)
     sentence = _MATRIX.sub(lambda found: f"{found[1]}{_BLOCKS[found[2]]}", sentence)
-    return _FIELD.sub(lambda found: _label(found[0]), sentence)
+    return _FIELD.sub(lambda found: called(found[0]), sentence)
 
 
-def _label(path: str) -> str:
-    """Label of the row of the field at a dotted path, else its short title, as of a label that means nothing away from
-    its row, such as "from t ="; the path itself where it has neither."""
-    try:
-        shown = field_info(path).widget
-    except KeyError:
-        shown = None
-    return TITLES.get(path, path) if shown is None or shown.label.endswith("=") else shown.label
+def called(path: str) -> str:
+    """Name of the field at a dotted path in a sentence: its symbol, as on its row, and its title; the path itself of
+    one that the schema does not describe. A label such as "by" or "x, y, z" means nothing away from its row."""
+    if matrix := _MATRIX.fullmatch(path):
+        return f"{matrix[1]}{_BLOCKS[matrix[2]]}"
+    first, _, rest = path.partition(".")
+    of_first = rest if first in FURTHER else path  # a further surface has the fields of the first one
+    if (title := _TITLES.get(of_first)) is None:
+        title = title_of(path)
+    elif first in FURTHER:
+        title += f" ({FURTHER[first]})"
+    known = _SYMBOLS.get(of_first)
+    if known is None or any(name in title for name in (known.written, *known.also)):
+        return title
+    return f"{known.written}, {title}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import viser
 
-from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.transport.callback_errors import Fault, guarded
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.file_delivery import FileDelivery
 from app.dashboard.widgets.impedance_map import impedance_html
@@ -83,7 +83,7 @@ class ImpedanceView:
             points = decoded(self._desk.export_jobs.made(job, lambda _: None))
             self._measurement = _Measurement(snapshot.scenario, state.t, loop, points, not_linear(state))
         except (ExportError, OSError) as error:
-            self._desk.complain(f"the impedance could not be measured: {error}")
+            self._desk.complain(Fault(f"the impedance could not be measured: {error}"))
         finally:
             self._busy.release()
 

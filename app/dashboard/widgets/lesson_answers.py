@@ -9,6 +9,7 @@ from html import escape
 import msgspec
 
 from app.dashboard.theme.style import MARKS
+from app.dashboard.transport.callback_errors import Fault
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.controls import Desk, NumberField
@@ -218,7 +219,7 @@ class GoalControls:
                     course.reached_goal()
                 except OSError as error:
                     self._desk.complain(
-                        f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on"
+                        Fault(f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on")
                     )
             assert isinstance(course.step.block, blocks.Goal)
             goal, language = course.step.block, course.lesson.head.language

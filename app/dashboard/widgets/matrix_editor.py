@@ -15,7 +15,7 @@ from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.equation import symbol
 from app.dashboard.widgets.matrix_text import read_matrix, written_rows
 from app.dashboard.widgets.model_checks import blend_html
-from app.dashboard.widgets.model_fields import applying, model_edit
+from app.dashboard.widgets.model_fields import blending, model_edit, only
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
 
@@ -60,8 +60,8 @@ def starts(n: int) -> list[int]:
 
 
 class MatrixEditor:
-    """Editor of the draft in the current container. The draft is state of the page; `edit` returns the command that
-    applies it. A draft of a matrix that something else has changed meanwhile, such as a way out, is dropped."""
+    """Editor of the draft in the current container. The draft is state of the page; `edit` returns what its model is
+    judged by. A draft of a matrix that something else has changed meanwhile, such as a way out, is dropped."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
@@ -101,7 +101,7 @@ class MatrixEditor:
         self._note = gui.add_html("")
 
     def edit(self, snapshot: Snapshot) -> Edit | None:
-        """Command that applies the draft, None without a draft. Raises ValueError for a text that is no matrix."""
+        """Edit to the draft's model, None without a draft. Raises ValueError for a text that is no matrix."""
         return model_edit(snapshot, self._draft.matrices()) if self._draft.texts else None
 
     async def _on_choice(self, _: PageEvent) -> None:
@@ -134,7 +134,8 @@ class MatrixEditor:
             self._desk.complain(str(error))
             return
         if edit is not None:
-            posted = self._desk.post(applying(edit, self._seconds))
+            command = blending(edit, self._seconds) if self._seconds else only(self._draft.matrices())
+            posted = self._desk.post(command)
             self._answers = (snapshot.revision, snapshot.refusal_number) if posted else None
 
     def show(self, snapshot: Snapshot) -> None:

@@ -14,22 +14,27 @@ from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.field_place import FieldPlace
 from app.dashboard.widgets.matrix_text import written
 from app.scenario.units import Units
-from app.session.changes import plain
-from app.session.commands import Blend, Edit, EditModel
+from app.session.commands import Blend, Edit, EditAll, EditModel
+from app.session.model_entries import plain
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import stiffness_met
-from controllers.second_order import Oscillators, oscillators, shaped
+from controllers.second_order import Oscillators, oscillators
 
 
 def model_edit(snapshot: Snapshot, matrices: Mapping[str, np.ndarray]) -> Edit:
-    """Command that sets these matrices of the target model together and leaves the others as they are given."""
+    """Edit to the model that these matrices and the others of the snapshot make, to judge it or to blend to it."""
     given = {name: value for name, value in to_builtins(snapshot.scenario.target_model).items() if value is not None}
     return Edit("target_model", given | {name: plain(matrix) for name, matrix in matrices.items()})
 
 
-def applying(edit: Edit, over: float) -> Edit | Blend:
-    """Command that brings the model of a `model_edit`. over: length of the blend, s; 0 to bring it at once."""
-    return Blend(edit.value, over) if over else edit  # pyright: ignore[reportArgumentType]
+def only(matrices: Mapping[str, np.ndarray]) -> EditAll:
+    """Command that sets these matrices together at once; others stay, also those that were changed a moment before."""
+    return EditAll({f"target_model.{name}": plain(matrix) for name, matrix in matrices.items()})
+
+
+def blending(edit: Edit, over: float) -> Blend:
+    """Command that blends to the model of a `model_edit` over that many s."""
+    return Blend(edit.value, over)  # pyright: ignore[reportArgumentType]
 
 
 def environment_of(snapshot: Snapshot) -> np.ndarray:
@@ -58,17 +63,6 @@ def alike(snapshot: Snapshot, index: int, values: np.ndarray) -> list[int]:
     of = [coordinate.is_angle for coordinate in snapshot.coordinates]
     equal = np.isclose(values, values[index], rtol=1e-9)
     return [j for j in range(len(of)) if of[j] == of[index] and equal[j]]
-
-
-def reshaped(snapshot: Snapshot, wanted: Mapping[int, Mapping[str, float]]) -> EditModel:
-    """Command that gives coordinates another omega (rad/s) and zeta; M_m is kept. wanted: both, by coordinate."""
-    changed: dict[str, dict[int, float]] = {}
-    for i, oscillator in wanted.items():
-        M_m, K_m, K_f = (float(snapshot.matrices[name][i, i]) for name in ("M_m", "K_m", "K_f"))
-        entries = shaped(M_m, K_m, K_f, float(pressed_on(snapshot)[i]), **oscillator)
-        for name in ("B_m", "K_m", "K_f"):
-            changed.setdefault(name, {})[i] = getattr(entries, name)
-    return EditModel(changed)
 
 
 @dataclass(frozen=True)
@@ -124,15 +118,10 @@ class OscillatorPlace(FieldPlace):
         return float(values[self.index])
 
     def edit(self, snapshot: Snapshot, value: Any) -> EditModel:
-        value = _single(value)
-        if not value > 0.0:
-            raise ValueError(f"{written(value)}; allowed: a number > 0")
-        now = oscillators_of(snapshot)
-        wanted = {
-            i: {"omega": float(now.omega[i]), "zeta": float(now.zeta[i]), self.kind: value}  # the other one stays
-            for i in self._set(snapshot)
-        }
-        return reshaped(snapshot, wanted)
+        number = _single(value)
+        if not number > 0.0:
+            raise ValueError(f"{written(number)}; allowed: a number > 0")
+        return EditModel({self.kind: dict.fromkeys(self._set(snapshot), number)})
 
     def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
         return tuple(replace(self, index=i) for i in self._set(snapshot))

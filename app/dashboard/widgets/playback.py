@@ -119,7 +119,8 @@ class Playback:
         self._desk.post(Seek(min(later)) if later else ToEnd())
 
     async def _on_speed(self, _: PageEvent) -> None:
-        self._desk.post(SetSpeed(_SPEEDS[self._speed.value]))
+        if (factor := _SPEEDS.get(self._speed.value)) is not None:  # else the one that runs was chosen again
+            self._desk.post(SetSpeed(factor))
 
     def show(self, snapshot: Snapshot) -> None:
         events = self._events.of(snapshot.recording, snapshot.end, snapshot.state.flagged, snapshot.forks)
@@ -128,8 +129,25 @@ class Playback:
         self._instants = tuple(event.t for event in events)
         if (ticks := _ticks_html(snapshot, events)) != self._ticks.content:
             self._ticks.content = ticks
-        self._speed.value = min(_SPEEDS, key=lambda title: abs(_SPEEDS[title] - snapshot.speed))
+        self._show_speed(snapshot.speed)
         self._time.show(snapshot)
+
+    def _show_speed(self, speed: float) -> None:
+        """Show the speed; one that is not in the menu, as that of a slow motion, is there as long as it holds."""
+        title = next((title for title, factor in _SPEEDS.items() if factor == speed), _speed_title(speed))
+        options = tuple(sorted({*_SPEEDS, title}, key=lambda each: _SPEEDS.get(each, speed)))
+        # viser chooses the first entry where the chosen one goes
+        if title not in self._speed.options:
+            self._speed.options = (*self._speed.options, title)
+        self._speed.value = title
+        if self._speed.options != options:
+            self._speed.options = options
+
+
+def _speed_title(speed: float) -> str:
+    times = max(speed, 1.0 / speed)
+    text = f"{times:.0f}" if times >= 10.0 else f"{times:.2g}"  # the menu is narrow
+    return f"1/{text}×" if speed < 1.0 else f"{text}×"
 
 
 def _buttons_html() -> str:

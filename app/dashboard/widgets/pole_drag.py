@@ -13,7 +13,7 @@ from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.matrix_text import written
-from app.dashboard.widgets.model_fields import oscillators_of, pressed_on, reshaped
+from app.dashboard.widgets.model_fields import oscillators_of, pressed_on
 from app.dashboard.widgets.pole_map import grouped
 from app.dashboard.widgets.whatif import HeldControl
 from app.session.commands import EditModel
@@ -33,15 +33,13 @@ def draggable(snapshot: Snapshot) -> frozenset[int]:
     return frozenset(number for number in range(len(poles)) if others_of(snapshot, poles[number]))
 
 
-def pole_edit(snapshot: Snapshot, others: dict[int, complex], pole: complex) -> tuple[EditModel, float, float]:
+def pole_edit(others: dict[int, complex], pole: complex) -> tuple[EditModel, float, float]:
     """Command that moves a pole of some coordinates, and omega (rad/s) and zeta of the first of them afterwards.
     others: their other poles, see `others_of`. pole: to which it is moved, 1/s."""
-    wanted = {}
-    for i, other in others.items():
-        omega, zeta = moved(_admitted(pole), other)
-        wanted[i] = {"omega": float(f"{omega:.3g}"), "zeta": float(f"{zeta:.3g}")}
-    first = next(iter(wanted.values()))
-    return reshaped(snapshot, wanted), first["omega"], first["zeta"]
+    wanted = {i: moved(_admitted(pole), other) for i, other in others.items()}
+    omega, zeta = ({i: float(f"{pair[k]:.3g}") for i, pair in wanted.items()} for k in (0, 1))
+    first = next(iter(wanted))
+    return EditModel({"omega": omega, "zeta": zeta}), omega[first], zeta[first]
 
 
 class PoleDrag:
@@ -65,7 +63,7 @@ class PoleDrag:
         if not np.isfinite(pole) or not others or phase == "left":
             self._desk.whatif.let_go(self)
             return
-        edit, omega, zeta = pole_edit(snapshot, others, pole)
+        edit, omega, zeta = pole_edit(others, pole)
         if phase == "held" and self._desk.whatif.on:
             value = f"ω = {written(omega)} rad/s, ζ = {written(zeta)}"
             self._desk.whatif.hold(HeldControl(edit, "pole", value, self, event.client.client_id))

@@ -72,8 +72,8 @@ def legend_html(options: SceneOptions, legend: Legend, snapshot: Snapshot) -> st
         frame += [_key(SERIES[i], snapshot.coordinates[i].name) for i in positions]
     if options.pinned_arms and snapshot.pinned:
         arms += [_key(RUNS[pinned.place], escape(pinned.title)) for pinned in snapshot.pinned]
-    if options.ghost:
-        away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
+    if options.ghost and legend.ghost is not None:
+        away = legend.ghost if isinstance(legend.ghost, str) else f"{1e3 * legend.ghost:.3f} mm away"
         arms.append(_key(GHOST, f"ghost, {away}"))
     lines += [f"<div class='vs-row'>{' '.join(keys)}</div>" for keys in (places, forces, model, frame, arms) if keys]
     return "".join(lines)

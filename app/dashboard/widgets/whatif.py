@@ -9,8 +9,8 @@ from types import MappingProxyType
 from app.scenario.data import differences, edited, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
-from app.session.changes import with_model_entries
 from app.session.commands import Edit, EditAll, EditModel
+from app.session.model_entries import with_model_entries
 from app.session.preview_client import Previewer
 from app.session.preview_messages import Outlook, PreviewRefusal
 from app.session.snapshot import Snapshot

@@ -13,6 +13,7 @@ import viser
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_words import refusal_in_words
+from app.dashboard.widgets.whatif import WhatIf
 from app.scenario.units import Units
 from app.session.preview_messages import Outlook, PreviewMetrics
 from app.session.snapshot import Snapshot
@@ -78,7 +79,7 @@ class WhatIfPanel:
         if held is not None:
             self._until = now + _SHOWN
             self._head = f"<span>{escape(held.label)} = <b>{escape(held.value)}</b></span>"
-            self._html.content = _html(self._head, held.then, self._body(snapshot.system.units))
+            self._html.content = _html(self._head, held.then, body_html(whatif, snapshot.system.units))
         elif whatif.undo(snapshot) is None:
             self._until = -math.inf
         else:
@@ -87,19 +88,23 @@ class WhatIfPanel:
         if self._window.visible != visible:
             self._window.visible = visible
 
-    def _body(self, units: Units) -> str:
-        whatif = self._desk.whatif
-        if whatif.refusal:
-            return f'<div class="vs-message vs-bad">{escape(refusal_in_words(whatif.refusal))}</div>'
-        if whatif.outlook is None:
-            return '<div class="vs-dim">…</div>'
-        metrics, today = whatif.outlook.metrics, whatif.outlook.today
-        notes = [f'<div class="vs-message vs-warn">{escape(metrics.left)}</div>'] if metrics.left else []
-        if whatif.outlook.restarts:
-            notes.append('<div class="vs-message vs-warn">This edit restarts the scenario.</div>')
-        pushed = f", with a push of {metrics.push:g} N" if metrics.push else ""
-        span = f'<div class="vs-dim">within the next {metrics.span:.1f} s{pushed}:</div>'
-        return f"{span}{_table(metrics, today, units)}{_of_band(whatif.outlook)}{''.join(notes)}"
+
+def body_html(whatif: WhatIf, units: Units) -> str:
+    """Table of the preview with what is to be said of it, or why there is none, as HTML."""
+    outlook = whatif.outlook
+    if whatif.refusal:
+        return f'<div class="vs-message vs-bad">{escape(refusal_in_words(whatif.refusal))}</div>'
+    if outlook is None:
+        return '<div class="vs-dim">…</div>'
+    metrics = outlook.metrics
+    notes = [f'<div class="vs-message vs-warn">{escape(metrics.left)}</div>'] if metrics.left else []
+    if outlook.restarts:
+        anew = "This edit restarts the scenario: both columns are of a run from its beginning."
+        notes.append(f'<div class="vs-message vs-warn">{anew}</div>')
+    pushed = f", with a push of {metrics.push:g} N" if metrics.push else ""
+    which = "first" if outlook.restarts else "next"
+    span = f'<div class="vs-dim">within the {which} {metrics.span:.1f} s{pushed}:</div>'
+    return f"{span}{_table(outlook, units)}{_of_band(outlook)}{''.join(notes)}"
 
 
 def _named(arms: int) -> str:
@@ -132,7 +137,9 @@ class _Row:
     note: Callable[[PreviewMetrics], str | None] = lambda _: None
 
 
-def _rows(units: Units) -> tuple[_Row, ...]:
+def _rows(units: Units, reached: str) -> tuple[_Row, ...]:
+    """Rows of the table. reached: what the reaching time is the time of."""
+
     def length(value: float | None) -> str | None:
         if value is not None and units.error == "mm" and abs(value) < FINE:
             return f"{_small(value * 1e6, 1e-3)} µm"
@@ -166,7 +173,7 @@ def _rows(units: Units) -> tuple[_Row, ...]:
         _Row("largest angle error at the end", lambda f: angle(f.angle_error)),
         _Row("largest torque of a joint", lambda f: f"{_small(f.torque_largest, 1e-3)} {units.of_joints('N·m')}"),
         _Row(
-            "layer reached after",
+            f"{reached} reached after",
             lambda f: _seconds(f.reaching_time),
             lambda f: (
                 "(18) promises nothing"
@@ -178,11 +185,13 @@ def _rows(units: Units) -> tuple[_Row, ...]:
     )
 
 
-def _table(metrics: PreviewMetrics, today: PreviewMetrics | None, units: Units) -> str:
-    """Table of the preview's metrics as HTML, of the rows that have a meaning.
-    today: metrics of the running scenario, shown beside them; None for none."""
+def _table(outlook: Outlook, units: Units) -> str:
+    """Table of the preview's metrics as HTML, of the rows that have a meaning; beside them those of the running
+    scenario."""
+    metrics, today = outlook.metrics, outlook.today
+    reached = "band" if outlook.scenario.controller.switching == "discontinuous" else "layer"
     lines = ["<tr><th></th><th>then</th><th>now</th></tr>"]
-    for row in _rows(units):
+    for row in _rows(units, reached):
         if (value := row.value(metrics)) is None:
             continue
         beside = f'<br><span class="vs-dim">{text}</span>' if (text := row.note(metrics)) else ""
