@@ -176,6 +176,27 @@ def joint_torque(u, estimate, q_dot):
 
 
 @inline
+def growth_with_speed(given, eq):
+    """Bound of the growth of (17) per m/s of s through q_dot, N s/m, which s moves by J_q^-1 s: of friction, and of the
+    errors of C_hat; the rates of the Jacobians are taken as they are.
+    given: with the J_q^-1 and the bounds of the present state.
+    eq: `Equivalent` motion."""
+    u, stated, task, estimate = given.gains.uncertainty, given.estimate.stated, given.task, given.estimate
+    J_inv, speed = task.J_q_inv_norm, norm(eq.q_dot)
+    friction = u.viscous if np.isnan(stated.delta_f) else stated.rate_f
+    rate = stated.rate_C
+    if np.isnan(stated.delta_C):
+        rate = coriolis_rate(u)
+        if u.payload_mass > 0.0 and u.payload_offset > 0.0:
+            reach = spectral_norm(estimate.J_v) + u.payload_offset * spectral_norm(estimate.J_w)
+            rate += u.payload_mass * u.payload_offset * reach * spectral_norm(estimate.J_w) ** 2
+    rate += given.feedforward.deviation.rate_C
+    if not given.gains.tight:
+        speed = J_inv * (norm(eq.r_dot) + norm(task.v_t))
+    return J_inv**2 * (friction + rate * speed)
+
+
+@inline
 def paper_bound(given, eq, work, needed):
     """Compute each term of (17) with the bounds (7); delta_Ft is in `task_motion`."""
     u, deviation = given.gains.uncertainty, given.feedforward.deviation
@@ -271,7 +292,7 @@ class _GainDeviation(NamedTuple):
     deviation: Deviation
 
 
-class _GainInput(NamedTuple):
+class GainInput(NamedTuple):
     """Part of a `LawInput` on which (17) depends, by the same names."""
 
     gains: _GainBounds
@@ -308,7 +329,7 @@ def required_gain(
 ) -> RequiredGain:
     """Terms of (17) at one state, without its epsilon, N; q_dot (n,) rad/s."""
     gains, feedforward = _GainBounds(u, tight=bounds == "tight"), _GainDeviation(deviation)
-    given, work = Record(_GainInput(gains, feedforward, estimate, task, q_dot)), Record(Scratch.zeros(len(q_dot)))
+    given, work = Record(GainInput(gains, feedforward, estimate, task, q_dot)), Record(Scratch.zeros(len(q_dot)))
     needed = Record(RequiredGain.zeros())
     _required_gain(given.data, Record(equivalent).data, work.data, needed.data)
     return needed.read()

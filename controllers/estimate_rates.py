@@ -26,7 +26,8 @@ class Lipschitz(NamedTuple):
         away: rad, length of a way from q to q_d within Omega, over which the constants hold."""
         slower = float(np.linalg.norm(q_dot - q_d_dot))
         speed = float(np.linalg.norm(q_d_dot))
-        return Deviation(self.k_M * away, self.k_C * slower + self.k_Cq * away * speed, self.k_G * away)
+        delta_C = self.k_C * slower + self.k_Cq * away * speed
+        return Deviation(self.k_M * away, delta_C, self.k_G * away, self.k_C)
 
 
 def _largest(T: np.ndarray) -> np.ndarray:

@@ -38,8 +38,8 @@ class Held(NamedTuple):
 def held_error(gains, feedforward, task, estimate, F_true, output, held, scratch):
     """Change of (25) without its robust terms during the period before, in task space, N.
 
-    F_true: (6,), the wrench at the period's end. F_2 z_dot is not included: z changes evenly within a period, so that
-    r_eq_ddot contains just that part.
+    F_true: (6,), the wrench at the period's end, or its mean over the period. F_2 z_dot is not included: z changes
+    evenly within a period, so that r_eq_ddot contains just that part.
     """
     work, n = scratch.work, task.r.shape[0]
     for i in range(n):

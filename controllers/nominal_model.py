@@ -19,15 +19,18 @@ class Stated(NamedTuple):
     delta_M: kg m^2, of M_hat.
     delta_C: kg m^2/s, of C_hat.
     delta_G: N m, of G_hat.
-    delta_f: N m, of friction and disturbance."""
+    delta_f: N m, of friction and disturbance.
+    rate_C, rate_f: kg m^2 and N m s, by which delta_C and delta_f grow with ||q_dot||."""
 
     delta_M: float
     delta_C: float
     delta_G: float
     delta_f: float
+    rate_C: float
+    rate_f: float
 
 
-UNSTATED_BOUNDS = Stated(np.nan, np.nan, np.nan, np.nan)
+UNSTATED_BOUNDS = Stated(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan)
 
 
 class Estimate(NamedTuple):
@@ -89,14 +92,16 @@ class Deviation(NamedTuple):
     """Bounds of the differences between the estimates used in (25) and those at q; zero when on-line.
     delta_M: kg m^2.
     delta_C: kg m^2/s.
-    delta_G: N m."""
+    delta_G: N m.
+    rate_C: kg m^2, by which delta_C grows with ||q_dot||."""
 
     delta_M: float
     delta_C: float
     delta_G: float
+    rate_C: float
 
 
-ON_LINE = Deviation(0.0, 0.0, 0.0)
+ON_LINE = Deviation(0.0, 0.0, 0.0, 0.0)
 
 
 class LinkConstants(NamedTuple):

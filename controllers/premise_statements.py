@@ -50,7 +50,10 @@ STATEMENTS: dict[Premise, Statement] = {
         "≤",
         "joints",
         "q has left Ω: it is {value} {unit} from the postures along the reference (at most {limit} {unit})",
-        "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it",
+        "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it, and, for surfaces "
+        "whose places or forms do not recur, until simulation.duration",
+        unknown="k_r′ and k_r″ of (19) are known for the surfaces until simulation.duration only, since these do not "
+        "come back to their places or forms",
     ),
     Premise.REGULAR: Statement(
         "σ_min(J_q)",
@@ -86,8 +89,9 @@ STATEMENTS: dict[Premise, Statement] = {
         "≤",
         "r",
         "within one period the model's torque and the force change by {value} {unit} (at most {limit} {unit})",
-        "change of (25) without its robust terms from one sample to the next, in task space, while the torque is held; "
-        "a quarter of ε and of K_s s, and the declared error of the force sensor, are reserved for it",
+        "change of (25) without its robust terms from one sample to the next, or to the mean force in between, in task "
+        "space, while the torque is held; a quarter of ε and of K_s s, and the declared error of the force sensor, are "
+        "reserved for it",
     ),
     Premise.LAYER: Statement(
         "robust terms, sampled",
@@ -95,15 +99,19 @@ STATEMENTS: dict[Premise, Statement] = {
         "",
         "K_s and the boundary layer are too stiff for the control period: (K_s + d/s_b)T/H = {value} (must be below 2)",
         "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), without d/s_b where there is no layer; from 2 on one period "
-        "can make s larger; infinite where M̂ minus its declared error is not positive definite, or where d grows with "
-        "‖s‖ faster than η comes near 1 or than a period can take from s",
+        "can make s larger; infinite where M̂ minus its declared error is not positive definite, where d grows with "
+        "‖s‖ faster than η comes near 1 or than a period can take from s, or where K_s is so large that a period takes "
+        "less from s than (19) counts on",
+        unknown="the robust terms are too strong for the control period, or M̂ minus its declared error is not positive "
+        "definite: there is no ‖s‖ from which on a period takes from s what (19) counts on",
     ),
     Premise.GAIN_BY_CHATTER: Statement(
         "d fed back by chattering",
         "<",
         "",
         "the gain (17) runs away: chattering in ė_r raises d by {value} of itself each period (must be below 1)",
-        "δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H): d by (17) grows with r̈_eq, which chatters with ė_r",
+        "(δ_H ‖M_m⁻¹B_m + A‖ + k_q̇) T / λ_min(H): d by (17) grows with r̈_eq, which chatters with ė_r, and by k_q̇ with "
+        "q̇, through the bounds of friction and of Ĉ",
     ),
     Premise.GAIN_BY_FORCE: Statement(
         "d fed back by the force",

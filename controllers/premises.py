@@ -13,8 +13,10 @@ import numpy as np
 
 from controllers.bounds import (
     Equivalent,
+    GainInput,
     RequiredGain,
     carried_mass,
+    growth_with_speed,
     inertia_lower_bound,
     inertia_spread,
     sum_of,
@@ -22,7 +24,7 @@ from controllers.bounds import (
 )
 from controllers.control_law import joint_acceleration, joint_velocity
 from controllers.reaching import ReachingBound, envelope
-from controllers.switching import SAMPLING_SHARE, layer_width
+from controllers.switching import SAMPLING_SHARE, Switching, layer_width
 from controllers.task_space import Scratch
 from kernels import inline
 from kernels.algebra import (
@@ -39,6 +41,7 @@ from kernels.algebra import (
 MOST_PERIODS, LONGEST_INTERVAL = 40, 0.04
 NEVER = np.nan
 ROUNDING = 1e-9
+SATURATION = int(Switching.SATURATION)
 
 
 class Premise(IntEnum):
@@ -91,6 +94,8 @@ class PostureCheck(NamedTuple):
     H_min, H_max: kg, bounds of the eigenvalues of H of every declared arm at the posture; H_min is 0 where what is
     declared leaves no bound above 0.
     d: N, on the sliding surface.
+    d_now: N, at the s of that instant.
+    growth_by_speed: 1, part of `Premise.GAIN_BY_CHATTER` that comes through q_dot.
     layer_width: m/s, of the boundary layer.
     radius: m/s, V falls while ||s|| is beyond it.
     V_band: J, once V is below this it stays so.
@@ -100,6 +105,8 @@ class PostureCheck(NamedTuple):
     H_min: float
     H_max: float
     d: float
+    d_now: float
+    growth_by_speed: float
     layer_width: float
     radius: float
     V_band: float
@@ -225,11 +232,12 @@ def inertia_error(given, work):
 
 @inline
 def _gain_of(given, scratch):
-    """Gain d by (17) for the r_eq_dot and r_eq_ddot of `scratch`, N."""
+    """Gain d by (17) for the r_eq_dot and r_eq_ddot of `scratch`, N, with the q_dot of that r_eq_dot."""
     work, eq, needed = scratch.work, scratch.equivalent, scratch.needed
     joint_velocity(given.task, eq.r_dot, work, eq.q_dot)
     joint_acceleration(given.task, eq.r_ddot, eq.q_dot, work, eq.q_ddot)
-    terms_of_gain(given, eq, work, needed)
+    on_it = GainInput(given.gains, given.feedforward, given.estimate, given.task, eq.q_dot)
+    terms_of_gain(on_it, eq, work, needed)
     needed.epsilon = given.gains.epsilon
     return sum_of(needed)
 
@@ -262,6 +270,22 @@ def gain_on_surface(given, output, scratch):
 
 
 @inline
+def _falling_from(alpha, beta, period, H_min, share, gains):
+    """Least ||s|| (m/s) from which on a period takes (19)'s T (c_1 V + c_2 sqrt(V)) from V, for robust terms and
+    perturbations of together A = alpha ||s|| + beta (N) against s; infinite for none.
+    share: of epsilon that (19) counts on.
+
+    It is A (1 - T A / (2 h ||s||)) >= share epsilon + 3/4 lambda_min(K_s) ||s||, quadratic in ||s||.
+    """
+    tau = 0.5 * period / H_min
+    square = alpha * (1.0 - tau * alpha) - (1.0 - SAMPLING_SHARE) * gains.K_s_smallest
+    linear = beta * (1.0 - 2.0 * tau * alpha) - share * gains.epsilon
+    if square <= 0.0:
+        return np.inf
+    return (np.sqrt(linear**2 + 4.0 * square * tau * beta**2) - linear) / (2.0 * square)
+
+
+@inline
 def check_posture(given, output, record, period, scratch, table, check):
     """Compute the `PostureCheck` of the present state, and the premises in the table that depend on it.
     given, output: the `LawInput` and the `ControlOutput` of the period.
@@ -270,8 +294,12 @@ def check_posture(given, output, record, period, scratch, table, check):
     gains, work, estimate, task = given.gains, scratch.work, given.estimate, given.task
     u = gains.uncertainty
     check.H_min, check.H_max = inertia_range(given, work)
-    steepness = inertia_error(given, work) * gains.damping_rate  # by which (17) grows with ||s||, N s/m
-    growth = steepness * period / check.H_min
+    check.d, check.d_now = gain_on_surface(given, output, scratch), output.d
+    steepness = growth = check.growth_by_speed = 0.0
+    if gains.by_theorem:
+        by_speed = growth_with_speed(given, scratch.equivalent)
+        steepness = inertia_error(given, work) * gains.damping_rate + by_speed  # by which (17) grows with ||s||, N s/m
+        growth, check.growth_by_speed = steepness * period / check.H_min, by_speed * period / check.H_min
     table.limit[GAIN_BY_CHATTER] = 1.0 if gains.by_theorem else NEVER
     table.value[GAIN_BY_CHATTER] = growth
     raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # largest factor of chattering on d
@@ -283,12 +311,17 @@ def check_posture(given, output, record, period, scratch, table, check):
     table.value[LAYER] = stiffness * period / check.H_min
 
     # outside of `radius` one period makes V smaller; from within it V can rise to `V` (docs/theory.md)
-    check.d = gain_on_surface(given, output, scratch)
-    slope = steepness if gains.by_theorem else 0.0
-    check.layer_width = layer_width(gains.switching, gains.layer, check.d, slope, gains.epsilon)
-    stopping = check.H_min - period * (slope + 0.5 * (gains.K_s_largest + held))
+    check.layer_width = layer_width(gains.switching, gains.layer, check.d, steepness, gains.epsilon)
+    stopping = check.H_min - period * (steepness + 0.5 * (gains.K_s_largest + held))
     chatter = period * check.d / stopping if stopping > 0.0 else np.inf
-    check.radius = max(check.layer_width, chatter)
+    given_up = 0.5 if gains.switching > SATURATION else 0.0
+    share, least = 1.0 - SAMPLING_SHARE - given_up, check.d - given_up * gains.epsilon
+    most = gains.K_s_largest + held + 2.0 * steepness
+    falling = max(
+        _falling_from(gains.K_s_smallest, least, period, check.H_min, share, gains),
+        _falling_from(most, 2.0 * check.d, period, check.H_min, share, gains),
+    )
+    check.radius = max(check.layer_width, chatter, falling)
     if np.isinf(check.radius) and table.value[LAYER] < table.limit[LAYER]:
         table.value[LAYER] = np.inf
     heaviest = max(check.H_max, 4.0 * check.H_min) if chatter > 0.5 * check.layer_width else check.H_max
@@ -352,7 +385,7 @@ def keep_promise(all_hold, s_norm, check, t, record):
     record.band = np.sqrt(2.0 * check.V_band / check.H_min)
     if np.isnan(record.band_reached) and s_norm <= record.band:
         record.band_reached = t
-    over = s_norm > record.bound + record.band
+    over = np.isfinite(s_norm) and s_norm > record.bound + record.band
     if over and np.isnan(record.broken):
         record.broken = t
     return over

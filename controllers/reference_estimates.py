@@ -35,7 +35,7 @@ def take_estimates(estimate, feedforward):
     copy_matrix(estimate.C_hat, feedforward.C_hat)
     copy(estimate.G_hat, feedforward.G_hat)
     deviation = feedforward.deviation
-    deviation.delta_M, deviation.delta_C, deviation.delta_G = 0.0, 0.0, 0.0
+    deviation.delta_M = deviation.delta_C = deviation.delta_G = deviation.rate_C = 0.0
 
 
 class Start(NamedTuple):

@@ -31,18 +31,20 @@ class Arm(NamedTuple):
     load: the contact's `ContactForce` in this state; with a rigid or heavy environment that of the last step, since it
     depends on the torque.
     q_ddot: (n,), of the period before: that of its first integration step.
-    holding: rigid surfaces that the tool is held on."""
+    holding: rigid surfaces that the tool is held on.
+    impulse: (6,) N s and N m s, of the load's wrench over the period before."""
 
     q: np.ndarray
     q_dot: np.ndarray
     load: ContactForce
     q_ddot: np.ndarray
     holding: Holding
+    impulse: np.ndarray
 
     @classmethod
     def zeros(cls, n: int) -> Arm:
         """State at rest, all joints at zero."""
-        return cls(np.zeros(n), np.zeros(n), ContactForce.zeros(n), np.zeros(n), Holding.none())
+        return cls(np.zeros(n), np.zeros(n), ContactForce.zeros(n), np.zeros(n), Holding.none(), np.zeros(6))
 
 
 PlantState = Record[Arm]
@@ -55,7 +57,8 @@ class PlantWorkspace(NamedTuple):
     torque: (n,) N m, that moves the arm.
     push, pushed: (3,) N, a force on the tool, and (n,) N m, its torque.
     factor: (n, n), memory for Cholesky's factor.
-    speeds, accelerations: (n,), sums of q_dot and q_ddot over the stages of Runge and Kutta."""
+    speeds, accelerations, wrenches: (n,), (n,), (6,), sums of q_dot, q_ddot and the load's wrench over the stages of
+    Runge and Kutta."""
 
     world: World
     resistance: Resistance
@@ -67,13 +70,14 @@ class PlantWorkspace(NamedTuple):
     factor: np.ndarray
     speeds: np.ndarray
     accelerations: np.ndarray
+    wrenches: np.ndarray
 
     @classmethod
     def of(cls, world: World, resistance: Resistance, n: int) -> PlantWorkspace:
         """Workspace of an arm with n joints."""
         v = np.zeros(n)
         met = (ToolContacts.zeros(n), MultiplierWork.zeros(n))
-        return cls(world, resistance, *met, v, np.zeros(3), v, np.zeros((n, n)), v, v)
+        return cls(world, resistance, *met, v, np.zeros(3), v, np.zeros((n, n)), v, v, np.zeros(6))
 
 
 @inline

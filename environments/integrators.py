@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from typing import Literal
 
-from kernels import kernel
+from kernels import inline, kernel
 from kernels.algebra import copy
 
 Integrator = Literal["leapfrog", "semi-implicit-euler", "rk4"]
 STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0))  # of Runge and Kutta: weight of each, and where in the step the next is
+
+
+@inline
+def _add_impulse(arm, wrench, h):
+    """Add h s of a wrench (6,) to the arm's impulse."""
+    for a in range(6):
+        arm.impulse[a] += h * wrench[a]
 
 
 @kernel
@@ -26,6 +33,7 @@ def kick_and_drift(arm, h):
     for i in range(arm.q.shape[0]):
         arm.q_dot[i] += h * arm.q_ddot[i]
         arm.q[i] += 0.5 * h * arm.q_dot[i]
+    _add_impulse(arm, arm.load.wrench, h)
 
 
 @kernel
@@ -34,6 +42,7 @@ def semi_implicit_euler(arm, h):
     for i in range(arm.q.shape[0]):
         arm.q_dot[i] += h * arm.q_ddot[i]
         arm.q[i] += h * arm.q_dot[i]
+    _add_impulse(arm, arm.load.wrench, h)
 
 
 @kernel
@@ -45,14 +54,17 @@ def begin_stages(workspace, arm, stage):
     copy(arm.q_dot, stage.q_dot)
     copy(arm.q_ddot, stage.q_ddot)
     copy(arm.holding.held, stage.holding.held)
+    copy(arm.load.wrench, stage.load.wrench)
     for i in range(arm.q.shape[0]):
         workspace.speeds[i] = workspace.accelerations[i] = 0.0
+    for a in range(6):
+        workspace.wrenches[a] = 0.0
 
 
 @kernel
 def next_stage(workspace, arm, stage, weight, ahead):
-    """Add q_dot and q_ddot of the stage to the sums, with a weight; then make the stage the next one, `ahead` s from
-    the arm's state along them."""
+    """Add q_dot, q_ddot and the wrench of the stage to the sums, with a weight; then make the stage the next one,
+    `ahead` s from the arm's state along them."""
     workspace, arm, stage = workspace[0], arm[0], stage[0]
     for i in range(arm.q.shape[0]):
         speed, acceleration = stage.q_dot[i], stage.q_ddot[i]
@@ -60,6 +72,8 @@ def next_stage(workspace, arm, stage, weight, ahead):
         workspace.accelerations[i] += weight * acceleration
         stage.q[i] = arm.q[i] + ahead * speed
         stage.q_dot[i] = arm.q_dot[i] + ahead * acceleration
+    for a in range(6):
+        workspace.wrenches[a] += weight * stage.load.wrench[a]
 
 
 @kernel
@@ -69,3 +83,5 @@ def end_stages(workspace, arm, stage, h):
     for i in range(arm.q.shape[0]):
         arm.q[i] += h / 6.0 * (workspace.speeds[i] + stage.q_dot[i])
         arm.q_dot[i] += h / 6.0 * (workspace.accelerations[i] + stage.q_ddot[i])
+    _add_impulse(arm, workspace.wrenches, h / 6.0)
+    _add_impulse(arm, stage.load.wrench, h / 6.0)

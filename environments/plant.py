@@ -201,6 +201,7 @@ class Plant:
     def advance(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> None:
         """Advance the state by one control period from time t with the torque tau (n,) N m."""
         h = period / self.substeps
+        state.views.impulse[:] = 0.0
         self._integrate(state, tau, t, h)
         if self.substeps > 1:
             first = state.views.q_ddot.copy()

@@ -36,7 +36,7 @@ class RobotSection(Section, frozen=True, forbid_unknown_fields=True):
     tool_frame: Annotated[
         Name | None, field("frame of the tool; default: the catalogue's, or the last one of the arm", "")
     ] = None
-    tool_offset: Annotated[Vector3 | None, field("tool point in the tool frame", "m")] = None
+    tool_offset: Annotated[Offset3 | None, field("tool point in the tool frame", "m")] = None
     posture: Annotated[
         Vector | None, field("joint angles at the start; default: the catalogue's, or one far from singular", "rad")
     ] = None

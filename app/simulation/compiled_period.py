@@ -253,6 +253,8 @@ def _constrain(run, workspace, arm, t, h):
 def _move(run, workspace, arm, twin, t):
     """Advance the plant from t (s) by one period, as `Plant.advance` does. twin: memory for an arm."""
     h = run.period / run.substeps
+    for a in range(6):
+        arm[0].impulse[a] = 0.0
     for i in range(run.substeps):
         now = t + i * h
         if run.integrator == LEAPFROG:

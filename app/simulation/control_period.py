@@ -49,6 +49,8 @@ from environments.truth import limited
 from kernels import inline, kernel
 from kernels.algebra import copy, norm, row_times
 
+RISEN = 1.1  # times d at the last posture check: from there on the band is computed anew at once
+
 
 class Setting(NamedTuple):
     """Setting of the loop: all that stays the same between two edits.
@@ -113,7 +115,7 @@ class Evaluation(NamedTuple):
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
         feedforward = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(6)
-        check = PostureCheck(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+        check = PostureCheck(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
         law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, False, 0, UNKNOWN)
         return cls(*law, PremiseTable.fresh(), check, Held.zeros(n), PromiseRecord.fresh(), PremiseScratch.zeros(n))
 
@@ -195,9 +197,26 @@ def _conclude(setting, evaluation, arm, t, row):
     _fill_table(setting, evaluation, arm, t)
     held = evaluation.held
     evaluation.push_changed = held.known and push_changed(evaluation.push, held, evaluation.posture_check.held_limit)
+    if output.d > RISEN * evaluation.posture_check.d_now:
+        _look(setting, evaluation)
     _remember(evaluation, held)
     evaluation.promise_alarms = _promise_alarms(evaluation, t)
     write_row(row, t, arm, evaluation)
+
+
+@inline
+def _look(setting, evaluation):
+    """Compute the `PostureCheck` of this evaluation."""
+    _check(
+        setting,
+        evaluation,
+        no_parameters(setting.gains),
+        evaluation.promise_record,
+        setting.period,
+        evaluation.scratch,
+        evaluation.table,
+        evaluation.posture_check,
+    )
 
 
 @inline
@@ -215,13 +234,14 @@ def _fill_table(setting, evaluation, arm, t):
     spared = SAMPLING_SHARE * gains.K_s_smallest * output.s_norm
     table.value[HELD], table.limit[HELD] = 0.0, check.held_limit + spared
     if held.known:
-        F = scratch.F
-        for a in range(6):
-            F[a] = arm.load.wrench[a] - held.push[a]
-        jump = reference_jump(gains, evaluation.reference, held, setting.period)
+        F, worst = scratch.F, 0.0
         model, task, estimate = evaluation.feedforward, seen.task, seen.estimate
-        table.value[HELD] = held_error(gains, model, task, estimate, F, output, held, scratch)
-        table.value[HELD] += check.H_max * jump / setting.period
+        for mean in (False, True):  # a force may come and go within a period
+            for a in range(6):
+                F[a] = (arm.impulse[a] / setting.period if mean else arm.load.wrench[a]) - held.push[a]
+            worst = max(worst, held_error(gains, model, task, estimate, F, output, held, scratch))
+        jump = reference_jump(gains, evaluation.reference, held, setting.period)
+        table.value[HELD] = worst + check.H_max * jump / setting.period
 
 
 @inline
@@ -319,14 +339,5 @@ def check_present_posture(setting, evaluation, centres):
     Omega. Returns the number of the nearest centre."""
     setting, evaluation = setting[0], evaluation[0]
     nearest, evaluation.table.value[DOMAIN] = _nearest(centres, evaluation.seen.q)
-    _check(
-        setting,
-        evaluation,
-        no_parameters(setting.gains),
-        evaluation.promise_record,
-        setting.period,
-        evaluation.scratch,
-        evaluation.table,
-        evaluation.posture_check,
-    )
+    _look(setting, evaluation)
     return nearest

@@ -52,12 +52,22 @@ class Constants:
 
 
 def span_of(surfaces: Sequence[Surface], duration: float) -> float:
-    """Time until all places and forms of the surfaces have occurred, s: the run's duration (s) where a form changes or
-    several surfaces move, 0 where all rest."""
-    moving = [each.motion for each in surfaces if each.motion.amplitude > 0.0 and each.motion.frequency > 0.0]
-    if any(each.changing for each in surfaces) or len({motion.frequency for motion in moving}) > 1:
+    """Time until all places and forms of the surfaces have occurred, s: one period of what moves or turns, the run's
+    duration (s) where nothing recurs, 0 where all rest."""
+    frequencies = frequencies_of(surfaces)
+    if not recurring(surfaces):
         return duration
-    return 1.0 / max(moving[0].frequency, SLOWEST) if moving else 0.0
+    return 1.0 / max(*frequencies, SLOWEST) if frequencies else 0.0
+
+
+def recurring(surfaces: Sequence[Surface]) -> bool:
+    """Whether the surfaces rest, or all come back to their places and forms after one period."""
+    return all(each.form.frequencies is not None for each in surfaces) and len(frequencies_of(surfaces)) <= 1
+
+
+def frequencies_of(surfaces: Sequence[Surface]) -> set[float]:
+    """Frequencies at which the surfaces move and turn, Hz."""
+    return {frequency for each in surfaces for frequency in each.form.frequencies or ()}
 
 
 def constants_over(

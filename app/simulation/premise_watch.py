@@ -14,6 +14,7 @@ from app.scenario.units import Units, unit_of_joint
 from app.simulation.alarms import Alarm
 from app.simulation.control_period import Evaluation
 from app.simulation.controlled_arm import ControlledArm
+from app.simulation.domain import recurring
 from app.simulation.recording import Epoch
 from app.simulation.sampled_force_loop import worst_gain_by_force
 from app.simulation.sampled_stability import RespondingLoop, SampledLoop, SampledLoops
@@ -28,6 +29,7 @@ from environments.contact import Holding
 
 Loop = TypeVar("Loop", bound=SampledLoop)
 SHARE = 0.02  # of a blend, between two judgements of the sampled loops
+TURNED, AGAIN = 0.02, 0.1  # rad by which a surface has turned, and s: when they are judged again where one changes
 ON_THE_WAY = (0.25, 0.5, 0.75, 1.0)  # shares of a blend that is planned, at which its model is judged
 
 
@@ -60,6 +62,9 @@ class PremiseWatch:
         self._sampled: SampledLoop | None = None
         self._loops = SampledLoops(system)
         self.share = 0.0
+        stated_in_time = isinstance(system.scenario.declared.delta_f, str)
+        self._changing = stated_in_time or any(each.changing for each in system.surfaces)
+        self._known_until = np.inf if recurring(system.surfaces) else system.constants.omega.span
 
     def follow(self, system: System, share: float) -> None:
         """Follow a blend of the target model: the system with the model in force, and the share of the blend."""
@@ -134,18 +139,22 @@ class PremiseWatch:
         """Station along the reference where the sampled loops were judged last, -1 where they are to be judged anew at
         the next posture check wherever the arm is."""
         station = self._state.judged.station
-        return -1 if station is None or self.model_has_moved else station
+        return -1 if station is None or self.model_has_moved or self._changing else station
 
     def judge_posture(self, nearest: int) -> None:
         """Flag the run when q has left Omega, and judge the sampled loops when the arm or the target model has moved:
-        near the reference at a station, off the reference at the present posture. nearest: number of the nearest centre
-        of Omega."""
+        near the reference at a station, off the reference, and on surfaces that change, at the present posture.
+        nearest: number of the nearest centre of Omega."""
         state, distance = self._state, self._table.value[Premise.DOMAIN]
         if distance > self.system.constants.radius:
             self.left("flag", f"q has left Ω, over which the constants of (19) were computed{self._outlasted}")
+        if state.t > self._known_until + 0.5 * self._h:
+            self._table.value[Premise.DOMAIN] = np.inf
+            self.left("flag", sentence(Premise.DOMAIN, np.inf, self.system.constants.radius, self.system.units))
         station, judged, q = int(self._stations.of[nearest]), state.judged, state.arm.views.q
-        if distance > APART:
-            if not self.model_has_moved and judged.station is None and np.abs(q - judged.q).max() <= APART:
+        if distance > APART or self._changing:
+            moved = judged.station is not None or not np.abs(q - judged.q).max() <= APART
+            if not (moved or self.model_has_moved or self._changed_since(judged)):
                 return
             state.judged = Judged(None, q.copy(), state.t, self.share)
         elif station == judged.station and not self.model_has_moved:
@@ -157,7 +166,26 @@ class PremiseWatch:
         for premise, value in self._judged_loop.premises.items():
             self._state_premise(premise, value, 1.0)
             if value > 1.0:
-                self.left("flag", sentence(premise, value, 1.0, self.system.units))
+                self.left("flag", sentence(premise, value, 1.0, self.system.units) + self._unsampled)
+
+    def _changed_since(self, judged: Judged) -> bool:
+        """Whether a surface has turned, or may have changed otherwise, since the sampled loops were judged."""
+        if not self._changing:
+            return False
+        p, t = self._state.evaluation.part("seen").estimate.p, self._state.t
+        for surface in self.system.surfaces:
+            before, now = (surface.chart(p, at).G[0] for at in (judged.t, t))
+            if before @ now < np.cos(TURNED) * np.linalg.norm(before) * np.linalg.norm(now):
+                return True
+        return t - judged.t >= AGAIN
+
+    @property
+    def _unsampled(self) -> str:
+        """Suffix where the target model itself is unstable on the true surfaces; else ""."""
+        poles = np.real(self.sampled.model)
+        if not poles.size or poles.max() < 0.0:
+            return ""
+        return f"; the target model itself is unstable against the true stiffness (a pole at {poles.max():.3g} 1/s)"
 
     @property
     def _outlasted(self) -> str:
@@ -216,12 +244,13 @@ class PremiseWatch:
         if blend is None or not controller.law.robust or controller.d is not None:
             return
         q, t = self._state.arm.views.q, self._state.t
+        by_speed = self._state.evaluation.part("posture_check").growth_by_speed
         lead = f"blend.to: on the way to this target model, with controller.bounds {controller.bounds!r},"
         for share in ON_THE_WAY:
             following = controller.following(blended(blend.start, blend.end, share))
             growth = following.gains.damping_rate / controller.gains.damping_rate
             force = worst_gain_by_force(self.system.with_controller(following), q, t)
-            self._require_bounded(chatter * growth, force, lead)
+            self._require_bounded(by_speed + (chatter - by_speed) * growth, force, lead)
 
     def _require_bounded(self, chatter: float, force: float, lead: str) -> None:
         """Raise UnboundedGain where a share that is fed back is 1 or more. lead: beginning of the sentence."""
@@ -238,8 +267,8 @@ class PremiseWatch:
         if chatter >= 1.0:
             raise UnboundedGain(
                 f"{lead} the gain (17) runs away at this control period: "
-                f"chattering feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m + A‖ T / λ_min(H), must be below 1); "
-                f"allowed: controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
+                f"chattering feeds {chatter:.3g} of it back ((δ_H ‖M_m⁻¹B_m + A‖ + k_q̇) T / λ_min(H), must be below "
+                f"1); allowed: controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
             )
         if force >= 1.0:
             raise UnboundedGain(
@@ -248,8 +277,12 @@ class PremiseWatch:
             )
 
     def _declared_bound(self) -> str:
-        """Dotted path of the declared bound from which delta_H follows, the first one of several."""
-        declared = self.system.scenario.declared
+        """Dotted path of the declared bound from which most of the growth of (17) with s follows, the first one of
+        several."""
+        declared, check = self.system.scenario.declared, self._state.evaluation.part("posture_check")
+        if check.growth_by_speed > 0.5 * self._table.value[Premise.GAIN_BY_CHATTER]:
+            stated = "declared.delta_f" if declared.delta_f is not None else "declared.viscous"
+            return stated if declared.delta_f is not None or declared.viscous > 0.0 else "declared.delta_C"
         if declared.delta_M is not None:
             return "declared.delta_M"
         links = ("link_scaling", "rotor_scaling", "link_centre", "link_shape", "payload_mass")
@@ -280,7 +313,7 @@ class PremiseWatch:
         rigid = self.system.plant.kind.rigid
         if Alarm.AWAY in alarms and not rigid:
             left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.pressed] != 0.0)))
-            self.left("flag", f"contact lost: the tool has left {left}, so no force is controlled")
+            self.left("flag", f"contact lost: the tool has left {left}, so its force is not controlled")
         if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
             self.left("flag", _saturation(evaluation.output.tau, evaluation.applied, self.system.robot.slides))
         if Alarm.NOT_FINITE in alarms:

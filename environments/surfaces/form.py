@@ -64,6 +64,11 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
         return False
 
     @property
+    def frequencies(self) -> tuple[float, ...] | None:
+        """Frequencies of all in which it moves or changes, Hz; None where it changes otherwise."""
+        return (self.motion.frequency,) if self.motion.amplitude > 0.0 < self.motion.frequency else ()
+
+    @property
     def normal_fixed(self) -> bool:
         """Whether its normal is the same everywhere and at all times: that of its frame."""
         return False

@@ -77,6 +77,10 @@ class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula
         graph = formula.graph
         return graph.derivative(formula.root, T) != graph.zero
 
+    @property
+    def frequencies(self) -> tuple[float, ...] | None:
+        return None if self.changing else super().frequencies
+
     def point(self, surface: Surface, g: np.ndarray, t: float) -> np.ndarray:
         """Point (3,) with coordinates g = (phi, psi_1, psi_2): the inverse of `chart`, by Newton's method. Where the
         surface is out of reach, it is a point at the height of `surface.near`."""

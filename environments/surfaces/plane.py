@@ -72,6 +72,11 @@ class Plane(Form, frozen=True, forbid_unknown_fields=True, tag="plane"):
         return self.tilt.amplitude > 0.0
 
     @property
+    def frequencies(self) -> tuple[float, ...] | None:
+        turns = self.tilt.amplitude > 0.0 < self.tilt.frequency
+        return (*(super().frequencies or ()), *((self.tilt.frequency,) if turns else ()))
+
+    @property
     def normal_fixed(self) -> bool:
         return not self.changing
 

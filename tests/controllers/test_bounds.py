@@ -397,7 +397,7 @@ def test_stated_bounds_take_the_place_of_those_of_the_links(robot: str, bounds: 
         q, q_dot, t = draw_state(system, random)
         estimate, task = system.observe(q, q_dot, t)
         speed, away = np.linalg.norm(q_dot), np.linalg.norm(q - system.q_0)
-        assert estimate.stated == pytest.approx((0.02 + 0.1 * away, 0.3 * speed, 2.0, 1.0 + 0.5 * speed))
+        assert estimate.stated == pytest.approx((0.02 + 0.1 * away, 0.3 * speed, 2.0, 1.0 + 0.5 * speed, 0.3, 0.5))
         q_eq_dot, q_eq_ddot = random.standard_normal(n), 3.0 * random.standard_normal(n)
         r_eq_dot, bent = task.J_q @ q_eq_dot + task.v_t, task.J_q_dot @ q_eq_dot
         equivalent = Equivalent(r_eq_dot, task.J_q @ q_eq_ddot + bent + task.v_t_dot, q_eq_dot, q_eq_ddot)

@@ -29,10 +29,10 @@ def test_nothing_is_promised_where_the_rational_function_has_no_layer() -> None:
     loop.step()
     assert loop.state.evaluation.part("posture_check").layer_width == float("inf")
     assert loop.standing.now.verdict == "nothing promised"
-    assert "must be below 2" in loop.standing.now.because
+    assert "no ‖s‖ from which on a period takes from s" in loop.standing.now.because
 
 
-def test_beyond_the_radius_one_period_of_the_worst_perturbation_takes_energy_though_the_gain_grows() -> None:
+def test_from_the_radius_on_a_period_takes_what_19_counts_on_though_the_gain_grows() -> None:
     """(b) of docs/theory.md with c = -1, where the robust term pushes s over zero, and d = d_0 + slope ||s||."""
     fields = {"controller__bounds": "paper", "controller__period": 0.001, "controller__K_s": [800.0] * 6}
     loop = ClosedLoop.from_scenario(short("ur5-motion-discontinuous", **fields))
@@ -44,8 +44,8 @@ def test_beyond_the_radius_one_period_of_the_worst_perturbation_takes_energy_tho
 
     def taken(r: float) -> float:
         d = check.d + share * h / T * r
-        a, P = K_s * r + d, d - 0.75 * epsilon + 0.25 * K_s * r
-        return r - 0.5 * T / h * (a + P)
+        least, most = K_s * r + check.d, 1.25 * K_s * r + 2.0 * d
+        return min(A * (1.0 - 0.5 * T / h * A / r) for A in (least, most)) - 0.75 * (epsilon + K_s * r)
 
     assert taken(float(check.radius)) > 0.0
     assert taken(0.97 * float(check.radius)) < 0.0
@@ -58,4 +58,4 @@ def test_nothing_is_promised_where_the_gain_grows_by_more_than_a_period_can_take
     loop.step()
     assert float(loop.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER]) < 1.0
     assert loop.standing.now.verdict == "nothing promised"
-    assert "too stiff for the control period" in loop.standing.now.because
+    assert "no ‖s‖ from which on a period takes from s" in loop.standing.now.because
