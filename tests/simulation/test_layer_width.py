@@ -47,7 +47,8 @@ def test_from_the_radius_on_a_period_takes_what_19_counts_on_though_the_gain_gro
         least, most = K_s * r + check.d, 1.25 * K_s * r + 2.0 * d
         return min(A * (1.0 - 0.5 * T / h * A / r) for A in (least, most)) - 0.75 * (epsilon + K_s * r)
 
-    assert taken(float(check.radius)) > 0.0
+    assert taken(float(check.radius)) == pytest.approx(0.0, abs=1e-9)
+    assert taken(1.03 * float(check.radius)) > 0.0
     assert taken(0.97 * float(check.radius)) < 0.0
 
 
