@@ -15,7 +15,10 @@ def main() -> None:
     status = INTERRUPTED
     try:
         # here: it takes a second, in which Ctrl-C must not end in a traceback
-        from app.cli.commands import execute
+        if sys.argv[1:] == ["--version"]:
+            from app.cli.version import execute
+        else:
+            from app.cli.commands import execute
         from app.cli.output import CommandOutput
 
         output = CommandOutput()

@@ -117,6 +117,21 @@ def force_settling_time(system: System, record: Mapping[str, np.ndarray]) -> flo
     return settling_time(record["t"], force_error(system, record), FORCE_RESOLUTION)
 
 
+def untouched_sentences(system: System, recording: Recording) -> list[str]:
+    """Sentences on the surfaces that are to be pressed and that the tool has not touched in the whole run, each with
+    the distance and the position of the tool at its beginning; none for a surface whose desired force is always 0."""
+    record, sentences = recording.stretch(), list[str]()
+    for i, name in enumerate(MULTIPLIERS[: system.pressed]):
+        if record[name].any() or not record["F_cd"][:, i].any():
+            continue
+        which = "the surface" if i == 0 else f"surface {i + 1}"
+        place = ", ".join(f"{x + 0.0:.4g}" for x in record["tool"][0])
+        sentences.append(
+            f"the tool has not touched {which}; it began {-record[PHI[i]][0]:.2g} m away, at [{place}] in the world"
+        )
+    return sentences
+
+
 def _least_margin(record: Mapping[str, np.ndarray]) -> float | None:
     """Least d minus what (17) needs, N, over the rows whose law has a gain d."""
     under = record["d"] > 0.0
@@ -280,6 +295,7 @@ RUN_METRICS = (
     ShownMetric("force error at the end, largest", "force_error_tail", 1.0, lambda _: "N"),
     ShownMetric("moment error at the end, largest", "moment_error_tail", 1.0, lambda _: "N·m"),
     ShownMetric("distance from the rigid surface, largest", "constraint_violation", 1e3, lambda _: "mm"),
+    ShownMetric("settled after", "settling_time", 1.0, lambda _: "s"),
     ShownMetric("band reached after", "band_time", 1.0, lambda _: "s"),
     ShownMetric("band promised within", "band_time_bound", 1.0, lambda _: "s"),
     ShownMetric("boundary layer reached after", "reaching_time", 1.0, lambda _: "s"),

@@ -20,10 +20,11 @@ from app.cli.figures import figures
 from app.cli.lesson import lesson
 from app.cli.list import list_
 from app.cli.options import UnwritableOutput
+from app.cli.overview import overview
 from app.cli.response import response
 from app.cli.run import run
 from app.cli.serve import serve
-from app.cli.status import BAD_INPUT, FAULT
+from app.cli.status import BAD_INPUT, DONE, FAULT
 from app.cli.sweep import sweep
 from app.cli.sweep_plot import sweep_plot
 from app.cli.tune import tune
@@ -38,6 +39,7 @@ events = structlog.get_logger()
 OPTIONS = (tyro.conf.DisallowNone,)  # an option that is not typed has no value to type
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 
+DEFAULT = "serve"  # command that runs where none is typed
 COMMANDS: dict[str, Callable[..., int]] = {
     "serve": serve,
     "run": run,
@@ -54,11 +56,15 @@ COMMANDS: dict[str, Callable[..., int]] = {
 
 def execute(arguments: list[str]) -> int:
     """Execute the command with these arguments; returns its exit status, see `app.__main__`. Raises
-    KeyboardInterrupt, and SystemExit after --help."""
+    KeyboardInterrupt, and SystemExit after the --help of a command."""
     log.configure_as_parent()
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
-        arguments = ["serve", *arguments]
-    if arguments[0] not in (*COMMANDS, "-h", "--help"):
+        arguments = [DEFAULT, *arguments]
+    if arguments[0] in ("-h", "--help"):
+        for line in overview(COMMANDS, DEFAULT):
+            print(line)
+        return DONE
+    if arguments[0] not in COMMANDS:
         given = printable(arguments[0]) or "an empty text"
         print(f"vsmrc: {given}: no such command; {allowed(arguments[0], COMMANDS)}", file=sys.stderr)
         return BAD_INPUT
@@ -66,9 +72,8 @@ def execute(arguments: list[str]) -> int:
         if arguments[:2] == ["sweep", "plot"]:
             require_options("sweep plot", sweep_plot, arguments[2:], {"sweep": sweep})
             return tyro.cli(sweep_plot, args=arguments[2:], prog="vsmrc sweep plot", config=OPTIONS)
-        if arguments[0] in COMMANDS:
-            others = {"sweep plot": sweep_plot} if arguments[0] == "sweep" else {}
-            require_options(arguments[0], COMMANDS[arguments[0]], arguments[1:], others)
+        others = {"sweep plot": sweep_plot} if arguments[0] == "sweep" else {}
+        require_options(arguments[0], COMMANDS[arguments[0]], arguments[1:], others)
         return tyro.extras.subcommand_cli_from_dict(COMMANDS, args=arguments, prog="vsmrc", config=OPTIONS)
     except (ScenarioError, PortTaken) as error:
         print(f"vsmrc: {printable(str(error))}", file=sys.stderr)

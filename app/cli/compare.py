@@ -7,7 +7,17 @@ from typing import Annotated
 
 import tyro
 
-from app.cli.options import EngineOption, Files, Settings, configured, engine_of, note_unused, shown, use_own
+from app.cli.options import (
+    EngineOption,
+    Files,
+    Settings,
+    configured,
+    engine_of,
+    note_unused,
+    note_without_effect,
+    shown,
+    use_own,
+)
 from app.cli.status import DONE, STOPPED
 from app.cli.tables import show_table
 from app.scenario.errors import ScenarioError
@@ -36,7 +46,7 @@ def compare(
         engine: pinocchio, or compiled, which is faster; their results differ by rounding (docs/command-line.md)
         use: file with your own control law, surface or trajectory (docs/extending.md)
     """
-    from app.analysis.metrics import ACCOUNT_METRICS, account
+    from app.analysis.metrics import ACCOUNT_METRICS, RUN_METRICS, account
     from app.session import headless_run
     from app.storage.constants_store import kept_memory
 
@@ -46,26 +56,32 @@ def compare(
         raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
     by = engine_of(engine)
     use_own(use)
-    systems, accounts, stopped = [], [], False
+    systems, accounts, runs, stopped = [], [], [], False
     chosen = [(name, configured(name, settings, duration)) for name in scenarios]
     for name, scenario in chosen:
         _require_rows(name, scenario, last)
     note_unused(*(scenario for _, scenario in chosen))
+    note_without_effect(settings, *(scenario for _, scenario in chosen))
     for name, scenario in chosen:
-        loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
+        loop, metrics = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
         since = -math.inf if last is None else loop.t - last - 0.5 * loop.period
         systems.append(loop.system)
+        runs.append(metrics)
         accounts.append(account(loop.system, loop.recording, since, loop.t))
         if loop.stopped:
             stopped = True
             print(f"{name} stopped: {loop.stopped}")
-    show_table(
-        ("", *scenarios),
-        [
-            (f"{metric.title} [{metric.units(systems)}]", *(shown(metric.of(each)) for each in accounts))
-            for metric in ACCOUNT_METRICS
-        ],
-    )
+    rows = [
+        (f"{metric.title} [{metric.units(systems)}]", *(shown(metric.of(each)) for each in accounts))
+        for metric in ACCOUNT_METRICS
+    ]
+    if last is None:  # of the end of a run alone it would say nothing
+        rows += [
+            (f"{metric.title} [{metric.units(systems)}]", *(shown(metric.of(each)) for each in runs))
+            for metric in RUN_METRICS
+            if metric.field == "settling_time"
+        ]
+    show_table(("", *scenarios), rows)
     return STOPPED if stopped else DONE
 
 

@@ -18,6 +18,7 @@ from app.cli.options import (
     configured,
     engine_of,
     note_unused,
+    note_without_effect,
     one_of,
     require_folder,
     typed,
@@ -122,6 +123,7 @@ def _recorded(run: str, engine: str | None, settings: Settings) -> tuple[Scenari
     if not run.endswith(".npz"):
         scenario, by = configured(run, settings), engine_of(engine)
         note_unused(scenario)
+        note_without_effect(settings, scenario)
         loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
         return scenario, loop.recording, loop.stopped
     if settings:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +15,7 @@ from typing import Annotated, Any, Generic, TypeVar, get_args
 import msgspec
 import tyro
 
-from app.scenario.data import OWN, edited, field_of, kind_of, load, with_value
+from app.scenario.data import OWN, edited, field_of, kind_of, load, shipped, with_value
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.simulation.engines import Engine
@@ -107,6 +108,12 @@ def require_folder(out: Path, flag: str = "--out") -> None:
             raise ScenarioError(f"{flag} {out}: {named}is {what}; allowed: a folder")
         if not os.access(place, os.W_OK | os.X_OK):
             raise ScenarioError(f"{flag} {out}: {place} cannot be written; allowed: a folder of your own")
+        try:  # only the attempt shows that nobody can make anything there, such as in /proc
+            os.rmdir(tempfile.mkdtemp(prefix=".vsmrc-", dir=place))
+        except OSError as error:
+            raise ScenarioError(
+                f"{flag} {out}: {place} cannot be written: {error.strerror}; allowed: a folder of your own"
+            ) from error
         return
 
 
@@ -164,9 +171,33 @@ def note_unused(*scenarios: Scenario) -> None:
             print(f"vsmrc: note: the {noun} {kind} of --use is not used; --set {choice} chooses it", file=sys.stderr)
 
 
+def note_without_effect(settings: Settings, *scenarios: Scenario) -> None:
+    """Say on standard error that a typed `controller.d` has no effect, where all of these scenarios take d from
+    (17), and how it gets one. A law of a user's own file may read it all the same."""
+    typed_there = any(
+        path == "controller.d" or (path == "controller" and isinstance(value, dict) and "d" in value)
+        for path, value in settings_of(settings)
+    )
+    if typed_there and all(each.controller.gain != "constant" and each.controller.law in KINDS for each in scenarios):
+        reason, choice = "since controller.gain is theorem", "--set controller.gain=constant chooses it"
+        print(f"vsmrc: note: controller.d is not used, {reason}; {choice}", file=sys.stderr)
+
+
+def loaded(name_or_file: str) -> Scenario:
+    """A shipped scenario or that of a file, see `load`. Raises ScenarioError, for a file or a folder that is no .toml
+    file without the names of all scenarios."""
+    if Path(name_or_file).suffix != ".toml" and name_or_file not in shipped() and os.path.exists(name_or_file):
+        what = "a folder" if os.path.isdir(name_or_file) else "no .toml file"
+        raise ScenarioError(
+            f"scenario {name_or_file!r:.200}: is {what}; allowed: a file whose name ends in .toml, or a name of "
+            "`vsmrc list`"
+        )
+    return load(name_or_file)
+
+
 def configured(name_or_file: str, settings: Settings, duration: float | None = None) -> Scenario:
     """A shipped scenario or that of a file, with these settings and this duration, s. Raises ScenarioError."""
-    scenario = load(name_or_file)
+    scenario = loaded(name_or_file)
     changes = [_whole_section(scenario, *change) for change in settings_of(settings)]
     for number, (path, _) in enumerate(changes):
         if part := next((other for other, _ in changes[:number] if f"{other}.".startswith(f"{path}.")), None):

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from app.cli.options import Default, Files, Settings, configured, note_unused, require_folder, use_own, written_to
+from app.cli.options import (
+    Default,
+    Files,
+    Settings,
+    configured,
+    note_unused,
+    note_without_effect,
+    require_folder,
+    use_own,
+    written_to,
+)
 from app.cli.status import DONE
 from app.scenario.data import shipped
 from app.scenario.errors import ScenarioError
@@ -69,6 +79,7 @@ def response(
     use_own(use)
     chosen, memory = configured(scenario, settings), kept_memory()
     note_unused(chosen)
+    note_without_effect(settings, chosen)
     loop = _loop_at(at, chosen, memory)
     seen = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t)
     if seen.response is None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import tyro
 
 from app.cli.options import (
@@ -14,7 +16,9 @@ from app.cli.options import (
     Settings,
     configured,
     engine_of,
+    loaded,
     note_unused,
+    note_without_effect,
     require_folder,
     settings_of,
     shown,
@@ -24,16 +28,17 @@ from app.cli.options import (
 )
 from app.cli.status import BROKEN, DONE, STOPPED, UNPROMISED
 from app.process.terminal_text import print_line
-from app.scenario.data import load
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.simulation.engines import Engine
 
 if TYPE_CHECKING:
     from app.analysis.metrics import Metrics
+    from app.simulation.closed_loop import ClosedLoop
     from app.simulation.system import System
 
 BLEND_AT, BLEND_OVER = Default(0.0), Default(2.0)  # s
+LAW = "law"  # premise that the law is (25)
 TITLE = 40  # letters of a metric's name, before its value
 
 
@@ -68,6 +73,7 @@ def run(
         engine: pinocchio, or compiled, which is faster; their results differ by rounding (docs/command-line.md)
         use: file with your own control law, surface or trajectory (docs/extending.md)
     """
+    from app.analysis.metrics import untouched_sentences
     from app.session import headless_run
     from app.storage.constants_store import kept_memory
 
@@ -89,13 +95,16 @@ def run(
         raise ScenarioError(f"--set {both[0]}: --blend-to sets it, too; allowed: one of both")
     chosen = _blending(chosen, blend_to, blend_at, blend_over)
     note_unused(chosen)
+    note_without_effect(settings, chosen)
     loop, metrics = headless_run.simulate(chosen, until=until, engine=by, show_progress=True, memory=kept_memory())
     try:
         with written_to(out):  # first: whoever reads what is printed may be in no hurry
             headless_run.write(loop, metrics, out)
     finally:  # on a full disk this is all that is left of the run
-        _print_metrics(metrics, loop.system)
-        _print_promise(metrics)
+        _print_metrics(metrics, loop)
+        _print_promise(metrics, loop.system)
+        for sentence in untouched_sentences(loop.system, loop.recording):
+            print(f"note: {sentence}")
         for violation in loop.standing.outsiders:
             print(f"the truth is outside what was declared: {violation}")
         if loop.warning:
@@ -114,7 +123,7 @@ def _blending(scenario: Scenario, to: str | None, at: float | None, over: float 
         begins, end = BLEND_AT.unless(at), scenario.simulation.duration
         if begins >= end:
             raise ScenarioError(f"--blend-at {begins:g}: the run ends at {end:g} s; allowed: an instant before")
-        return blending_to(scenario, load(to), begins, BLEND_OVER.unless(over))
+        return blending_to(scenario, loaded(to), begins, BLEND_OVER.unless(over))
     if typed(at, over):
         raise ScenarioError("--blend-at or --blend-over without --blend-to; allowed: with a scenario to go over to")
     return scenario
@@ -132,27 +141,48 @@ def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
     return whole.scenario(whole.row(row)), sweep.engine, sweep.until
 
 
-def _print_metrics(metrics: Metrics, system: System) -> None:
+def _print_metrics(metrics: Metrics, loop: ClosedLoop) -> None:
     from app.analysis.metrics import RUN_METRICS
     from app.scenario.units import listed
 
+    system = loop.system
     for metric in RUN_METRICS:
         value = metric.of(metrics)
         unit = "" if value is None else metric.units([system])
         print(f"{metric.title:{TITLE}s} {shown(value)} {unit}".rstrip())
     variation = listed(map(shown, metrics.torque_total_variation), "N·m/s", system.robot.slides, between="  ")
     print(f"{'variation of the torques, per joint':{TITLE}s} {variation}")
+    if system.controller.law.robust:
+        for line in _sampling(loop):
+            print(line)
     if metrics.stopped is not None:
         print(f"{'stopped':{TITLE}s} {metrics.stopped}")
 
 
-def _print_promise(metrics: Metrics) -> None:
-    """The verdict on the theorem's promise, and each premise that failed."""
+def _sampling(loop: ClosedLoop) -> Iterator[str]:
+    """Lines on the two numbers that sampling adds to the theorem: the band, and w of the premise on it."""
+    record, units = loop.recording.stretch(), loop.system.units
+    for title, signal, factor, unit in (
+        ("w, held over a period, largest", record["held_error"], 1.0, units.force),
+        ("band of ‖s‖, largest where promised", record["s_band"], 1e3, units.rate),
+    ):
+        known = signal[np.isfinite(signal)]  # no band where nothing is promised
+        value = f"{shown(factor * float(known.max()))} {unit}" if len(known) else shown(None)
+        yield f"{title:{TITLE}s} {value}"
+
+
+def _print_promise(metrics: Metrics, system: System) -> None:
+    """The verdict on the theorem's promise, and each premise that failed; under another law than (25) only that one,
+    since the others are about terms that the law does not have."""
     promise = metrics.promise
     print(f"{'promise':{TITLE}s} {promise.verdict}: {promise.because}")
     print(f"{'promised share of the run':{TITLE}s} {100 * promise.share:.4g} %")
     for finding in metrics.premises:
-        if finding.failed is not None:
+        if finding.failed is None:
+            continue
+        if finding.premise == LAW:
+            print(f"premise failed at {finding.failed:.4g} s: {finding.title}")
+        elif system.controller.law.robust:
             print(
                 f"premise failed at {finding.failed:.4g} s: {finding.title}, least margin {shown(finding.margin)} "
                 f"{finding.unit}".rstrip()

@@ -12,6 +12,7 @@ from app.cli.options import (
     Settings,
     configured,
     folder_of,
+    note_without_effect,
     require_until,
     require_workers,
     settings_of,
@@ -85,6 +86,7 @@ def tune(
     tuning = msgspec.structs.replace(tuning, program=plan.program(tuning))
     require_not_drawn(tuning, dict(settings_of(settings)))
     plan.require_sound(tuning)
+    note_without_effect(settings, tuning.scenario)
     if dry_run:
         print(f"at most {running.estimated(tuning, running.most_runs(tuning), workers)}")
         return DONE

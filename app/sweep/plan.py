@@ -38,6 +38,7 @@ LONGEST_NAME = 150  # letters of the scenario's name in that of a run's or a can
 FILE = "sweep.toml"
 DURATION = "simulation.duration"
 DRAWN_FIELDS = frozenset(f"truth.{name}" for name in DRAWN)
+CONSTANT, ITS_CHOICE = "controller.d", "controller.gain"  # the constant gain d, and whether d is this or that of (17)
 Design = Literal["grid", "latin", "sobol"]
 
 
@@ -215,6 +216,11 @@ def _require_sound(sweep: Sweep) -> None:
     for axis in sweep.vary:
         if axis.path in UNREAD:
             raise ScenarioError(f"vary: {axis.path}; allowed: fields on which a run depends")
+        if axis.path == CONSTANT and ITS_CHOICE not in paths and sweep.scenario.controller.gain != "constant":
+            raise ScenarioError(
+                f"vary: {CONSTANT} has no effect while {ITS_CHOICE} is {sweep.scenario.controller.gain}, since d is "
+                f"then that of (17); allowed: with {ITS_CHOICE} constant, such as with --set {ITS_CHOICE}=constant"
+            )
         require_axis(axis)
         ends = (axis.at(0.0), axis.at(1.0))
         for value in ends if axis.numeric else axis.values:

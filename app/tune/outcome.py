@@ -194,10 +194,12 @@ def _draw_course(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> Non
 
 def summary_rows(tuning: Tuning, found: Found) -> list[list[str]]:
     """Rows of the table that is printed, its head first: gains, and the worst on the arms that were not seen with its
-    change and the number of arms that are better."""
+    change and the number of arms that are better. A candidate that another one beats there is marked: the front is that
+    of the arms that were seen."""
     paths = (axis.path.replace(".", ".\n", 1) for axis in tuning.vary)
     aims = (in_words(aim, units_of(tuning.scenario)) for aim in tuning.aims)
-    rows = [["", *paths, *aims, "promise\nholds"]]
+    arms = "1 arm" if tuning.unseen == 1 else f"{tuning.unseen} arms"
+    rows = [[f"worst of {arms}\nnot seen", *paths, *aims, "promise\nholds"]]
     files = files_of(tuning, found)
     for number, each in found.tried.items():
         if number and number not in files:
@@ -207,7 +209,9 @@ def summary_rows(tuning: Tuning, found: Found) -> list[list[str]]:
             f"{c.value:.4g}" + (f"\n{_percent(c.change)}, {c.better} of {tuning.unseen}" if number else "")
             for c in comparisons(tuning, found, number)
         ]
-        rows.append([files.get(number, OWN), *gains, *metrics, f"{100 * each.promised:.3g} %"])
+        beating = next((name for other, name in files.items() if found.tried[other].dominates(each)), "")
+        mark = f"\nbeaten by {beating}" if number and beating else ""
+        rows.append([files.get(number, OWN) + mark, *gains, *metrics, f"{100 * each.promised:.3g} %"])
     return rows
 
 
@@ -275,8 +279,8 @@ def _short(tuning: Tuning, found: Found) -> str:
         return ""
     settles = "does not settle" if unsettled else f"needs up to {max(known):.2g} s to settle"
     what = f"a run of {length:g} s {settles} with the {OWN}"
-    judged = f"judged is its last fifth ({', '.join(aims)})"
-    return f"{what}; {judged}: what is better there may be worse later, which longer runs show"
+    judged = f"Only the last fifth of a run is judged ({', '.join(aims)})."
+    return f"{what}. {judged} Gains that look better there may be worse later; use longer runs (--duration)"
 
 
 def _beats(tuning: Tuning, compared: Comparison) -> bool:

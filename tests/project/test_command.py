@@ -8,12 +8,14 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app.analysis.metrics import ACCOUNT_METRICS, RUN_METRICS
+from app.cli.commands import COMMANDS
 from app.cli.run import run
 from app.scenario.data import edited, from_toml, load, to_toml
 from app.scenario.schema import Scenario
@@ -134,6 +136,25 @@ def test_one_entry_of_a_list_is_set(tmp_path: Path, here: Callable[..., Done]) -
     assert K_m == (kept[0], 1200.0, *kept[2:])
     assert after.truth.push == (*before.truth.push[:2], 7.0)
     assert after.robot.posture == (0.1, -1.25, 1.8, -2.0, -1.5, 0.0)
+
+
+def test_the_version_is_said_at_once() -> None:
+    done = vsmrc("--version")
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"vsmrc-lab {version('vsmrc-lab')}\n", "")
+    code = "import sys; sys.argv[1:] = ['--version']; from app.__main__ import main; import app.__main__ as program; "
+    code += "program.end = lambda status: None; main(); assert not {'tyro', 'numpy'} & sys.modules.keys()"
+    subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)  # what makes others slow
+
+
+def test_the_help_has_every_command_and_says_what_runs_without_one(here: Callable[..., Done]) -> None:
+    done = here("--help")
+    assert done.returncode == 0
+    words = " ".join(done.stdout.split())
+    assert "usage: vsmrc [COMMAND] [OPTIONS]" in words
+    assert "Without a command, vsmrc does what `vsmrc serve` does, and takes its options" in words
+    assert "required" not in words
+    listed = re.findall(r"^  (\S+) +[A-Z]", done.stdout, re.MULTILINE)
+    assert listed == list(COMMANDS)
 
 
 def test_list_shows_robots_and_scenarios() -> None:

@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +33,8 @@ from app.session.changes import on_robot, on_surface
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from environments.robots import CATALOGUE
+from tests.support.commands import Done
+from tests.support.pages import Page
 
 pytestmark = pytest.mark.slow  # a process that compiles
 
@@ -352,6 +355,22 @@ def test_a_plot_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     gui = MagicMock()
     Plots(gui, VisibleParts(), Viewing(), nullcontext())
     assert "Mine" in str(gui.mock_calls)
+
+
+def test_the_command_with_a_surface_of_ones_own_presses_on_it_and_keeps_the_promise(
+    tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    page = Page(ROOT / "docs" / "extending.md")
+    (words,) = [each.words for each in page.commands if "surface=own:cone" in each.words]
+    asked = [str(tmp_path) if word.startswith("build/") else word for word in words[1:]]
+    done = here(*asked, "--duration", "1")
+    assert done.returncode == 0, done.stderr
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["promise"]["verdict"] == "holds"
+    assert metrics["force_error_tail"] < 0.1
+    with np.load(tmp_path / "recording.npz") as recording:
+        assert recording["multiplier"][-1] == pytest.approx(20.0, abs=0.1)
+    assert "not touched" not in done.stdout
 
 
 def test_a_surface_is_a_formula() -> None:

@@ -139,6 +139,13 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
     [
         (("run", "nothing"), "allowed: a .toml file or"),
         (("run", "ur5-hybird"), "; did you mean ur5-hybrid?"),
+        (
+            ("run", "docs/examples/cone.py"),
+            "scenario 'docs/examples/cone.py': is no .toml file; allowed: a file whose name ends in .toml, or a name "
+            "of `vsmrc list`\n",
+        ),
+        (("run", "."), "scenario '.': is a folder; allowed: a file whose name ends in .toml"),
+        (("run", "ur5-hybrid", "--blend-to", "docs"), "scenario 'docs': is a folder; allowed: a file whose name"),
         (("run", "UR5-Motion"), "; did you mean ur5-motion?"),
         (
             ("exprt", "ur5-hybrid"),
@@ -292,6 +299,19 @@ def test_a_file_in_place_of_the_folder_is_refused_before_anything_runs(
         done = here(*arguments, str(out))
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr == f"vsmrc: {arguments[-1]} {out}: {named}is a file; allowed: a folder\n"
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc, in which not even root can make a folder")
+def test_a_folder_that_cannot_be_made_is_refused_before_anything_runs(here: Callable[..., Done]) -> None:
+    done = here("run", "ur5-hybrid", "--out", "/proc/nothing")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("vsmrc: --out /proc/nothing: /proc cannot be written")
+    assert done.stderr.count("\n") == 1  # no bar of a simulation either
+
+
+def test_the_attempt_to_write_leaves_nothing(tmp_path: Path, here: Callable[..., Done]) -> None:
+    assert here("run", "ur5-hybrid", "--duration", "1e-5", "--out", str(tmp_path / "a" / "b")).returncode == 2
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_chart_goes_to_a_file_with_a_known_ending(tmp_path: Path, here: Callable[..., Done]) -> None:

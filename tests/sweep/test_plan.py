@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from pathlib import Path
 
 import msgspec
@@ -17,12 +18,15 @@ from app.sweep import plan
 from app.sweep.axes import Axis, axis_of, fitted
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Sweep, SweepPlan
+from app.sweep.run_metrics import SweepRunner
 from app.sweep.run_store import RunStore
 from app.tune.plan import Tuning
+from controllers.laws.table import LAWS
 
 BASE = shipped()["planar3r-hybrid"]
 BARE = msgspec.structs.replace(BASE, declared=Declared(payload_offset=0.1))  # without a payload, no arm differs
-BENT = Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf"
+ROOT = Path(__file__).parents[2]
+BENT = ROOT / "tests" / "support" / "robots" / "bent3r.urdf"
 
 
 def sweep_of(*vary: str, **fields: object) -> Sweep:
@@ -148,6 +152,11 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
         (sweep_of("contact.K_e=1:2:3", "contact.K_e=3:4:2"), "contact.K_e twice; allowed: each field once"),
         (sweep_of("truth.link_scaling=1:2:3", draw=2), "is drawn for each true arm; allowed: without --draw"),
         (sweep_of("contact.K_e=1:2:3", corners=True), "allowed: with --draw"),
+        (
+            sweep_of("controller.d=5:50:3"),
+            "controller.d has no effect while controller.gain is theorem, since d is then that of (17); allowed: with "
+            "controller.gain constant, such as with --set controller.gain=constant",
+        ),
         (sweep_of("contact.K_e=1:2"), "contact.K_e is a range; allowed: LOW:HIGH:COUNT"),
         (sweep_of("contact.K_e=1:2:3", points=4), "points: 4 in a grid"),
         (sweep_of("contact.K_e=1:2", design="sobol"), "design: 'sobol' with 0 points, 1 varied fields"),
@@ -252,6 +261,25 @@ def test_an_entry_of_a_matrix_that_is_drawn_is_not_varied() -> None:
     varied = Sweep(centres, (axis_of("truth.link_centre.1.1=0.0,0.1"),), draw=2)
     with pytest.raises(ScenarioError, match="is drawn for each true arm"):
         SweepPlan(varied)
+
+
+def test_the_constant_gain_is_varied_where_it_is_chosen() -> None:
+    constant = edited(BASE, "controller.gain", "constant")
+    assert SweepPlan(sweep_of("controller.d=5:50:3", scenario=constant)).count == 3
+    assert SweepPlan(sweep_of("controller.d=5:50:3", "controller.gain=theorem,constant")).count == 6
+
+
+def test_a_law_that_was_added_to_the_program_is_swept_over_its_own_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+    """docs/extending.md: the law in plain numpy with Pinocchio, and not with the compiled engine."""
+    law = runpy.run_path(str(ROOT / "docs" / "examples" / "pid_gravity.py"))["LAW"]
+    monkeypatch.setitem(LAWS, law.kind, law)
+    scenario = edited(edited(shipped()["ur5-impedance"], "controller.law", law.kind), "simulation.duration", 0.05)
+    asked = sweep_of(f"controller.own.{law.kind}.k_i=200:5000:2", scenario=scenario, engine="pinocchio")
+    few, many = (SweepRunner(asked).metrics(number) for number in range(2))
+    assert few["stopped"] is many["stopped"] is None
+    assert few["residual"] != many["residual"]
+    refused = SweepRunner(msgspec.structs.replace(asked, engine="compiled")).metrics(0)
+    assert str(refused["stopped"]).endswith("is a law of your own; allowed: --engine pinocchio")
 
 
 @pytest.mark.parametrize("path", ["truth.payload_mass", "truth.link_scaling.2", "truth"])

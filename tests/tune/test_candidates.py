@@ -11,7 +11,7 @@ import pytest
 
 from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate, front, judged
-from app.tune.outcome import FIGURE, TABLE, verdict, write
+from app.tune.outcome import FIGURE, TABLE, summary_rows, verdict, write
 from app.tune.running import Found
 from tests.tune.test_plan import TUNING
 
@@ -119,9 +119,24 @@ def test_runs_that_are_too_short_for_metrics_of_their_end_are_said() -> None:
     assert sentences(("force_error",), 0.1, 0.3) == []
     (slow,) = sentences(("force_error", "torque_variation"), 0.1, 0.6)
     assert "needs up to" in slow
-    assert "judged is its last fifth (force error)" in slow
+    assert slow.endswith(
+        "own gains. Only the last fifth of a run is judged (force error). Gains that look better there may be worse "
+        "later; use longer runs (--duration)"
+    )
     assert "does not settle" in sentences(("force_error",), 0.1, None)[0]
     assert sentences(("torque_variation",), 0.6, 0.9) == []
+
+
+def test_a_row_of_the_front_that_another_one_beats_on_the_arms_not_seen_is_marked() -> None:
+    tuning = msgspec.structs.replace(BOTH, vary=())
+    aims = {0: (1.0, 5.0), 1: (0.5, 6.0), 2: (0.6, 5.5), 3: (0.6, 5.7)}  # worst of the arms that were not seen
+    runs = {n: [SOUND | {"force_error": a, "torque_variation": b}] for n, (a, b) in aims.items()}
+    tried = {number: judged(tuning, number, {}, each) for number, each in runs.items()}
+    head, *rows = summary_rows(tuning, Found(list(tried.values()), tried, runs))
+    assert head[0] == "worst of 32 arms\nnot seen"
+    assert [row[0] for row in rows] == [
+        "own gains", "front/1.toml", "front/2.toml", "front/3.toml\nbeaten by front/2.toml"
+    ]  # fmt: skip
 
 
 def test_own_gains_that_never_come_to_a_metric_are_beaten_by_gains_that_do() -> None:

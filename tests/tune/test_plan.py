@@ -80,6 +80,7 @@ def test_a_gain_that_makes_no_sense_is_refused(text: str, sentence: str) -> None
         ({"vary": (moved("controller.layer=1:2"),) * 2}, "controller.layer twice"),
         ({"vary": (moved("truth.link_scaling=1:2"),)}, "truth.link_scaling: no gain; allowed: fields of controller"),
         ({"vary": (moved("simulation.duration=1:2"),)}, "simulation.duration: no gain"),
+        ({"vary": (moved("controller.d=5:50"),)}, "controller.d has no effect while controller.gain is theorem"),
         (
             {"scenario": UNDECLARED, "draw": 0, "unseen": 32},
             "--unseen 32: true arms that are all alike, since no quantity that is drawn is declared; allowed: a bound "
