@@ -172,17 +172,19 @@ def _sampling(loop: ClosedLoop) -> Iterator[str]:
 
 
 def _print_promise(metrics: Metrics, system: System) -> None:
-    """The verdict on the theorem's promise, and each premise that failed; under another law than (25) only that one,
-    since the others are about terms that the law does not have."""
+    """The verdict on the theorem's promise, and each premise that failed; under another law than (25) not those
+    about d and s, which it does not have."""
+    from app.simulation.verdict import OF_ROBUST_TERMS
+
     promise = metrics.promise
     print(f"{'promise':{TITLE}s} {promise.verdict}: {promise.because}")
     print(f"{'promised share of the run':{TITLE}s} {100 * promise.share:.4g} %")
     for finding in metrics.premises:
-        if finding.failed is None:
+        if finding.failed is None or (not system.controller.law.robust and finding.premise in OF_ROBUST_TERMS):
             continue
         if finding.premise == LAW:
             print(f"premise failed at {finding.failed:.4g} s: {finding.title}")
-        elif system.controller.law.robust:
+        else:
             print(
                 f"premise failed at {finding.failed:.4g} s: {finding.title}, least margin {shown(finding.margin)} "
                 f"{finding.unit}".rstrip()

@@ -13,6 +13,11 @@ from app.scenario.units import Units
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise, PremiseTable, PromiseRecord
 
+# premises about d and s, which only the law (25) has; without them they say nothing
+OF_ROBUST_TERMS = frozenset(
+    each.name.lower()
+    for each in (Premise.GAIN, Premise.HELD, Premise.LAYER, Premise.GAIN_BY_CHATTER, Premise.GAIN_BY_FORCE)
+)
 Outcome = Literal["holds", "broken", "nothing promised"]
 
 

@@ -65,6 +65,9 @@ def test_what_only_the_next_period_can_judge_is_not_said_to_be_unpromised() -> N
     assert "all premises hold since the change at t = 0.001 s" in status_html(snapshot_of(loop), "")
     loop.edit(edited(SHIPPED, "controller.law", "pd-gravity"))
     assert words()[:2] == [("warn", "nothing promised"), ("warn", "now: nothing promised")]
+    html = premises_html(snapshot_of(loop))
+    assert "torque of the drives" in html
+    assert "d covers (17)" not in html  # of a law without d
 
 
 def test_a_warning_says_when_its_cause_is_over() -> None:
