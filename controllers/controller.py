@@ -104,6 +104,7 @@ class Controller:
             tight=self.bounds == "tight",
             switching=int(self.switching),
             layer=float(self.layer),
+            reaching_share=self.switching.reaching_share,
             uncertainty=self.uncertainty,
         )
 

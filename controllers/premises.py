@@ -24,7 +24,7 @@ from controllers.bounds import (
 )
 from controllers.control_law import joint_acceleration, joint_velocity
 from controllers.reaching import ReachingBound, envelope
-from controllers.switching import SAMPLING_SHARE, Switching, layer_width
+from controllers.switching import SAMPLING_SHARE, layer_width
 from controllers.task_space import Scratch
 from kernels import inline
 from kernels.algebra import (
@@ -41,7 +41,6 @@ from kernels.algebra import (
 MOST_PERIODS, LONGEST_INTERVAL = 40, 0.04
 NEVER = np.nan
 ROUNDING = 1e-9
-SATURATION = int(Switching.SATURATION)
 
 
 class Premise(IntEnum):
@@ -270,16 +269,15 @@ def gain_on_surface(given, output, scratch):
 
 
 @inline
-def _falling_from(alpha, beta, period, H_min, share, gains):
+def _falling_from(alpha, beta, period, H_min, gains):
     """Least ||s|| (m/s) from which on a period takes (19)'s T (c_1 V + c_2 sqrt(V)) from V, for robust terms and
     perturbations of together A = alpha ||s|| + beta (N) against s; infinite for none.
-    share: of epsilon that (19) counts on.
 
-    It is A (1 - T A / (2 h ||s||)) >= share epsilon + 3/4 lambda_min(K_s) ||s||, quadratic in ||s||.
+    It is A (1 - T A / (2 h ||s||)) >= reaching_share epsilon + 3/4 lambda_min(K_s) ||s||, quadratic in ||s||.
     """
     tau = 0.5 * period / H_min
     square = alpha * (1.0 - tau * alpha) - (1.0 - SAMPLING_SHARE) * gains.K_s_smallest
-    linear = beta * (1.0 - 2.0 * tau * alpha) - share * gains.epsilon
+    linear = beta * (1.0 - 2.0 * tau * alpha) - gains.reaching_share * gains.epsilon
     if square <= 0.0:
         return np.inf
     return (np.sqrt(linear**2 + 4.0 * square * tau * beta**2) - linear) / (2.0 * square)
@@ -314,12 +312,11 @@ def check_posture(given, output, record, period, scratch, table, check):
     check.layer_width = layer_width(gains.switching, gains.layer, check.d, steepness, gains.epsilon)
     stopping = check.H_min - period * (steepness + 0.5 * (gains.K_s_largest + held))
     chatter = period * check.d / stopping if stopping > 0.0 else np.inf
-    given_up = 0.5 if gains.switching > SATURATION else 0.0
-    share, least = 1.0 - SAMPLING_SHARE - given_up, check.d - given_up * gains.epsilon
+    given_up = 1.0 - SAMPLING_SHARE - gains.reaching_share  # of epsilon, by a function that only approaches 1
     most = gains.K_s_largest + held + 2.0 * steepness
     falling = max(
-        _falling_from(gains.K_s_smallest, least, period, check.H_min, share, gains),
-        _falling_from(most, 2.0 * check.d, period, check.H_min, share, gains),
+        _falling_from(gains.K_s_smallest, check.d - given_up * gains.epsilon, period, check.H_min, gains),
+        _falling_from(most, 2.0 * check.d, period, check.H_min, gains),
     )
     check.radius = max(check.layer_width, chatter, falling)
     if np.isinf(check.radius) and table.value[LAYER] < table.limit[LAYER]:

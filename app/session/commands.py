@@ -139,6 +139,9 @@ class EditModel:
     entries: Mapping[str, Mapping[int, float]]
 
 
+FieldEdit = Edit | EditAll | EditModel
+
+
 @dataclass(frozen=True)
 class TimedChange:
     """A field's new value, as in `Edit`, from the instant `at` (s) of a run on."""
@@ -210,9 +213,7 @@ Command = (
     | Load
     | BeginScenario
     | Continue
-    | Edit
-    | EditAll
-    | EditModel
+    | FieldEdit
     | Perform
     | Blend
     | PushNow

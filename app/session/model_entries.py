@@ -25,6 +25,12 @@ def plain(matrix: np.ndarray) -> list[Any]:
     return (matrix if np.count_nonzero(matrix - np.diag(diagonal)) else diagonal).tolist()
 
 
+def pressed_on(scenario: Scenario, n: int) -> np.ndarray:
+    """Stiffness (n,) N/m that the controller assumes each of n coordinates to press on while the others are held, see
+    `Mode.environment`."""
+    return np.diag(mode_of(scenario).environment(n, stiffness_met(scenario)))
+
+
 def with_model_entries(scenario: Scenario, entries: Mapping[str, Mapping[int, float]]) -> Scenario:
     """The scenario with other entries on the diagonals of its target model, see `EditModel`; a matrix at the mode's
     default is written out where it changes. Raises ScenarioError and RobotError."""
@@ -43,7 +49,7 @@ def _swing(scenario: Scenario, matrices: dict[str, np.ndarray], wanted: Mapping[
     """Give coordinates their omega and zeta by entries of B_m, K_m and K_f; one that is not wanted stays.
     wanted: by name, then by coordinate. Raises ScenarioError where a coordinate has no such value that could stay."""
     n = len(matrices["M_m"])
-    K_e = np.diag(mode_of(scenario).environment(n, stiffness_met(scenario)))
+    K_e = pressed_on(scenario, n)
     now = oscillators(**matrices, K_e=K_e)
     for i in sorted(wanted["omega"].keys() | wanted["zeta"].keys()):
         omega, zeta = (float(wanted[name].get(i, getattr(now, name)[i])) for name in SWING)

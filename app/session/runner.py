@@ -18,7 +18,7 @@ import structlog
 from app.process.free_memory import give_back
 from app.scenario.schema import Scenario
 from app.session.commanded_run import CommandedRun
-from app.session.commands import Blend, Command, Edit, EditAll, EditModel, Push, PushNow, Seek, needs_kernels
+from app.session.commands import Blend, Command, Edit, EditModel, FieldEdit, Push, PushNow, Seek, needs_kernels
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.snapshot import PREPARING, Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
@@ -236,7 +236,7 @@ class Runner:
             before = None
         self._executed += len(queued)
         return self._commanded.runs != runs or not all(
-            isinstance(command, Edit | EditAll | EditModel | Blend | PushNow | Push) for command in queued
+            isinstance(command, FieldEdit | Blend | PushNow | Push) for command in queued
         )
 
     def _publish(self) -> Snapshot:

@@ -171,7 +171,7 @@ class _Gains:
     """Gains that `_falling_from` reads."""
 
     def __init__(self, K_s: float, epsilon: float) -> None:
-        self.K_s_smallest, self.epsilon = K_s, epsilon
+        self.K_s_smallest, self.epsilon, self.reaching_share = K_s, epsilon, 1.0 - SAMPLING_SHARE
 
 
 @pytest.mark.parametrize("d_0", [2.0, 5.0, 40.0])
@@ -182,7 +182,7 @@ def test_v_falls_from_the_radius_on_whatever_pushes_against_s(d_0: float, slope:
     h, T, epsilon, kept = 3.0, 1e-3, 2.0, 1.0 - SAMPLING_SHARE
     gains = _Gains(K_s, epsilon)
     ends = ((K_s, d_0), (K_s * (1.0 + SAMPLING_SHARE) + 2.0 * slope, 2.0 * d_0))
-    radius = max(_falling_from.py_func(alpha, beta, T, h, kept, gains) for alpha, beta in ends)
+    radius = max(_falling_from.py_func(alpha, beta, T, h, gains) for alpha, beta in ends)
     worst = np.inf
     for r in radius * np.geomspace(1.0, 1e3, 200):
         d = d_0 + np.linspace(0.0, slope, 7)[:, None] * r
@@ -204,8 +204,8 @@ def test_v_falls_from_the_radius_on_whatever_pushes_against_s(d_0: float, slope:
 
 def test_a_linear_gain_too_large_for_the_period_promises_nothing() -> None:
     gains = _Gains(2000.0, 2.0)
-    assert _falling_from.py_func(2000.0, 5.0, 1e-3, 3.0, 0.75, gains) == np.inf  # T K_s / h = 0.67
-    assert np.isfinite(_falling_from.py_func(1400.0, 5.0, 1e-3, 3.0, 0.75, _Gains(1400.0, 2.0)))
+    assert _falling_from.py_func(2000.0, 5.0, 1e-3, 3.0, gains) == np.inf  # T K_s / h = 0.67
+    assert np.isfinite(_falling_from.py_func(1400.0, 5.0, 1e-3, 3.0, _Gains(1400.0, 2.0)))
 
 
 def test_a_model_that_is_unstable_at_any_period_is_not_blamed_on_sampling() -> None:

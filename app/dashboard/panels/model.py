@@ -17,11 +17,12 @@ from app.dashboard.widgets.impedance_view import ImpedanceView
 from app.dashboard.widgets.matrix_editor import MatrixEditor
 from app.dashboard.widgets.matrix_text import written
 from app.dashboard.widgets.model_checks import checks_html, loops_html
-from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, pressed_on
+from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace
 from app.dashboard.widgets.pole_drag import PoleDrag
 from app.scenario.schema import Scenario
 from app.scenario.units import JOINT
 from app.session.commands import Edit, EditModel
+from app.session.model_entries import pressed_on
 from app.session.snapshot import Snapshot
 
 
@@ -163,7 +164,9 @@ def matrix_note(snapshot: Snapshot, name: str, meaning: str) -> str:
 def oscillator_note(snapshot: Snapshot, unit: str) -> str:
     """Note on omega and zeta as HTML: how they are set, and for which coordinates they are special."""
     lines = [f"{unit}, each axis alone. M_m is kept: K_m = M_m ω², B_m = 2ζω M_m."]
-    for coordinate, K_e in zip(snapshot.coordinates, pressed_on(snapshot), strict=True):
+    for coordinate, K_e in zip(
+        snapshot.coordinates, pressed_on(snapshot.scenario, len(snapshot.coordinates)), strict=True
+    ):
         name = symbol(coordinate.name)
         if np.isinf(K_e):
             lines.append(f"{name} is held by the rigid surface (42) and does not swing: no ω, no ζ.")

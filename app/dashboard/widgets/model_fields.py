@@ -15,9 +15,8 @@ from app.dashboard.widgets.field_place import FieldPlace
 from app.dashboard.widgets.matrix_text import written
 from app.scenario.units import Units
 from app.session.commands import Blend, Edit, EditAll, EditModel
-from app.session.model_entries import plain
+from app.session.model_entries import plain, pressed_on
 from app.session.snapshot import Snapshot
-from app.simulation.controller_builder import stiffness_met
 from controllers.second_order import Oscillators, oscillators
 
 
@@ -37,19 +36,9 @@ def blending(edit: Edit, over: float) -> Blend:
     return Blend(edit.value, over)  # pyright: ignore[reportArgumentType]
 
 
-def environment_of(snapshot: Snapshot) -> np.ndarray:
-    """Stiffness (n, n) N/m that the controller assumes the model to meet; see `Mode.environment`."""
-    return snapshot.system.mode.environment(len(snapshot.coordinates), stiffness_met(snapshot.scenario))
-
-
-def pressed_on(snapshot: Snapshot) -> np.ndarray:
-    """Stiffness (n,) N/m that the controller assumes each coordinate to press on while the others are held."""
-    return np.diag(environment_of(snapshot))
-
-
 def oscillators_of(snapshot: Snapshot) -> Oscillators:
     """omega and zeta of every coordinate of the running model."""
-    return oscillators(**snapshot.matrices, K_e=pressed_on(snapshot))
+    return oscillators(**snapshot.matrices, K_e=pressed_on(snapshot.scenario, len(snapshot.coordinates)))
 
 
 def alone() -> bool:

@@ -13,10 +13,11 @@ from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.matrix_text import written
-from app.dashboard.widgets.model_fields import oscillators_of, pressed_on
+from app.dashboard.widgets.model_fields import oscillators_of
 from app.dashboard.widgets.pole_map import grouped
 from app.dashboard.widgets.whatif import HeldControl
 from app.session.commands import EditModel
+from app.session.model_entries import pressed_on
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import stiffness_met
 from controllers.second_order import moved, poles_of
@@ -82,7 +83,7 @@ def numbered_poles(snapshot: Snapshot) -> list[complex]:
 
 def others_of(snapshot: Snapshot, pole: complex) -> dict[int, complex]:
     """Other pole (1/s) of each coordinate, by number, that has a pole (1/s), is free and is not coupled with others."""
-    oscillators, pressed = oscillators_of(snapshot), pressed_on(snapshot)
+    oscillators, pressed = oscillators_of(snapshot), pressed_on(snapshot.scenario, len(snapshot.coordinates))
     found = {}
     for i, (omega, zeta) in enumerate(zip(oscillators.omega, oscillators.zeta, strict=True)):
         fixed = is_fixed(snapshot, "K_f" if pressed[i] > 0.0 else "K_m", i) or is_fixed(snapshot, "B_m", i)

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from app.scenario.data import differences, edited, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
-from app.session.commands import Edit, EditAll, EditModel
+from app.session.commands import Edit, EditAll, EditModel, FieldEdit
 from app.session.model_entries import with_model_entries
 from app.session.preview_client import Previewer
 from app.session.preview_messages import Outlook, PreviewRefusal
@@ -28,7 +28,7 @@ class HeldControl:
     then: ways to go on, in words for the user.
     moved: value of every place that the edit sets."""
 
-    edit: Edit | EditAll | EditModel
+    edit: FieldEdit
     label: str
     value: str
     control: object
@@ -37,7 +37,7 @@ class HeldControl:
     moved: Mapping[object, float] = field(default_factory=dict)
 
 
-def changed(scenario: Scenario, edit: Edit | EditAll | EditModel) -> Scenario:
+def changed(scenario: Scenario, edit: FieldEdit) -> Scenario:
     """The scenario after this edit. Raises ScenarioError."""
     match edit:
         case Edit(path, value):
@@ -56,7 +56,7 @@ class _RequestKey:
     push, arms: see `PreviewRequest`.
     t: instant at which the preview begins, s."""
 
-    edit: Edit | EditAll | EditModel
+    edit: FieldEdit
     base: Scenario
     horizon: float
     push: float
@@ -126,7 +126,7 @@ class WhatIf:
         return {} if applied is None or applied.answers != _answers(snapshot) else applied.moved
 
     def remember(
-        self, snapshot: Snapshot, edit: Edit | EditAll | EditModel, moved: Mapping[object, float] = MappingProxyType({})
+        self, snapshot: Snapshot, edit: FieldEdit, moved: Mapping[object, float] = MappingProxyType({})
     ) -> None:
         """Remember an edit that is posted, for `undo`. moved: see `HeldControl`."""
         try:
