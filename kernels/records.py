@@ -36,6 +36,13 @@ class Record(Generic[T]):
         """Fields of the record as attributes, to be read and written."""
         return Fields(self.data)
 
+    @cached_property
+    def read_only(self) -> Fields:
+        """Fields of the record as attributes, to be read: numpy refuses to write there."""
+        data = self.data.view()
+        data.flags.writeable = False
+        return Fields(data)
+
     @property
     def views(self) -> T:
         """The same, with the types of the named tuple; that itself would take a hundred times as long, see `read`."""

@@ -16,6 +16,8 @@ from app.simulation.alarms import Alarm
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_period import RunData, run_periods
 from app.simulation.stations import APART
+from controllers.control_law import ControlLaw
+from controllers.laws.table import LAWS
 from environments.integrators import Integrator
 from environments.readings_ahead import ReadingsAhead, known
 from environments.rigid_surfaces import out_of_reach
@@ -30,11 +32,18 @@ def obstacle(loop: ClosedLoop) -> str | None:
     """Why the compiled run cannot take this loop in its present state, None where it can."""
     law = loop.system.controller.law
     reasons = {
-        f"controller.law: {law.kind!r} is a law of your own": loop.system.controller.gains.law < 0,
+        f"controller.law: {law.kind!r} is {_kind_of(law)}": loop.system.controller.gains.law < 0,
         "the force sensor has a stage that is known to the interpreter only": not known(loop.state.reader),
         "a hand holds the tool": loop.grip is not None,
     }
     return next((reason for reason, holds in reasons.items() if holds), None)
+
+
+def _kind_of(law: ControlLaw) -> str:
+    """Words for a law that is not within the compiled period."""
+    if LAWS.get(law.kind) is not law:
+        return "a law of your own"
+    return "a law with a state or parameters of its own" if law.compiled else "a law in plain numpy"
 
 
 class PostureChecks(NamedTuple):

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import namedtuple
 from collections.abc import Callable
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -42,9 +43,27 @@ class SeparateLaw:
 
 
 def _interpreted(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
-    """The law's torque as a function of an evaluation and of the law's own state, in the interpreter."""
-    ask, own = with_law_input(law.torque).py_func, parameters or no_parameters.py_func(settings.fields.gains)
-    return lambda evaluation, *state: ask(settings.fields, evaluation.fields, own, *state)
+    """The law's torque as a function of an evaluation and of the law's own state, in the interpreter. What the law
+    gets is read-only: a slip in a line such as `J_q *= 2` would change the arm's estimates instead of a torque."""
+    given = settings.read_only
+    ask, own = with_law_input(law.torque).py_func, parameters or no_parameters.py_func(given.gains)
+    return lambda evaluation, *state: ask(given, _guarded(evaluation), own, *state)
+
+
+def _guarded(evaluation: Record[Evaluation]) -> SimpleNamespace:
+    """Evaluation of which a law can only write its output and its working memory."""
+    read, written = evaluation.read_only, evaluation.fields
+    seen = read.seen
+    return SimpleNamespace(
+        seen=SimpleNamespace(
+            task=seen.task, estimate=seen.estimate, q=seen.q, q_dot=seen.q_dot, work=written.seen.work
+        ),
+        reference=read.reference,
+        feedforward=read.feedforward,
+        z=read.z,
+        F=read.F,
+        output=written.output,
+    )
 
 
 def _compiled(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:

@@ -9,7 +9,15 @@ from controllers.laws import KINDS
 from kernels import choice, inline
 
 LAWS: dict[str, ControlLaw] = {kind: import_module(f"controllers.laws.{kind.replace('-', '_')}").LAW for kind in KINDS}
-WITHIN = tuple(kind for kind, law in LAWS.items() if law.compiled and law.states is None)  # within the compiled period
+
+
+def fits_within(law: ControlLaw) -> bool:
+    """Whether a law can be within the compiled period, whose data are the same under every law: it is compiled, and has
+    neither a state nor parameters of its own."""
+    return law.compiled and law.states is None and not law.parameters
+
+
+WITHIN = tuple(kind for kind, law in LAWS.items() if fits_within(law))  # laws within the compiled period
 
 
 def number_of(law: ControlLaw) -> int:

@@ -24,6 +24,7 @@ from app.session.commands import (
     TakeWayOut,
 )
 from environments.push import Grip
+from tests.support.desks import Posted
 
 HYBRID = shipped()["ur5-hybrid"]
 ALLOWED = Edit("target_model.B_m", [100.0] * 6)
@@ -31,9 +32,9 @@ ALLOWED = Edit("target_model.B_m", [100.0] * 6)
 
 @pytest.fixture
 def lock() -> tuple[EditLock, list[Command], list[str]]:
-    posted: list[Command] = []
+    posted = Posted()
     complaints: list[str] = []
-    return EditLock(posted.append, complaints.append), posted, complaints
+    return EditLock(posted.post, complaints.append), posted, complaints
 
 
 @pytest.mark.parametrize(
@@ -55,13 +56,13 @@ def test_other_changes_are_refused_with_the_way_out(
 ) -> None:
     gate, posted, complaints = lock
     gate.fields = frozenset({"target_model.B_m"})
-    assert not gate.post(command)
+    assert gate.post(command) is None
     assert posted == []
     assert type(command).__name__ not in complaints[0]
     assert complaints[0].endswith("locked by the goal of a lesson; allowed: B_m, or leave the lesson")
     assert not re.search(r"[a-z_]+\.[a-zA-Z_]+", complaints[0])
     gate.fields = None
-    assert gate.post(command)
+    assert gate.post(command) == len(posted)
     assert posted == [command]
 
 

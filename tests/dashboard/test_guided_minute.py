@@ -16,16 +16,17 @@ from app.dashboard.widgets.guided_minute import GuidedMinute, GuidedStep, steps
 from app.scenario.data import edited
 from app.scenario.schema import Scenario
 from app.session.changes import pushed
-from app.session.commands import Command, Load, Play
+from app.session.commands import Load, Play
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.environment_builder import robot_of
 from controllers.modes import MODES
+from tests.support.desks import Posted
 
 
 def test_a_lesson_with_an_open_goal_does_not_begin_it(viser_server: viser.ViserServer) -> None:
     """What is refused neither opens the folder nor lets a paused attempt at the goal run on."""
-    posted, complaints = list[Command](), list[str]()
-    lock = EditLock(posted.append, complaints.append)
+    posted, complaints = Posted(), list[str]()
+    lock = EditLock(posted.post, complaints.append)
     minute = GuidedMinute(cast(Desk, SimpleNamespace(gui=viser_server.gui, post=lock.post)))
     lock.fields = frozenset({"controller.layer"})
     asyncio.run(minute._toggle(None))

@@ -21,12 +21,13 @@ from app.lessons.playing import play, runs
 from app.session.commands import Command, Load, Pause, Play, Reset
 from app.storage.constants_store import kept_memory
 from tests.lessons.test_lessons import lesson
+from tests.support.desks import Posted
 
 
 def entered(course: LessonCourse, *, again: bool) -> list[Command]:
     """Commands that the panel posts when it enters the shown step."""
-    posted: list[Command] = []
-    lock = SimpleNamespace(post=posted.append, fields=None)
+    posted = Posted()
+    lock = SimpleNamespace(post=posted.post, fields=None)
     panel = SimpleNamespace(_course=course, _desk=SimpleNamespace(lock=lock), _entered=0)
     LessonsPanel._enter(cast(LessonsPanel, panel), again=again)
     return posted

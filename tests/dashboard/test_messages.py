@@ -282,7 +282,7 @@ def test_a_last_session_that_cannot_be_read_stays_offered_and_is_answered_once()
         return (), ""
 
     session = LastSession(offer, "", take_up, lambda: done.append("refused"))
-    lock = EditLock(done.append, complaints.append)
+    lock = EditLock(lambda command: done.append(command) or len(done), complaints.append)
     add_last_session(gui, session, 0.0, lock, complaints.append)
     folder, text, go_on, dismiss = made
     offered = text.content

@@ -16,10 +16,10 @@ from app.dashboard.widgets.model_checks import judge_requested
 from app.dashboard.widgets.pole_drag import PoleDrag, draggable, numbered_poles, others_of, pole_edit
 from app.dashboard.widgets.whatif import HeldControl
 from app.scenario.data import edited, load
-from app.session.commands import Command
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from controllers.second_order import moved, poles_of
+from tests.support.desks import Posted
 
 
 def seen(scenario: str, **matrices: object) -> Snapshot:
@@ -69,14 +69,10 @@ def test_a_drag_that_never_ended_spoils_none_of_another_model(viser_server: vise
     runs = seen("ur5-impedance"), seen("planar3r-hybrid")
     number = min(draggable(runs[0]) & draggable(runs[1]))
     shown = [runs[0]]
-    held, posted = list[HeldControl](), list[Command]()
+    held, posted = list[HeldControl](), Posted()
     whatif = SimpleNamespace(on=True, hold=held.append, let_go=lambda _: None, remember=lambda *_: None)
 
-    def post(command: Command) -> bool:
-        posted.append(command)
-        return True
-
-    desk = SimpleNamespace(gui=viser_server.gui, post=post, snapshot=lambda: shown[-1], whatif=whatif)
+    desk = SimpleNamespace(gui=viser_server.gui, post=posted.post, snapshot=lambda: shown[-1], whatif=whatif)
     drag = PoleDrag(cast(Desk, desk))
 
     def report(phase: str, page: int) -> None:

@@ -26,12 +26,13 @@ from app.dashboard.widgets.theorem_table import facts_html
 from app.dashboard.widgets.whatif import changed
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
-from app.session.commands import Blend, Command, Edit, EditAll, EditModel
+from app.session.commands import Blend, Edit, EditAll, EditModel
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 from controllers.second_order import oscillators, shaped
 from controllers.target_model import InvalidGain, TargetModel
+from tests.support.desks import Posted
 
 positive = st.floats(1e-2, 1e3)
 SIX = np.arange(1.0, 7.0)
@@ -89,13 +90,9 @@ def test_omega_zeta_and_a_matrix_of_one_picture_of_the_page_all_hold():
 
 
 def test_a_draft_that_is_applied_sets_its_matrices_only(hybrid: Snapshot, viser_server: viser.ViserServer):
-    posted = list[Command]()
+    posted = Posted()
 
-    def post(command: Command) -> bool:
-        posted.append(command)
-        return True
-
-    desk = SimpleNamespace(gui=viser_server.gui, post=post, snapshot=lambda: hybrid)
+    desk = SimpleNamespace(gui=viser_server.gui, post=posted.post, snapshot=lambda: hybrid)
     editor = MatrixEditor(cast(Desk, desk))
     editor._draft = Draft(6, {"K_m": "0 4000 4000 4000 4000 4500"})
     apply = cast(viser.GuiEvent, SimpleNamespace(target=SimpleNamespace(value="apply all")))
@@ -109,8 +106,8 @@ def test_a_draft_that_is_applied_sets_its_matrices_only(hybrid: Snapshot, viser_
 
 
 def test_a_lesson_that_allows_damping_allows_zeta_and_not_omega(hybrid: Snapshot):
-    posted, complaints = list[Command](), list[str]()
-    lock = EditLock(posted.append, complaints.append)
+    posted, complaints = Posted(), list[str]()
+    lock = EditLock(posted.post, complaints.append)
     lock.fields = frozenset({"target_model.B_m"})
     zeta, omega = (OscillatorPlace("target_model", kind, 1).edit(hybrid, 2.0) for kind in ("zeta", "omega"))
     assert lock.post(zeta)

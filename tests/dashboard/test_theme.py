@@ -15,6 +15,7 @@ from app.dashboard.widgets.shortcuts import Shortcuts
 from app.scenario.data import shipped
 from app.session.commands import BeginScenario, Edit
 from controllers.modes import MODES
+from tests.support.desks import Posted
 
 ROOT = Path(__file__).parents[2]
 THEMES = ("dark", "light")
@@ -94,9 +95,9 @@ class _Gui:
 
 @pytest.fixture
 def desk() -> tuple[_Gui, list[Any]]:
-    gui, posted = _Gui(), []
+    gui, posted = _Gui(), Posted()
     now = SimpleNamespace(scenario=shipped()["ur5-hybrid"])
-    Shortcuts(cast(Desk, SimpleNamespace(gui=gui, post=posted.append, snapshot=lambda: now)))
+    Shortcuts(cast(Desk, SimpleNamespace(gui=gui, post=posted.post, snapshot=lambda: now)))
     return gui, posted
 
 

@@ -219,13 +219,21 @@ def test_a_file_that_is_none_is_said(tmp_path: Path) -> None:
             "line 5: ValueError: could not broadcast",
         ),
         ("def torque(given, out):\n    out.nothing = 1.0\n", "line 5: AttributeError: no field 'nothing'; there are"),
+        (
+            "def torque(given, out):\n    J_q = given.task.J_q\n    J_q *= 2.0\n",
+            "line 6: ValueError: output array is read-only",
+        ),
+        (
+            "def torque(given, out):\n    given.gains.K_s[0, 0] = 1.0\n",
+            "line 5: ValueError: assignment destination is read-only",
+        ),
         ("def torque(given):\n    pass\n", "TypeError: torque() takes 1 positional argument but 2 were given"),
         (
             "@inline\ndef torque(given, out):\n    out.d = given.nothing\n",
             "line 6: TypingError: Unknown attribute 'nothing'",
         ),
     ],
-    ids=["shape", "field", "arguments", "compiled"],
+    ids=["shape", "field", "input", "gain", "arguments", "compiled"],
 )
 def test_a_law_that_cannot_answer_is_refused_and_what_runs_goes_on(
     torque: str, message: str, written: Callable[[str], Path]

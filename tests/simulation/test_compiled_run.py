@@ -13,8 +13,10 @@ from app.session.changes import blending_to
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
 from app.simulation.warm_up import SILENT
+from controllers.laws.table import LAWS, fits_within
 from environments import sensors
 from environments.push import Grip
+from parameters import Parameter
 from tests.support.same_rows import require_same_rows
 
 PERIODS, MANY = (70, 20, 60), (700, 300, 7000)  # compiled, by steps, and compiled again
@@ -145,6 +147,14 @@ def test_obstacle_names_why_a_run_is_not_taken(monkeypatch: pytest.MonkeyPatch) 
     own = replace(system, controller=replace(system.controller, law=SILENT, parameters={}))
     with pytest.raises(ValueError, match=r"controller\.law: 'silent' is a law of your own"):
         CompiledRun(ClosedLoop.from_system(own))
+
+    braked = replace(LAWS["pd-gravity"], kind="braked", parameters=(Parameter("k", 1.0, 0.0, 2.0, "1", "a factor"),))
+    monkeypatch.setitem(LAWS, "braked", braked)  # as for a file in controllers/laws
+    assert fits_within(LAWS["pd-gravity"])
+    assert not fits_within(braked)
+    with_parameters = replace(system, controller=replace(system.controller, law=braked, parameters={"k": 1.0}))
+    words = "controller.law: 'braked' is a law with a state or parameters of its own"
+    assert obstacle(ClosedLoop.from_system(with_parameters)) == words
 
     class Clip(sensors.Bias):
         """A stage that the compiled run does not know."""

@@ -144,7 +144,7 @@ class Hand:
             self._held = replace(held, moved=moved)
 
     def _pull(self, grip: Grip) -> None:
-        if not self._desk.post(Push(grip)):  # a lesson's goal has begun meanwhile
+        if self._desk.post(Push(grip)) is None:  # a lesson's goal has begun meanwhile
             self._held = None
             self._desk.post(Push(None))
 

@@ -42,7 +42,7 @@ SOON = 1.0  # s of waiting after another arm has been prepared
 class Desk:
     """Desk: all that panels share.
     gui: for their widgets.
-    post: puts a command into the runner's queue; returns False for one that the lock refuses.
+    post: puts a command into the runner's queue; returns its number there, None for one that the lock refuses.
     snapshot: returns the newest one.
     whatif: previews of held sliders.
     viewing: options of the scene and the plots.
@@ -59,7 +59,7 @@ class Desk:
     scene_of: returns the size of the scene on a client's page, px of the page; None while it is not known."""
 
     gui: viser.GuiApi
-    post: Callable[[Command], bool]
+    post: Callable[[Command], int | None]
     snapshot: Callable[[], Snapshot]
     whatif: WhatIf
     viewing: Viewing
@@ -111,12 +111,12 @@ class AwaitedAnswer:
 
 def _asked(desk: Desk, snapshot: Snapshot, edit: Edit | EditModel, answer: AwaitedAnswer) -> bool:
     """Post an edit, whose answer is awaited unless a lesson locks it. Returns whether it was posted."""
-    posted = desk.post(edit)
-    if posted:
-        answer.expect_answer(desk.lock.last)
-    else:
+    number = desk.post(edit)
+    if number is None:
         answer.expect(snapshot, seconds=0.0)
-    return posted
+        return False
+    answer.expect_answer(number)
+    return True
 
 
 def labelled(label: str, unit: str) -> str:

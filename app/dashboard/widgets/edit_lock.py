@@ -35,23 +35,21 @@ class EditLock:
     """Lock in front of the runner: passes every command, or, while it is closed, of the changes only edits of `fields`.
 
     fields: dotted paths, None while the lock is open.
-    last: number of the command that was passed on last, as `post` of the runner returns it; 0 where it returns none.
     """
 
-    def __init__(self, post: Callable[[Command], int | None], complain: Callable[[str], None]) -> None:
+    def __init__(self, post: Callable[[Command], int], complain: Callable[[str], None]) -> None:
         self._post, self._complain = post, complain
         self.fields: frozenset[str] | None = None
-        self.last = 0
 
-    def post(self, command: Command) -> bool:
-        """Pass a command on to the runner, or complain where it is locked. Returns whether it was passed on."""
+    def post(self, command: Command) -> int | None:
+        """Pass a command on to the runner. Returns its number there, from 1 on; None for a command that is locked, and
+        complains of it."""
         locked = self._locked(command)
         if not locked:
-            self.last = self._post(command) or 0
-            return True
+            return self._post(command)
         allowed = ", ".join(map(called, sorted(self.fields or ())))
         self._complain(f"{locked}: locked by the goal of a lesson; allowed: {allowed}, or leave the lesson")
-        return False
+        return None
 
     def _locked(self, command: Command) -> str:
         """Words for what is locked of a command, "" for nothing."""

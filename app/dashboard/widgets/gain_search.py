@@ -173,7 +173,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         if self._chosen == candidate.number and self._desk.whatif.holds(self):
             if candidate.badge and candidate.number:
                 self._desk.complain(f"candidate {candidate.number}: not offered, {candidate.badge}")
-            elif self._desk.post(edit):
+            elif self._desk.post(edit) is not None:
                 self._desk.whatif.remember(snapshot, edit)
             self._leave()
             return

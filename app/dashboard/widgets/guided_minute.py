@@ -91,7 +91,7 @@ class GuidedMinute:
     def _enter(self, at: int) -> None:
         """Begin a step and show it; nothing where the page refuses it, as while a lesson's goal is open."""
         step = self._steps[at]
-        if not self._desk.post(Load(step.scenario)):
+        if self._desk.post(Load(step.scenario)) is None:
             return
         self._desk.post(Play())
         self._at, self._folder.visible = at, True

@@ -86,7 +86,7 @@ def add_last_session(gui: viser.GuiApi, session: LastSession, order: float, lock
                 raise
             complain(f"the last session cannot be continued now: {error}")
             return
-        if not lock.post(Continue(offer.scenario, runs)):  # a lesson's goal has begun meanwhile
+        if lock.post(Continue(offer.scenario, runs)) is None:  # a lesson's goal has begun meanwhile
             offer_again()
             return
         if problem:

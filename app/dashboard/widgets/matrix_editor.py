@@ -135,8 +135,8 @@ class MatrixEditor:
             return
         if edit is not None:
             command = blending(edit, self._seconds) if self._seconds else only(self._draft.matrices())
-            posted = self._desk.post(command)
-            self._answers = (snapshot.revision, snapshot.refusal_number) if posted else None
+            refused = self._desk.post(command) is None
+            self._answers = None if refused else (snapshot.revision, snapshot.refusal_number)
 
     def show(self, snapshot: Snapshot) -> None:
         n = len(snapshot.coordinates)

@@ -69,7 +69,7 @@ class PoleDrag:
             value = f"ω = {written(omega)} rad/s, ζ = {written(zeta)}"
             self._desk.whatif.hold(HeldControl(edit, "pole", value, self, event.client.client_id))
         elif phase == "dropped":
-            if self._desk.post(edit):
+            if self._desk.post(edit) is not None:
                 self._desk.whatif.remember(snapshot, edit)
             self._desk.whatif.let_go(self)
 
