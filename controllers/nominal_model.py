@@ -20,7 +20,7 @@ class Stated(NamedTuple):
     delta_C: kg m^2/s, of C_hat.
     delta_G: N m, of G_hat.
     delta_f: N m, of friction and disturbance.
-    rate_C, rate_f: kg m^2 and N m s, by which delta_C and delta_f grow with ||q_dot||."""
+    rate_C, rate_f: kg m^2 and N m s, steepest growth of delta_C and delta_f with ||q_dot||, up to the present one."""
 
     delta_M: float
     delta_C: float

@@ -65,7 +65,8 @@ class Premise(IntEnum):
 DECLARED, DOMAIN, REGULAR, DRIVES, JOINTS, GAIN, HELD = (
     int(p) for p in Premise if Premise.DECLARED <= p <= Premise.HELD
 )
-LAYER, GAIN_BY_CHATTER, CONTACT = int(Premise.LAYER), int(Premise.GAIN_BY_CHATTER), int(Premise.CONTACT)
+LAW, LAYER, CONTACT = int(Premise.LAW), int(Premise.LAYER), int(Premise.CONTACT)
+GAIN_BY_CHATTER, GAIN_BY_FORCE = int(Premise.GAIN_BY_CHATTER), int(Premise.GAIN_BY_FORCE)
 
 
 class PremiseTable(NamedTuple):
@@ -338,11 +339,12 @@ def check_posture(given, output, record, period, scratch, table, check):
 
 @inline
 def judge(table, t):
-    """Compare each value with its limit; returns whether all premises hold."""
-    all_hold = True
+    """Compare each value with its limit; returns whether all premises hold. Those about d and s are left out under a
+    law other than (25), which has neither."""
+    all_hold, lawless = True, table.value[LAW] > table.limit[LAW]
     for i in range(table.value.shape[0]):
         value, limit = table.value[i], table.limit[i]
-        if np.isnan(limit):
+        if np.isnan(limit) or (lawless and GAIN <= i <= GAIN_BY_FORCE):
             table.failing[i] = 0.0
             continue
         margin = value - limit if i == REGULAR else limit - value

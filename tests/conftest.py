@@ -131,12 +131,14 @@ def roughly_known() -> object:
 
 @pytest.fixture
 def rough_constants(monkeypatch: pytest.MonkeyPatch, roughly_known: object) -> None:
-    """Constants over Omega without the search for their maxima, which takes most of the time of a test that assembles
-    many arms on many surfaces; for tests of what does not depend on them. The search has tests of its own."""
+    """Constants over Omega without the search for their maxima, and an eighth of the postures along the reference,
+    which together take most of the time of a test that assembles many arms on many surfaces; for tests of what does not
+    depend on them. Both have tests of their own."""
 
     def sampled(omega: Omega, objectives: Objectives, _effort: Effort) -> tuple[float, ...]:
         few = type(places := omega.places(8))(*(each[::3] for each in places))
         return tuple(float(seen.value[seen.room >= 0.0].max(initial=0.0)) for seen in objectives(few))
 
     monkeypatch.setattr("app.simulation.domain.largest", sampled)
+    monkeypatch.setattr("app.simulation.reference_postures.FEWEST", 24)
     monkeypatch.setattr("app.simulation.assembly.Memory", lambda: roughly_known)

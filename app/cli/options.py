@@ -17,6 +17,7 @@ import tyro
 
 from app.scenario.data import OWN, edited, field_of, kind_of, load, shipped, with_value
 from app.scenario.errors import ScenarioError
+from app.scenario.idle_fields import idle
 from app.scenario.schema import Scenario
 from app.simulation.engines import Engine
 from controllers.laws import KINDS
@@ -172,15 +173,17 @@ def note_unused(*scenarios: Scenario) -> None:
 
 
 def note_without_effect(settings: Settings, *scenarios: Scenario) -> None:
-    """Say on standard error that a typed `controller.d` has no effect, where all of these scenarios take d from
-    (17), and how it gets one. A law of a user's own file may read it all the same."""
-    typed_there = any(
-        path == "controller.d" or (path == "controller" and isinstance(value, dict) and "d" in value)
-        for path, value in settings_of(settings)
-    )
-    if typed_there and all(each.controller.gain != "constant" and each.controller.law in KINDS for each in scenarios):
-        reason, choice = "since controller.gain is theorem", "--set controller.gain=constant chooses it"
-        print(f"vsmrc: note: controller.d is not used, {reason}; {choice}", file=sys.stderr)
+    """Say on standard error which typed fields have no effect in any of these scenarios, and what gives them one. A law
+    of a user's own file may read `controller.d` all the same."""
+    typed = [path for path, value in settings_of(settings) if not isinstance(value, dict)]
+    typed += [f"{path}.{name}" for path, value in settings_of(settings) if isinstance(value, dict) for name in value]
+    for path in typed:
+        found = [idle(each, path) for each in scenarios]
+        field = next(iter(found), None)
+        own_law = path == "controller.d" and not all(each.controller.law in KINDS for each in scenarios)
+        if field is not None and None not in found and not own_law:
+            chooses = f"--set {field.choice}={field.needed[0]} chooses it"
+            print(f"vsmrc: note: {path} is not used {field.because}; {chooses}", file=sys.stderr)
 
 
 def loaded(name_or_file: str) -> Scenario:

@@ -35,7 +35,6 @@ from app.simulation.engines import Engine
 if TYPE_CHECKING:
     from app.analysis.metrics import Metrics
     from app.simulation.closed_loop import ClosedLoop
-    from app.simulation.system import System
 
 BLEND_AT, BLEND_OVER = Default(0.0), Default(2.0)  # s
 LAW = "law"  # premise that the law is (25)
@@ -102,7 +101,7 @@ def run(
             headless_run.write(loop, metrics, out)
     finally:  # on a full disk this is all that is left of the run
         _print_metrics(metrics, loop)
-        _print_promise(metrics, loop.system)
+        _print_promise(metrics)
         for sentence in untouched_sentences(loop.system, loop.recording):
             print(f"note: {sentence}")
         for violation in loop.standing.outsiders:
@@ -171,16 +170,13 @@ def _sampling(loop: ClosedLoop) -> Iterator[str]:
         yield f"{title:{TITLE}s} {value}"
 
 
-def _print_promise(metrics: Metrics, system: System) -> None:
-    """The verdict on the theorem's promise, and each premise that failed; under another law than (25) not those
-    about d and s, which it does not have."""
-    from app.simulation.verdict import OF_ROBUST_TERMS
-
+def _print_promise(metrics: Metrics) -> None:
+    """The verdict on the theorem's promise, and each premise that failed."""
     promise = metrics.promise
     print(f"{'promise':{TITLE}s} {promise.verdict}: {promise.because}")
     print(f"{'promised share of the run':{TITLE}s} {100 * promise.share:.4g} %")
     for finding in metrics.premises:
-        if finding.failed is None or (not system.controller.law.robust and finding.premise in OF_ROBUST_TERMS):
+        if finding.failed is None:
             continue
         if finding.premise == LAW:
             print(f"premise failed at {finding.failed:.4g} s: {finding.title}")

@@ -165,6 +165,7 @@ class PageContent:
         for part in (
             self._playback,
             self._whatif_panel,
+            self._guided_minute,
             self._scene_buttons,
             self._scene_legend,
             self._symbols,

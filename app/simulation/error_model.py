@@ -16,7 +16,7 @@ from kernels import inline, kernel
 from kernels.records import Record
 
 LOOKS, FASTEST, FARTHEST = 25, 20.0, 4.0  # states at which a formula is tried: their number, rad/s, rad
-FASTER = 0.01  # rad/s, over which the growth of a formula with the speed is taken
+FASTER, SLOPES = 0.01, 16  # rad/s beyond the present speed, and steps from rest to there: where slopes are taken
 UNSTATED_FUNCTION = Function.constant(np.nan)
 
 
@@ -119,12 +119,21 @@ def doubt(model, links, placements, q, q_dot, t, estimate):
     stated.delta_G = _usable(value_of(model.G, away, 0.0, 0.0, 0.0)) if model.states_G else np.nan
     stated.delta_f = _usable(value_of(model.f, speed, t, 0.0, 0.0)) if model.states_f else np.nan
     stated.rate_C = stated.rate_f = np.nan
+    fastest = speed + FASTER
     if model.states_C:
-        faster = _usable(value_of(model.C, away, speed + FASTER, 0.0, 0.0))
+        faster = _usable(value_of(model.C, away, fastest, 0.0, 0.0))
         stated.rate_C = max(faster - stated.delta_C, 0.0) / FASTER
+        slower = _usable(value_of(model.C, away, 0.0, 0.0, 0.0))
+        for k in range(SLOPES):
+            faster = _usable(value_of(model.C, away, fastest * (k + 1) / SLOPES, 0.0, 0.0))
+            stated.rate_C, slower = max(stated.rate_C, (faster - slower) * SLOPES / fastest), faster
     if model.states_f:
-        faster = _usable(value_of(model.f, speed + FASTER, t, 0.0, 0.0))
+        faster = _usable(value_of(model.f, fastest, t, 0.0, 0.0))
         stated.rate_f = max(faster - stated.delta_f, 0.0) / FASTER
+        slower = _usable(value_of(model.f, 0.0, t, 0.0, 0.0))
+        for k in range(SLOPES):
+            faster = _usable(value_of(model.f, fastest * (k + 1) / SLOPES, t, 0.0, 0.0))
+            stated.rate_f, slower = max(stated.rate_f, (faster - slower) * SLOPES / fastest), faster
 
 
 @inline

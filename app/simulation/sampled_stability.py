@@ -119,7 +119,7 @@ class SampledLoops:
             if system.sensor.late > LONGEST_LINE:
                 growth = math.inf
             elif _chatters(system):
-                growth = self._growth_while_sliding(at) if _reads_contact(system) else math.nan
+                growth = self._growth_while_sliding(at)
             else:
                 A, C = self._map(at, touching=True).linearised()
                 growth = _growth(A)

@@ -14,10 +14,7 @@ from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise, PremiseTable, PromiseRecord
 
 # premises about d and s, which only the law (25) has; without them they say nothing
-OF_ROBUST_TERMS = frozenset(
-    each.name.lower()
-    for each in (Premise.GAIN, Premise.HELD, Premise.LAYER, Premise.GAIN_BY_CHATTER, Premise.GAIN_BY_FORCE)
-)
+OF_ROBUST_TERMS = frozenset(p for p in Premise if Premise.GAIN <= p <= Premise.GAIN_BY_FORCE)
 Outcome = Literal["holds", "broken", "nothing promised"]
 
 
@@ -66,8 +63,11 @@ class Standing:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Findings on the premises that apply, in the table's order."""
-        return tuple(self._finding(p) for p in Premise if not math.isnan(self.table.limit[p]))
+        """Findings on the premises that apply, in the table's order. Those about d and s stay under a law without, if
+        they have failed before."""
+        table, lawless = self.table, self.table.value[Premise.LAW] > self.table.limit[Premise.LAW]
+        idle = [p for p in OF_ROBUST_TERMS if lawless and math.isnan(table.failed[p])]
+        return tuple(self._finding(p) for p in Premise if p not in idle and not math.isnan(table.limit[p]))
 
     def _finding(self, premise: Premise) -> Finding:
         table, words = self.table, STATEMENTS[premise]

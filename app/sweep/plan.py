@@ -19,6 +19,7 @@ from app.scenario.data import differences as fields_that_differ
 from app.scenario.data import field_of, text_of, to_plain, with_value, with_values
 from app.scenario.departures import DRAWN, MOVING, Departure
 from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, WrongKind
+from app.scenario.idle_fields import idle
 from app.scenario.schema import STATED_IN, RobotSection, Scenario
 from app.scenario.struct_refusals import struct_refusal
 from app.simulation.controller_builder import law_of
@@ -38,7 +39,6 @@ LONGEST_NAME = 150  # letters of the scenario's name in that of a run's or a can
 FILE = "sweep.toml"
 DURATION = "simulation.duration"
 DRAWN_FIELDS = frozenset(f"truth.{name}" for name in DRAWN)
-CONSTANT, ITS_CHOICE = "controller.d", "controller.gain"  # the constant gain d, and whether d is this or that of (17)
 Design = Literal["grid", "latin", "sobol"]
 
 
@@ -216,10 +216,11 @@ def _require_sound(sweep: Sweep) -> None:
     for axis in sweep.vary:
         if axis.path in UNREAD:
             raise ScenarioError(f"vary: {axis.path}; allowed: fields on which a run depends")
-        if axis.path == CONSTANT and ITS_CHOICE not in paths and sweep.scenario.controller.gain != "constant":
+        field = idle(sweep.scenario, axis.path)
+        if field is not None and field.choice not in paths:
             raise ScenarioError(
-                f"vary: {CONSTANT} has no effect while {ITS_CHOICE} is {sweep.scenario.controller.gain}, since d is "
-                f"then that of (17); allowed: with {ITS_CHOICE} constant, such as with --set {ITS_CHOICE}=constant"
+                f"vary: {axis.path} has no effect {field.because}; allowed: with {field.choice} "
+                f"{' or '.join(field.needed)}, such as with --set {field.choice}={field.needed[0]}"
             )
         require_axis(axis)
         ends = (axis.at(0.0), axis.at(1.0))

@@ -116,7 +116,11 @@ def unit(path: str, vector: Any) -> np.ndarray:
     with np.errstate(over="ignore"):
         length = float(np.linalg.norm(vector))
     if not SHORTEST <= length <= LONGEST:
-        raise ValueError(f"{path}: {list(vector)}; allowed: a vector of a length from {SHORTEST:g} to {LONGEST:g}")
+        numbers = ", ".join(f"{float(value):g}" for value in vector)
+        raise ValueError(
+            f"{path}: {numbers} is too {'short' if length < SHORTEST else 'long'} for a direction; allowed: three "
+            f"numbers that are not all 0, such as 0, 0, 1, and none beyond {LONGEST:g}"
+        )
     return np.array(vector, dtype=float) / length
 
 

@@ -126,6 +126,7 @@ const ranged = (scale) => {
     return low === null ? [scale.distr === 3 ? 0.01 : 0, 1] : own(plot, low, high, key);
   };
 };
+const stepless = ({ axes, root }) => root.offsetParent && axes[0]._found?.[1] === 0;
 const crowded = ({ axes, scales: { x, y }, bbox }) => [[axes[0], x, bbox.width, 30], [axes[1], y, bbox.height, 10]].some(
   ([axis, scale, room, least]) => {
     const [first, next] = axis._splits ?? [];
@@ -213,8 +214,8 @@ setInterval(() => {
   watch();
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
     // now and then uPlot does not lay out the time axis of a chart that is made with its data, or keeps the numbers of a
-    // size that it no longer has
-    if (stands(chart) && (!chart.axes[0]._splits || crowded(chart))) chart.setSize({ width: chart.width, height: chart.height });
+    // size that it no longer has; of a chart that was hidden when its size changed it has found no step of the numbers
+    if (stands(chart) && (!chart.axes[0]._splits || stepless(chart) || crowded(chart))) chart.setSize({ width: chart.width, height: chart.height });
     if (stands(chart)) refit(chart);
     follow(chart);
     const markers = chart.root.querySelectorAll(".u-legend .u-marker");

@@ -108,6 +108,14 @@ def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: 
     expect(rows).to_have_count(many)
     page.wait_for_function(f"JSON.stringify({heights}) === '{own}'.replaceAll(' ', '')")
     assert page.evaluate(font) == small
+    page.keyboard.press("v")  # on the projector; back at the desk every time axis has its numbers
+    expect(plots).to_have_count(1)
+    page.set_viewport_size({"width": 1920, "height": 1080})
+    page.wait_for_function(f"Math.max(...{heights}) > {2 * max(own)}")
+    page.keyboard.press("v")
+    page.set_viewport_size({"width": 1280, "height": 720})
+    expect(plots).to_have_count(before)
+    page.wait_for_function(f"{SHOWN}.every((c) => c.axes[0]._found[1] > 0 && c.axes[0]._splits.length > 1)")
 
 
 def test_a_presentation_leads_from_plot_to_plot_through_all_tabs_in_a_circle(session: PageSession):

@@ -13,10 +13,11 @@ import viser
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.guided_minute import GuidedMinute, GuidedStep, steps
-from app.scenario.data import edited
+from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.changes import pushed
 from app.session.commands import Load, Play
+from app.session.snapshot import Snapshot
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.environment_builder import robot_of
 from controllers.modes import MODES
@@ -37,6 +38,26 @@ def test_a_lesson_with_an_open_goal_does_not_begin_it(viser_server: viser.ViserS
     assert minute._folder.visible
     asyncio.run(minute._toggle(None))
     assert not minute._folder.visible
+
+
+def test_it_closes_when_its_scenario_or_mode_is_left_and_not_before_its_scenario_runs(viser_server: viser.ViserServer):
+    posted = Posted()
+    minute = GuidedMinute(cast(Desk, SimpleNamespace(gui=viser_server.gui, post=posted.post)))
+    asked = steps()[0].scenario
+
+    def after(executed: int, scenario: Scenario) -> bool:
+        """Whether it is open after the runner has carried out so many commands and has this scenario."""
+        minute.show(cast(Snapshot, SimpleNamespace(executed=executed, scenario=scenario)))
+        return minute._folder.visible
+
+    asyncio.run(minute._toggle(None))
+    assert after(0, load("panda-hybrid"))  # that of before, while the step's scenario is prepared
+    assert after(2, asked)
+    assert after(3, edited(asked, "controller.law", "computed-torque"))
+    assert not after(4, edited(asked, "mode", "impedance"))
+    asyncio.run(minute._toggle(None))
+    assert after(len(posted), asked)
+    assert not after(len(posted) + 1, load("panda-hybrid"))
 
 
 def ran(scenario: Scenario, to: float) -> dict[str, np.ndarray]:

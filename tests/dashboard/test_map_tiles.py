@@ -14,7 +14,8 @@ import viser
 
 from app.dashboard.widgets.map_tiles import Naming, Present, map_html
 from app.dashboard.widgets.robustness_map import RobustnessMap, badness
-from app.scenario.data import edited
+from app.dashboard.widgets.swept_fields import FIELDS
+from app.scenario.data import edited, load
 from app.scenario.errors import ScenarioError
 from app.sweep.background import BackgroundSweep, coarse_first
 from app.sweep.plan import Sweep, SweepPlan
@@ -242,6 +243,20 @@ def test_every_fourth_tile_comes_first_and_each_comes_once(across: int, up: int)
     first = order[: 2 * len(range(0, across, 4)) * len(range(0, up, 4))]
     places = np.array([divmod(number // 2, up) for number in first])
     assert (places % 4 == 0).all()
+
+
+def test_a_field_without_an_effect_is_not_offered_first_and_refused(viser_server: viser.ViserServer) -> None:
+    page = BareDesk(viser_server, load("planar2r-semicircle"))
+    robustness = RobustnessMap(page.desk)
+    robustness.show(page.snapshot())
+    chosen = [side.field.path for side in (robustness._across, robustness._up) if side.field]
+    assert chosen == ["truth.payload_mass", "truth.link_scaling"]
+    robustness._request(page.snapshot())
+    robustness._across.choose(next(each for each in FIELDS if each.path == "contact.K_e"))
+    with pytest.raises(
+        ScenarioError, match="stiffness of the surface: it has no effect while contact is rigid; allowed"
+    ):
+        robustness._request(page.snapshot())
 
 
 @pytest.mark.parametrize(

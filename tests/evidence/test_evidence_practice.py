@@ -46,6 +46,7 @@ def test_both_simulators_agree_and_what_differs_is_what_mujoco_leaves_out() -> N
                 raise AssertionError(result)
 
 
+@pytest.mark.usefixtures("compiled")
 def test_baselines_lose_on_uncertain_arms_and_win_where_it_is_said() -> None:
     seeds = (0, 1)
     ours, _, computed, fast, pd, _ = baselines.CONTESTANTS
@@ -65,6 +66,7 @@ def test_baselines_lose_on_uncertain_arms_and_win_where_it_is_said() -> None:
     assert loud[computed].variation < 0.7 * loud[ours].variation
 
 
+@pytest.mark.usefixtures("compiled")
 def test_the_loop_fails_where_theory_says() -> None:
     section = found(practice.SECTION, 4)
     names = [name for name, sweep in practice.SWEEPS.items() for _ in sweep.ys[::4]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import msgspec
@@ -32,17 +31,8 @@ from app.scenario.departures import Departure
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN
 from app.session.headless_run import simulate
-from app.simulation.engines import in_force
 
-pytestmark = pytest.mark.slow  # long or many simulations
-
-
-@pytest.fixture(autouse=True)
-def compiled() -> Iterator[None]:
-    """Runs by the compiled engine, as `--engine compiled` has them: it is the faster one."""
-    before = in_force.set("compiled")
-    yield
-    in_force.reset(before)
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled")]  # long or many simulations
 
 
 def run(section: EvidenceSection, thin: int) -> list[Any]:

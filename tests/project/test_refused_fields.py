@@ -84,7 +84,8 @@ pytestmark = pytest.mark.slow  # processes of its own
         ),
         (
             ("run", "ur5-hybrid", "--set", "surface.normal=[1e200,1e200,0]"),
-            "surface.normal: [1e+200, 1e+200, 0.0]; allowed: a vector of a length from 1e-09 to 1e+09\n",
+            "surface.normal: 1e+200, 1e+200, 0 is too long for a direction; allowed: three numbers that are not all 0, "
+            "such as 0, 0, 1, and none beyond 1e+09\n",
         ),
         (("run", "ur5-impedance", "--set", "target_model.K_m.9=1"), "target_model.K_m.9: no such entry; allowed: an"),
         (("run", "ur5-impedance", "--set", f"target_model.K_m.{'9' * 5000}=1"), "no such entry; allowed: an entry"),

@@ -92,8 +92,11 @@ def test_arms_are_others_than_the_true_one_and_the_same_at_every_value() -> None
     assert np.abs(firsts[0].signals["e_r"] - firsts[1].signals["e_r"]).max() > 1e-9
 
 
-def test_arms_in_two_threads_share_no_model_of_the_arm() -> None:
-    """Estimates along the reference are taken from Pinocchio's memory while the other thread runs its arm."""
+def test_arms_in_two_threads_share_no_model_of_the_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Estimates along the reference are taken from Pinocchio's memory while the other thread runs its arm. They take
+    long, so the arms run a little beyond the preview only, in as many slices as usual."""
+    monkeypatch.setattr("app.session.arm_band.LATER", 0.1)
+    monkeypatch.setattr("app.session.arm_band.SLICE", 100)
     loop = running(edited(shipped()["ur5-hybrid"], "controller.estimates", "along-reference"))
     arms, stretch = true_arms(), foresight_of(loop, loop.system.scenario).stretch
     whole(arms.run(stretch, COUNT))

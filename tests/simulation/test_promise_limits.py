@@ -227,3 +227,63 @@ def test_a_model_that_is_unstable_at_any_period_is_not_blamed_on_sampling() -> N
     growth = float(warning.split("multiplies a deviation by ")[1].split()[0])
     assert 1.0 < growth < 1.001  # as many digits as tell it from its limit
     assert "the target model itself is unstable against the true stiffness (a pole at 3.43 1/s)" in warning
+
+
+@pytest.mark.parametrize("switching", ["discontinuous", "saturation"])
+def test_a_target_model_too_fast_for_the_period_is_seen_in_free_motion_under_every_switching(switching: str) -> None:
+    """Held over a period, the spring gains energy: a deviation grows by about 1 + (omega T)^2/4 - zeta omega T."""
+    T, M, B, K = 0.004, 10.0, 2.0, 16000.0
+    scenario = changed(
+        "ur5-motion",
+        declared={"link_scaling": 0.0},
+        truth={"link_scaling": 1.0},
+        controller={"switching": switching, "F_1": 0.001, "epsilon": 100.0, "layer": 0.1, "period": T},
+        target_model={"K_m": [K] * 6, "B_m": [B] * 6},
+        motion={"kind": "circle", "radius": 0.02, "period": 2.0, "axes": [0, 1], "ramp": 0.0},
+        simulation={"duration": 2.2, "domain_radius": 0.5},
+    )
+    loop = run(scenario, 0.3)
+    grows = 1.0 + K / M * T**2 / 4.0 - B / M * T / 2.0
+    assert value(loop, Premise.SAMPLED_LOOP) == pytest.approx(grows, abs=5e-4)
+    assert loop.standing.now.verdict == "nothing promised"
+    assert "each control period multiplies a deviation by 1.00" in (loop.warning or "")
+    calm = ClosedLoop.from_scenario(load("ur5-motion-discontinuous"))
+    assert value(calm, Premise.SAMPLED_LOOP) < 1.0
+
+
+def test_a_stated_bound_with_a_step_below_the_present_speed_feeds_the_gain() -> None:
+    """At rest the arm goes on to chatter by the gain that only its chattering needs."""
+    scenario = changed(
+        "ur5-motion",
+        declared={"link_scaling": 0.0, "delta_f": "1+300*(1+tanh(20*(speed-0.5)))"},
+        truth={"link_scaling": 1.0},
+        controller={"switching": "discontinuous", "F_1": 0.001, "epsilon": 20.0},
+        motion={"kind": "point-to-point", "displacement": [0.15, 0.0, 0.0], "duration": 0.5},
+    )
+    loop = run(scenario, 1.0)
+    row = loop.recording.stretch()
+    assert row["d"][-1] > 20.0 * row["d"][0]
+    assert value(loop, Premise.GAIN_BY_CHATTER) > 1.0
+    assert loop.standing.now.verdict == "nothing promised"
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "compiled"])
+def test_premises_on_d_and_s_count_under_the_law_that_has_them(engine: str) -> None:
+    loop = ClosedLoop.from_scenario(load("ur5-heavy"))
+    assert not loop.system.controller.law.robust
+    if engine == "compiled":
+        CompiledRun(loop).advance(300)
+    else:
+        for _ in range(300):
+            loop.advance()
+    of_law = {"gain", "held", "layer", "gain_by_chatter", "gain_by_force"}
+    assert of_law.isdisjoint(finding.premise for finding in loop.standing.findings)
+    changed_at = loop.t
+    loop.edit(changed("ur5-heavy", controller={"law": "vsmrc"}))
+    for _ in range(50):
+        loop.advance()
+    found = {finding.premise: finding for finding in loop.standing.findings if finding.premise in of_law}
+    assert {"gain", "held", "layer"} <= found.keys()
+    assert [f.failed for f in found.values() if f.failed is not None and f.failed < changed_at] == []
+    assert found["gain"].margin is not None
+    assert found["gain"].margin >= -1e-9

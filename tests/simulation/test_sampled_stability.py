@@ -168,7 +168,7 @@ def test_the_motion_on_the_sliding_surface_is_judged_where_it_reads_a_contact(sw
         assert loop.standing.run.verdict == "nothing promised"
     assert growth_per_period(assemble(late[0.101])) == math.inf
     assert "is not known: the force sensor is late" in loop.warning
-    assert math.isnan(growth_per_period(assemble(shipped()["ur5-motion-discontinuous"])))
+    assert 0.9 < growth_per_period(assemble(shipped()["ur5-motion-discontinuous"])) < 1.0
 
 
 @pytest.mark.parametrize(

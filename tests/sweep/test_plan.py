@@ -154,8 +154,17 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
         (sweep_of("contact.K_e=1:2:3", corners=True), "allowed: with --draw"),
         (
             sweep_of("controller.d=5:50:3"),
-            "controller.d has no effect while controller.gain is theorem, since d is then that of (17); allowed: with "
-            "controller.gain constant, such as with --set controller.gain=constant",
+            "controller.d has no effect while controller.gain is theorem; allowed: with controller.gain constant, such "
+            "as with --set controller.gain=constant",
+        ),
+        (
+            msgspec.structs.replace(sweep_of("contact.M_e=1:2:3"), scenario=shipped()["ur5-hybrid"]),
+            "contact.M_e has no effect while contact.kind is elastic; allowed: with contact.kind mass-damper-spring",
+        ),
+        (
+            msgspec.structs.replace(sweep_of("contact.K_e=1:2:3"), scenario=shipped()["ur5-constrained"]),
+            "contact.K_e has no effect while contact.kind is rigid; allowed: with contact.kind elastic or "
+            "mass-damper-spring, such as with --set contact.kind=elastic",
         ),
         (sweep_of("contact.K_e=1:2"), "contact.K_e is a range; allowed: LOW:HIGH:COUNT"),
         (sweep_of("contact.K_e=1:2:3", points=4), "points: 4 in a grid"),
@@ -279,7 +288,7 @@ def test_a_law_that_was_added_to_the_program_is_swept_over_its_own_parameters(mo
     assert few["stopped"] is many["stopped"] is None
     assert few["residual"] != many["residual"]
     refused = SweepRunner(msgspec.structs.replace(asked, engine="compiled")).metrics(0)
-    assert str(refused["stopped"]).endswith("is a law of your own; allowed: --engine pinocchio")
+    assert str(refused["stopped"]).endswith("is a law in plain numpy; allowed: --engine pinocchio")
 
 
 @pytest.mark.parametrize("path", ["truth.payload_mass", "truth.link_scaling.2", "truth"])

@@ -89,7 +89,7 @@ class RobotPanel:
                 NumberField(desk, InForce("robot.tool_offset", _tool_offset), "tool at [m]"),
                 NumberField(desk, InForce("robot.posture", _posture), "posture"),
                 NumberField(desk, InForce("robot.rotor_inertia", _rotors), "rotors [kg·m²]"),
-                NumberField(desk, FieldPlace("task_space.characteristic_length"), "length l [m]", log_scale(0.02, 1)),
+                NumberField(desk, FieldPlace("task_space.characteristic_length"), "length ℓ [m]", log_scale(0.02, 1)),
             ]
         with gui.add_folder("Own URDF"):
             self._controls += [Upload(desk), UrdfPath(desk)]

@@ -58,7 +58,7 @@ def _phases() -> list[ChartLine]:
         ChartLine("reaching", MEASURED, column("reaching"), width=0.0, alpha=0.16, backdrop=True),
         ChartLine("sliding", ACCENT, after_reaching, width=0.0, alpha=0.07, backdrop=True),
         ChartLine("t_r ≤ (18)", BOUND, spike("promised"), dashed=True, width=1.0, alpha=0.9, backdrop=True),
-        ChartLine("t_r", DESIRED, spike("measured"), width=1.0, alpha=0.9, backdrop=True),
+        ChartLine("t_r", MEASURED, spike("measured"), width=1.0, alpha=0.9, backdrop=True),
     ]
 
 
@@ -68,7 +68,7 @@ def reaching(setup: Setup) -> Drawing | None:
     bound, band = _bound_and_band()
     lines = [
         *_phases(),
-        ChartLine("(20)", DESIRED, where_promised(bound), width=2.0),
+        ChartLine("(20)", BOUND, where_promised(bound), width=2.0),
         ChartLine("(20) + band", BOUND, where_promised(total(bound, band)), dashed=True),
         _s_norm(),
     ]

@@ -10,6 +10,7 @@ from app.dashboard.widgets.controls import Desk
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.commands import Load, Play
+from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 
 
@@ -66,6 +67,7 @@ class GuidedMinute:
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._steps, self._at = desk, steps(), 0
+        self._begun = 0  # number of the command that loads the step's scenario
         gui = desk.gui
         gui.add_command("A guided minute: the five modes", hotkey="G").on_trigger(self._toggle)
         self._folder = gui.add_folder("A guided minute", visible=False)
@@ -75,6 +77,13 @@ class GuidedMinute:
             self._close = gui.add_button("Close", color="gray", hint="Key: G")
         self._next.on_click(self._go_on)
         self._close.on_click(self._toggle)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Close the folder when its scenario has been left for another one, or for another mode."""
+        asked, running = self._steps[self._at].scenario, snapshot.scenario
+        left = (running.name, running.mode) != (asked.name, asked.mode)
+        if self._folder.visible and left and snapshot.executed >= self._begun:
+            self._folder.visible = False
 
     async def _toggle(self, _: object) -> None:
         if self._folder.visible:
@@ -91,10 +100,11 @@ class GuidedMinute:
     def _enter(self, at: int) -> None:
         """Begin a step and show it; nothing where the page refuses it, as while a lesson's goal is open."""
         step = self._steps[at]
-        if self._desk.post(Load(step.scenario)) is None:
+        begun = self._desk.post(Load(step.scenario))
+        if begun is None:
             return
         self._desk.post(Play())
-        self._at, self._folder.visible = at, True
+        self._at, self._begun, self._folder.visible = at, begun, True
         self._text.content = (
             f'<div class="vs-minute"><b>{step.title}</b> <span class="vs-dim">{at + 1} of {len(self._steps)}</span>'
             f"<p>{step.look}</p></div>"

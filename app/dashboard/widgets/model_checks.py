@@ -32,6 +32,8 @@ from app.simulation.controller_builder import (
 from app.simulation.force_margin import ForceLoop, in_words
 from app.simulation.sampled_stability import oscillations
 from controllers.blend import BlendCertificate
+from controllers.premise_statements import STATEMENTS
+from controllers.premises import Premise
 from controllers.target_model import InvalidGain, TargetModel
 from controllers.task_space import TaskLayout
 
@@ -158,7 +160,7 @@ def loops_html(snapshot: Snapshot) -> str:
     if math.isfinite(factor := live.get("force_loop_factor", math.nan)):
         rows.append(("sampled force loop, |factor| &lt; 1", judged(factor, low=-1.0, high=1.0)))
     if math.isfinite(factor := live.get("layer_loop_factor", math.nan)):
-        rows.append(("robust terms, loop factor &lt; 2", judged(factor, high=2.0)))
+        rows.append((f"{STATEMENTS[Premise.LAYER].title}, factor &lt; 2", judged(factor, high=2.0)))
     rows += _margins(snapshot.sampled.force_loop)
     body = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in rows)
     return (f'<table class="vs-facts">{body}</table>' if rows else "") + _sampled_poles(snapshot)

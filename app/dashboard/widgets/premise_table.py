@@ -23,8 +23,8 @@ def premises_html(snapshot: Snapshot) -> str:
             f"<div>{chip(f'this run: {whole}', look_of_run)} {escape(run.because)}; "
             f"all premises held in {100 * run.share:.4g} % of its periods</div>"
         )
-    shown = [f for f in standing.findings if snapshot.system.controller.law.robust or f.premise not in OF_ROBUST_TERMS]
-    rows = "".join(map(_row, shown))
+    robust = snapshot.system.controller.law.robust
+    rows = "".join(_row(f) for f in standing.findings if robust or Premise[f.premise.upper()] not in OF_ROBUST_TERMS)
     titles = "".join(f"<td>{title}</td>" for title in ("premise", "value", "limit", "least margin", "now", "failed"))
     return f'{head}<table class="vs-facts vs-premises"><tr>{titles}</tr>{rows}</table>{_constants(snapshot)}'
 

@@ -194,7 +194,8 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the map so far, and the units of the ranges and the limit."""
-        for side in (self._across, self._up):
+        for side, other in ((self._across, self._up), (self._up, self._across)):
+            side.avoid(snapshot.scenario, other.field)
             side.show(snapshot.system.units)
         if self._within.label != (label := f"Limit [{self._unit(snapshot.system.units)}]"):
             self._within.label = label

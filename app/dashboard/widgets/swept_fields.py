@@ -15,6 +15,7 @@ from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import FieldPlace, NumberRow
 from app.scenario.data import with_values
 from app.scenario.errors import ScenarioError
+from app.scenario.idle_fields import idle
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, Units
 from app.session.snapshot import Snapshot
@@ -58,7 +59,11 @@ class Field:
         return float(found) if isinstance(found, int | float) else None
 
     def require_there(self, scenario: Scenario) -> None:
-        """Raise ScenarioError where the scenario has no such number."""
+        """Raise ScenarioError where the scenario has no such number, or no run depends on it."""
+        if (field := idle(scenario, self.path)) is not None:
+            raise ScenarioError(
+                f"{self.name}: it has no effect while {title_of(field.choice)} is {field.value}; allowed: another field"
+            )
         value: Any = scenario
         for part in self.path.split("."):
             if isinstance(value, dict):  # a scenario may leave out parameters of the user's own code
@@ -117,7 +122,7 @@ class FieldChoice:
 
     def __init__(self, desk: Desk, label: str, fields: tuple[Field, ...], first: str, *, optional: bool) -> None:
         self._fields = {each.name: each for each in fields}
-        self._label, self._of, self._optional = label, first, optional
+        self._label, self._of, self._first, self._optional = label, first, first, optional
         self._field = desk.gui.add_dropdown(label, self._names, initial_value=first)
         self._range = desk.gui.add_text(
             label, self._range_of(first), hint="From, to: two numbers, in the unit beside it."
@@ -138,6 +143,13 @@ class FieldChoice:
     def field(self) -> Field | None:
         """The chosen field, None for none."""
         return self._fields.get(self._field.value)
+
+    def avoid(self, scenario: Scenario, taken: Field | None) -> None:
+        """Choose another field in place of the initial one, if no run of this scenario depends on that, and not the one
+        that is taken."""
+        if self.field is not None and self._of == self._first and idle(scenario, self.field.path):
+            others = [each for each in self._fields.values() if each != taken and not idle(scenario, each.path)]
+            self.choose(others[0])
 
     def choose(self, field: Field) -> None:
         """Choose a field with its range; the menu offers it from now on."""

@@ -11,6 +11,7 @@ from app.dashboard.widgets.chips import chip
 from app.session.snapshot import Snapshot
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
+from controllers.switching import Switching
 
 
 class TheoremTable:
@@ -66,18 +67,18 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
             ),
             ("band reached", *_reached(epoch.t, epoch.band_reached, epoch.band_reached_by)),
         ]
-        if math.isfinite(live["layer_loop_factor"]):
-            layer = STATEMENTS[Premise.LAYER]
-            layer_limit = snapshot.metrics.evaluation.read().table.limit[Premise.LAYER]
-            rows += [
-                ("layer reached", *_reached(epoch.t, epoch.layer_reached, epoch.layer_reached_by)),
-                (
-                    "layer, sampled",
-                    f"{number('layer_loop_factor')} {escape(layer.sign)} {layer_limit:g}",
-                    verdict(holds=live["layer_loop_factor"] < layer_limit),
-                    layer.why,
-                ),
-            ]
+        if snapshot.system.controller.switching is not Switching.DISCONTINUOUS:  # which has no layer
+            rows.append(("layer reached", *_reached(epoch.t, epoch.layer_reached, epoch.layer_reached_by)))
+        layer = STATEMENTS[Premise.LAYER]
+        layer_limit = snapshot.metrics.evaluation.read().table.limit[Premise.LAYER]
+        rows.append(
+            (
+                layer.title,
+                f"{number('layer_loop_factor')} {escape(layer.sign)} {layer_limit:g}",
+                verdict(holds=live["layer_loop_factor"] < layer_limit),
+                layer.why,
+            )
+        )
     if math.isfinite(live["force_loop_factor"]):
         rows.append(
             (
@@ -92,7 +93,12 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
     )
     if robust:
         rows.append(
-            ("V = ½ sᵀĤs", f"{number('V')} J", "", "the proof's Lyapunov function, with the controller's estimate of H")
+            (
+                "V = ½ sᵀĤs",
+                f"{number('V', 1e3)} mJ",
+                "",
+                "the proof's Lyapunov function, with the controller's estimate of H",
+            )
         )
     rows.append(
         (
@@ -109,9 +115,12 @@ def _reached(since: float, measured: float | None, promised: float | None) -> tu
     """Cells on a time at which s reaches its goal: measured against promised time, verdict and explanation.
     since: instant from which both are counted, s. measured, promised: instants, s, None for unknown ones."""
     after = "not yet" if measured is None else f"<b>{measured - since:.3g}</b>"
-    by = "—" if promised is None else f"{promised - since:.3g}"
-    badge = "" if measured is None or promised is None else verdict(holds=measured <= promised + 1e-9)
-    return f"{after} ≤ {by} s", badge, "the measured time and the promised one, since the last change"
+    if promised is None:
+        unit = "" if measured is None else " s"
+        return f"{after}{unit}, no time promised", "", "the measured time, since the last change"
+    badge = "" if measured is None else verdict(holds=measured <= promised + 1e-9)
+    title = "the measured time and the promised one, since the last change"
+    return f"{after} ≤ {promised - since:.3g} s", badge, title
 
 
 def verdict(*, holds: bool) -> str:
