@@ -6,7 +6,7 @@ import os
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -172,16 +172,17 @@ def note_unused(*scenarios: Scenario) -> None:
             print(f"vsmrc: note: the {noun} {kind} of --use is not used; --set {choice} chooses it", file=sys.stderr)
 
 
-def note_without_effect(settings: Settings, *scenarios: Scenario) -> None:
+def note_without_effect(settings: Settings, *scenarios: Scenario, varied: Collection[str] = ()) -> None:
     """Say on standard error which typed fields have no effect in any of these scenarios, and what gives them one. A law
-    of a user's own file may read `controller.d` all the same."""
+    of a user's own file may read `controller.d` all the same.
+    varied: paths of fields that the runs vary."""
     typed = [path for path, value in settings_of(settings) if not isinstance(value, dict)]
     typed += [f"{path}.{name}" for path, value in settings_of(settings) if isinstance(value, dict) for name in value]
     for path in typed:
         found = [idle(each, path) for each in scenarios]
         field = next(iter(found), None)
         own_law = path == "controller.d" and not all(each.controller.law in KINDS for each in scenarios)
-        if field is not None and None not in found and not own_law:
+        if field is not None and None not in found and not own_law and field.choice not in varied:
             chooses = f"--set {field.choice}={field.needed[0]} chooses it"
             print(f"vsmrc: note: {path} is not used {field.because}; {chooses}", file=sys.stderr)
 

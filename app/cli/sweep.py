@@ -144,8 +144,7 @@ def _request(scenario: str, options: _SweepOptions) -> Sweep:
         engine=engine_of(options.engine, ENGINE),
     )
     _require_effective(request, options)
-    if all(axis.path != "controller.gain" for axis in request.vary):
-        note_without_effect(options.settings, chosen)
+    note_without_effect(options.settings, chosen, varied={axis.path for axis in request.vary})
     if options.corners is False and not request.draw:
         raise ScenarioError("--no-corners: no arm is drawn; allowed: with --draw")
     if options.seed is not None and not request.draw and request.design == "grid":

@@ -19,29 +19,28 @@ _OF_KINDS: dict[str, Callable[[ContactKind], bool]] = {
 
 
 class IdleField(NamedTuple):
-    """Field without an effect.
-    path: dotted; choice: path of the field that chooses otherwise, and its value.
+    """Why a field has no effect.
+    choice, value: path of the field that chooses otherwise, and its value.
     needed: values of the choice with which the field has an effect."""
 
-    path: str
     choice: str
     value: str
     needed: tuple[str, ...]
 
     @property
     def because(self) -> str:
-        """End of a sentence: while what the field has no effect."""
+        """Words for the choice, after those on the field: "while contact.kind is rigid"."""
         return f"while {self.choice} is {self.value}"
 
 
 def idle(scenario: Scenario, path: str) -> IdleField | None:
-    """Why a field, by its dotted path, has no effect on a run of the scenario; None where it may have one."""
+    """Why the field of a dotted path has no effect on a run of the scenario; None where it may have one."""
     if path == "controller.d" and scenario.controller.gain != "constant":
-        return IdleField(path, "controller.gain", scenario.controller.gain, ("constant",))
+        return IdleField("controller.gain", scenario.controller.gain, ("constant",))
     section, _, name = path.rpartition(".")
     sections = {"contact": scenario.contact, "second.contact": scenario.second.contact}
     contact: ContactSection | None = (sections | {"third.contact": scenario.third.contact}).get(section)
     has = _OF_KINDS.get(name)
     if contact is None or has is None or has(contact.nature):
         return None
-    return IdleField(path, f"{section}.kind", contact.kind, tuple(kind for kind, each in CONTACTS.items() if has(each)))
+    return IdleField(f"{section}.kind", contact.kind, tuple(kind for kind, each in CONTACTS.items() if has(each)))

@@ -34,6 +34,8 @@ def test_a_constant_gain_without_effect_is_said_by_each_command(tmp_path: Path, 
     for name in ("K_e", "B_e"):
         note = f"contact.{name} is not used while contact.kind is rigid; --set contact.kind=elastic chooses it\n"
         assert f"vsmrc: note: {note}" in rigid.stderr
+    kinds = ("sweep", "ur5-constrained", "--vary", "contact.kind=elastic,rigid", "--duration", "0.01", "--dry-run")
+    assert "not used" not in here(*kinds, "--set", "contact.K_e=5e3").stderr
 
 
 def test_a_surface_that_was_not_touched_is_said_with_the_tools_position(tmp_path: Path, here: Here) -> None:
