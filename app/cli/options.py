@@ -176,15 +176,18 @@ def note_without_effect(settings: Settings, *scenarios: Scenario, varied: Collec
     """Say on standard error which typed fields have no effect in any of these scenarios, and what gives them one. A law
     of a user's own file may read `controller.d` all the same.
     varied: paths of fields that the runs vary."""
-    typed = [path for path, value in settings_of(settings) if not isinstance(value, dict)]
-    typed += [f"{path}.{name}" for path, value in settings_of(settings) if isinstance(value, dict) for name in value]
+    typed = [
+        f"{path}.{name}" if name else path
+        for path, value in settings_of(settings)
+        for name in (value if isinstance(value, dict) else ("",))
+    ]
     for path in typed:
-        found = [idle(each, path) for each in scenarios]
-        field = next(iter(found), None)
-        own_law = path == "controller.d" and not all(each.controller.law in KINDS for each in scenarios)
-        if field is not None and None not in found and not own_law and field.choice not in varied:
-            chooses = f"--set {field.choice}={field.needed[0]} chooses it"
-            print(f"vsmrc: note: {path} is not used {field.because}; {chooses}", file=sys.stderr)
+        reasons = [reason for each in scenarios if (reason := idle(each, path))]
+        read_by_own_law = path == "controller.d" and any(each.controller.law not in KINDS for each in scenarios)
+        if len(reasons) < len(scenarios) or read_by_own_law or reasons[0].choice in varied:
+            continue
+        chooses = f"--set {reasons[0].choice}={reasons[0].needed[0]} chooses it"
+        print(f"vsmrc: note: {path} is not used {reasons[0].because}; {chooses}", file=sys.stderr)
 
 
 def loaded(name_or_file: str) -> Scenario:

@@ -216,11 +216,11 @@ def _require_sound(sweep: Sweep) -> None:
     for axis in sweep.vary:
         if axis.path in UNREAD:
             raise ScenarioError(f"vary: {axis.path}; allowed: fields on which a run depends")
-        field = idle(sweep.scenario, axis.path)
-        if field is not None and field.choice not in paths:
+        unused = idle(sweep.scenario, axis.path)
+        if unused is not None and unused.choice not in paths:
             raise ScenarioError(
-                f"vary: {axis.path} has no effect {field.because}; allowed: with {field.choice} "
-                f"{' or '.join(field.needed)}, such as with --set {field.choice}={field.needed[0]}"
+                f"vary: {axis.path} has no effect {unused.because}; allowed: with {unused.choice} "
+                f"{' or '.join(unused.needed)}, such as with --set {unused.choice}={unused.needed[0]}"
             )
         require_axis(axis)
         ends = (axis.at(0.0), axis.at(1.0))
