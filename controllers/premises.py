@@ -66,7 +66,8 @@ DECLARED, DOMAIN, REGULAR, DRIVES, JOINTS, GAIN, HELD = (
     int(p) for p in Premise if Premise.DECLARED <= p <= Premise.HELD
 )
 LAW, LAYER, CONTACT = int(Premise.LAW), int(Premise.LAYER), int(Premise.CONTACT)
-GAIN_BY_CHATTER, GAIN_BY_FORCE = int(Premise.GAIN_BY_CHATTER), int(Premise.GAIN_BY_FORCE)
+GAIN_BY_CHATTER = int(Premise.GAIN_BY_CHATTER)
+OF_ROBUST_TERMS = tuple(range(Premise.GAIN, Premise.GAIN_BY_FORCE + 1))  # about d and s, which only (25) has
 
 
 class PremiseTable(NamedTuple):
@@ -87,6 +88,11 @@ class PremiseTable(NamedTuple):
         """Table of a run that has not begun."""
         empty = np.full(len(Premise), np.nan)
         return cls(empty, empty, np.full(len(Premise), np.inf), empty, np.zeros(len(Premise)))
+
+    def applies(self, premise: Premise) -> bool:
+        """Whether a premise applies: those without a limit do not, nor those about d and s under a law without."""
+        lawless = self.value[LAW] > self.limit[LAW]
+        return not (np.isnan(self.limit[premise]) or (lawless and premise in OF_ROBUST_TERMS))
 
 
 class PostureCheck(NamedTuple):
@@ -339,12 +345,12 @@ def check_posture(given, output, record, period, scratch, table, check):
 
 @inline
 def judge(table, t):
-    """Compare each value with its limit; returns whether all premises hold. Those about d and s are left out under a
-    law other than (25), which has neither."""
+    """Compare the value of each premise that applies with its limit, see `PremiseTable.applies`; returns whether all of
+    them hold."""
     all_hold, lawless = True, table.value[LAW] > table.limit[LAW]
     for i in range(table.value.shape[0]):
         value, limit = table.value[i], table.limit[i]
-        if np.isnan(limit) or (lawless and GAIN <= i <= GAIN_BY_FORCE):
+        if np.isnan(limit) or (lawless and i in OF_ROBUST_TERMS):
             table.failing[i] = 0.0
             continue
         margin = value - limit if i == REGULAR else limit - value

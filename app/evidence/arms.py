@@ -160,7 +160,9 @@ def _reaching(loop: ClosedLoop, about: DrawnPlant) -> Reaching:
     s, limit = record["s_norm"], record["s_bound"] + record["s_band"]
     promised = np.isfinite(limit)
     standing = loop.standing
-    first = min((f for f in standing.findings if f.failed is not None), key=lambda f: f.failed or 0.0, default=None)
+    first = min(
+        (f for f in standing.findings_of_run if f.failed is not None), key=lambda f: f.failed or 0.0, default=None
+    )
     judged = replace(
         about, verdict=standing.run.verdict, failed=first.title if first else "", stopped=loop.stopped or ""
     )

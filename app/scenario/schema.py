@@ -114,7 +114,7 @@ StatedBound = Annotated[float, Meta(ge=0, le=1e6)] | Text | None
 # names of the variables of each bound that may be stated, and an example
 STATED_IN = {
     "delta_M": (("away",), "0.2 + 0.1*away"),
-    "delta_C": (("away", "speed"), "0.5*speed"),
+    "delta_C": (("speed", "away"), "0.5*speed"),
     "delta_G": (("away",), "4 + 2*away"),
     "delta_f": (("speed", "t"), "1 + 0.3*speed"),
 }

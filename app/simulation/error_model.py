@@ -24,7 +24,8 @@ class ErrorModel(NamedTuple):
     """Errors of a model.
     turning: whether `nominal_model.turning` is needed.
     states_M, states_C, states_G, states_f: which of the four bounds are stated.
-    M, C, G, f: the stated bounds, as functions of away (rad), speed (rad/s), t (s).
+    M, C, G, f: the stated bounds, each a function of its variables in `schema.STATED_IN`: away (rad), speed (rad/s),
+    t (s).
     q_0: (n,) rad, from which `away` counts."""
 
     turning: bool
@@ -115,25 +116,25 @@ def doubt(model, links, placements, q, q_dot, t, estimate):
         speed += q_dot[i] ** 2
     away, speed = np.sqrt(away), np.sqrt(speed)
     stated.delta_M = _usable(value_of(model.M, away, 0.0, 0.0, 0.0)) if model.states_M else np.nan
-    stated.delta_C = _usable(value_of(model.C, away, speed, 0.0, 0.0)) if model.states_C else np.nan
     stated.delta_G = _usable(value_of(model.G, away, 0.0, 0.0, 0.0)) if model.states_G else np.nan
-    stated.delta_f = _usable(value_of(model.f, speed, t, 0.0, 0.0)) if model.states_f else np.nan
-    stated.rate_C = stated.rate_f = np.nan
-    fastest = speed + FASTER
+    stated.delta_C = stated.rate_C = stated.delta_f = stated.rate_f = np.nan
     if model.states_C:
-        faster = _usable(value_of(model.C, away, fastest, 0.0, 0.0))
-        stated.rate_C = max(faster - stated.delta_C, 0.0) / FASTER
-        slower = _usable(value_of(model.C, away, 0.0, 0.0, 0.0))
-        for k in range(SLOPES):
-            faster = _usable(value_of(model.C, away, fastest * (k + 1) / SLOPES, 0.0, 0.0))
-            stated.rate_C, slower = max(stated.rate_C, (faster - slower) * SLOPES / fastest), faster
+        stated.delta_C, stated.rate_C = _with_rate(model.C, speed, away)
     if model.states_f:
-        faster = _usable(value_of(model.f, fastest, t, 0.0, 0.0))
-        stated.rate_f = max(faster - stated.delta_f, 0.0) / FASTER
-        slower = _usable(value_of(model.f, 0.0, t, 0.0, 0.0))
-        for k in range(SLOPES):
-            faster = _usable(value_of(model.f, fastest * (k + 1) / SLOPES, t, 0.0, 0.0))
-            stated.rate_f, slower = max(stated.rate_f, (faster - slower) * SLOPES / fastest), faster
+        stated.delta_f, stated.rate_f = _with_rate(model.f, speed, t)
+
+
+@inline
+def _with_rate(bound, speed, other):
+    """Value of a stated bound at a speed (rad/s), and its steepest growth with the speed between rest and there; other:
+    its second variable."""
+    value, fastest = _usable(value_of(bound, speed, other, 0.0, 0.0)), speed + FASTER
+    rate = max(_usable(value_of(bound, fastest, other, 0.0, 0.0)) - value, 0.0) / FASTER
+    slower = _usable(value_of(bound, 0.0, other, 0.0, 0.0))
+    for k in range(SLOPES):
+        faster = _usable(value_of(bound, fastest * (k + 1) / SLOPES, other, 0.0, 0.0))
+        rate, slower = max(rate, (faster - slower) * SLOPES / fastest), faster
+    return value, rate
 
 
 @inline

@@ -13,8 +13,6 @@ from app.scenario.units import Units
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise, PremiseTable, PromiseRecord
 
-# premises about d and s, which only the law (25) has; without them they say nothing
-OF_ROBUST_TERMS = frozenset(p for p in Premise if Premise.GAIN <= p <= Premise.GAIN_BY_FORCE)
 Outcome = Literal["holds", "broken", "nothing promised"]
 
 
@@ -63,11 +61,15 @@ class Standing:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Findings on the premises that apply, in the table's order. Those about d and s stay under a law without, if
-        they have failed before."""
-        table, lawless = self.table, self.table.value[Premise.LAW] > self.table.limit[Premise.LAW]
-        idle = [p for p in OF_ROBUST_TERMS if lawless and math.isnan(table.failed[p])]
-        return tuple(self._finding(p) for p in Premise if p not in idle and not math.isnan(table.limit[p]))
+        """Findings on the premises that apply now, in the table's order."""
+        return tuple(self._finding(p) for p in Premise if self.table.applies(p))
+
+    @property
+    def findings_of_run(self) -> tuple[Finding, ...]:
+        """Findings on the premises that apply now or have failed before."""
+        table = self.table
+        told = (p for p in Premise if table.applies(p) or not math.isnan(table.failed[p] + table.limit[p]))
+        return tuple(self._finding(p) for p in told)
 
     def _finding(self, premise: Premise) -> Finding:
         table, words = self.table, STATEMENTS[premise]

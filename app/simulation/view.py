@@ -63,7 +63,6 @@ class LiveMetrics:
         required = float(sum(output.needed))
         H_hat = task.J_q_inv.T @ evaluation.seen.estimate.M_hat @ task.J_q_inv
         table = evaluation.table
-        robust = table.value[Premise.LAW] <= table.limit[Premise.LAW]  # other laws have no robust terms
         return {
             "s_norm": output.s_norm,
             "s_bound": evaluation.promise_record.bound,
@@ -76,7 +75,7 @@ class LiveMetrics:
             "residual": float(np.linalg.norm(self.residual)),
             "reaching_time_bound": self.t_r,
             "reaching_time": self.reaching_time,
-            "layer_loop_factor": table.value[Premise.LAYER] if robust else np.nan,
+            "layer_loop_factor": table.value[Premise.LAYER] if table.applies(Premise.LAYER) else np.nan,
             "force_loop_factor": self.force_factor,
         }
 

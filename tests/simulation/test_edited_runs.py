@@ -16,7 +16,7 @@ from kernels.records import Record
 
 def finding(loop: ClosedLoop, premise: str) -> float | None:
     """Instant at which a premise first failed, s; None where it never has."""
-    return next((each.failed for each in loop.standing.findings if each.premise == premise), None)
+    return next((each.failed for each in loop.standing.findings_of_run if each.premise == premise), None)
 
 
 @pytest.mark.parametrize(

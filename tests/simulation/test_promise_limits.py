@@ -277,7 +277,7 @@ def test_premises_on_d_and_s_count_under_the_law_that_has_them(engine: str) -> N
         for _ in range(300):
             loop.advance()
     of_law = {"gain", "held", "layer", "gain_by_chatter", "gain_by_force"}
-    assert of_law.isdisjoint(finding.premise for finding in loop.standing.findings)
+    assert of_law.isdisjoint(finding.premise for finding in loop.standing.findings_of_run)
     changed_at = loop.t
     loop.edit(changed("ur5-heavy", controller={"law": "vsmrc"}))
     for _ in range(50):

@@ -7,14 +7,13 @@ from html import escape
 from app.dashboard.widgets.chips import chip, verdict_now, verdict_of_run
 from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
-from app.simulation.verdict import OF_ROBUST_TERMS, Finding
+from app.simulation.verdict import Finding
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
 
 
 def premises_html(snapshot: Snapshot) -> str:
-    """Table of the premises that apply, with the verdict above it, as HTML; without those about d and s for a law that
-    has neither."""
+    """Table of the premises that apply now, with the verdict above it, as HTML."""
     standing = snapshot.standing
     (now, look), (whole, look_of_run), run = verdict_now(standing), verdict_of_run(standing), standing.run
     head = f"<div>{chip(f'now: {now}', look)} {escape(standing.now.because)}</div>"
@@ -23,8 +22,7 @@ def premises_html(snapshot: Snapshot) -> str:
             f"<div>{chip(f'this run: {whole}', look_of_run)} {escape(run.because)}; "
             f"all premises held in {100 * run.share:.4g} % of its periods</div>"
         )
-    robust = snapshot.system.controller.law.robust
-    rows = "".join(_row(f) for f in standing.findings if robust or Premise[f.premise.upper()] not in OF_ROBUST_TERMS)
+    rows = "".join(_row(f) for f in standing.findings)
     titles = "".join(f"<td>{title}</td>" for title in ("premise", "value", "limit", "least margin", "now", "failed"))
     return f'{head}<table class="vs-facts vs-premises"><tr>{titles}</tr>{rows}</table>{_constants(snapshot)}'
 
