@@ -49,7 +49,8 @@ STATEMENTS: dict[Premise, Statement] = {
         "q in Ω",
         "≤",
         "joints",
-        "q has left Ω: it is {value} {unit} from the postures along the reference (at most {limit} {unit})",
+        "q has left Ω: it is {value} {unit} from the postures along the reference (at most {limit} {unit}); "
+        "choose a larger radius of Ω, or a path nearer to the arm",
         "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it, and, for surfaces "
         "whose places or forms do not recur, until simulation.duration",
         unknown="k_r′ and k_r″ of (19) are known for the surfaces until simulation.duration only, since these do not "
@@ -59,21 +60,23 @@ STATEMENTS: dict[Premise, Statement] = {
         "σ_min(J_q)",
         "≥",
         "J_q",
-        "J_q is nearly singular: σ_min = {value} (must be at least {limit})",
+        "J_q is nearly singular: σ_min = {value} {unit} (must be at least {limit} {unit}); choose another path or "
+        "posture",
         "J_q is singular nowhere in Ω",
     ),
     Premise.DRIVES: Statement(
         "torque of the drives",
         "≤",
         "",
-        "a drive saturates: the law asks for {value} times its limit",
+        "a drive saturates: the law asks for {value} times its limit; choose a slower path, or a softer target model",
         "largest ratio of a commanded torque to its drive's limit; a torque that is cut off is missing in (25)",
     ),
     Premise.JOINTS: Statement(
         "joints within their limits",
         "≤",
         "",
-        "a joint is beyond its limits: it is {value} times half its range from the middle (at most {limit})",
+        "a joint is beyond its limits: it is {value} times half its range from the middle (at most {limit}); choose "
+        "another path or posture",
         "largest distance of a joint from the middle of its range, by half the range; (2) has no stops, so that beyond "
         "a limit of the URDF the run is that of no arm",
     ),
@@ -85,7 +88,7 @@ STATEMENTS: dict[Premise, Statement] = {
         "(17) requires this d",
     ),
     Premise.HELD: Statement(
-        "held over a period",
+        "torque held over a period",
         "≤",
         "r",
         "within one period the model's torque and the force change by {value} {unit} (at most {limit} {unit})",
@@ -97,11 +100,12 @@ STATEMENTS: dict[Premise, Statement] = {
         "robust terms, sampled",
         "<",
         "",
-        "K_s and the boundary layer are too stiff for the control period: (K_s + d/s_b)T/H = {value} (must be below 2)",
-        "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), without d/s_b where there is no layer; from 2 on one period "
-        "can make s larger; infinite where M̂ minus its declared error is not positive definite, where d grows with "
-        "‖s‖ faster than η comes near 1 or than a period can take from s, or where K_s is so large that a period takes "
-        "less from s than (19) counts on",
+        "K_s and the boundary layer are too stiff for the control period: their factor is {value} (must be below 2); "
+        "choose a wider layer, a smaller K_s, or a shorter control period",
+        "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), with the d that is needed where all errors are zero, and "
+        "without d/s_b where there is no layer; from 2 on one period can make s larger; infinite where M̂ minus its "
+        "declared error is not positive definite, where d grows with ‖s‖ faster than η comes near 1 or than a period "
+        "can take from s, or where K_s is so large that a period takes less from s than (19) counts on",
         unknown="the robust terms are too strong for the control period, or M̂ minus its declared error is not positive "
         "definite: there is no ‖s‖ from which on a period takes from s what (19) counts on",
     ),
@@ -125,20 +129,21 @@ STATEMENTS: dict[Premise, Statement] = {
         "force loop, sampled",
         "<",
         "",
-        "the sampled force loop diverges: its factor is {value} (must be below 1); raise M_m along the normal, or set "
-        "sensor.ideal",
+        "the sampled force loop diverges: its factor is {value} (must be below 1); choose a larger M_m along the "
+        "normal, or an ideal reading of the sensor",
         "factor by which one sample multiplies an error of the fed-back force, plus the part that d by (17) adds",
     ),
     Premise.SAMPLED_LOOP: Statement(
         "closed loop, sampled",
         "<",
         "",
-        "the sampled loop is unstable: each control period multiplies a deviation by {value} (must be below 1)",
+        "the sampled loop is unstable: each control period multiplies a deviation by {value} (must be below 1); choose "
+        "a shorter control period, a smaller delay of the sensor, or a softer target model",
         "largest growth of a small deviation over one control period with the torque held, for the present model and "
         "posture; under the discontinuous law that of the motion on s = 0, where the law reads a contact's force; "
         "infinite (not known) where such a reading is late by more than 100 periods",
         unknown="whether the sampled loop is stable is not known: the force sensor is late by more than 100 control "
-        "periods (sensor.delay)",
+        "periods; choose a smaller delay",
     ),
     Premise.CONTACT: Statement(
         "contact kept, no impact",

@@ -322,7 +322,7 @@ def check_posture(given, output, record, period, scratch, table, check):
     given_up = 1.0 - SAMPLING_SHARE - gains.reaching_share  # of epsilon, by a function that only approaches 1
     most = gains.K_s_largest + held + 2.0 * steepness
     falling = max(
-        _falling_from(gains.K_s_smallest, check.d - given_up * gains.epsilon, period, check.H_min, gains),
+        _falling_from(gains.K_s_smallest, (1.0 - given_up) * gains.epsilon, period, check.H_min, gains),  # d >= epsilon
         _falling_from(most, 2.0 * check.d, period, check.H_min, gains),
     )
     check.radius = max(check.layer_width, chatter, falling)

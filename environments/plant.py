@@ -3,6 +3,7 @@ controller."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -123,15 +124,22 @@ class Plant:
         """Data of the `PlantWorkspace`, (1,), for kernels."""
         return self._workspace
 
-    def smooth(self, *, touching: bool) -> Plant:
+    def smooth(self, touched: Sequence[int]) -> Plant:
         """Plant of the same arm without anything that has a kink or acts from outside: no Coulomb friction, no limits
-        of the drives, no disturbance, and a surface that also pulls, or, not touching, a spring of zero stiffness."""
+        of the drives, no disturbance; surfaces with these numbers also pull, the others are springs of zero
+        stiffness."""
         truth = replace(self.truth, coulomb=0.0, disturbance=0.0, torque_limit=np.inf)
         contacts = tuple(each._replace(unilateral=False, friction_coulomb=0.0) for each in self.contacts)
-        environment = self.environment if touching else None
-        if not touching:
-            nothing = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
-            contacts = (nothing,) * len(contacts)
+        environment = self.environment
+        if len(touched) < len(contacts):
+            whole = np.zeros((3, len(contacts), len(contacts)))
+            whole[:, *np.ix_(touched, touched)] = environment.acting(touched)
+            environment = EnvironmentMatrices.of(*whole)
+            diagonals = np.diagonal(whole, axis1=1, axis2=2).tolist()
+            contacts = tuple(
+                each._replace(M_e=M_e, B_e=B_e, K_e=K_e, friction_viscous=each.friction_viscous * (i in touched))
+                for i, each, M_e, B_e, K_e in zip(range(len(contacts)), contacts, *diagonals, strict=True)
+            )
         rest = (self._integrator, self.substeps, self.face, environment)
         return Plant(self.robot, truth, self.surfaces, self.kind, contacts, *rest)
 

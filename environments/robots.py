@@ -187,7 +187,7 @@ class Robot:
     @cached_property
     def slides(self) -> tuple[bool, ...]:
         """Whether each joint is prismatic."""
-        return tuple(joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:])
+        return _slides(self.model)
 
     @cached_property
     def ranges(self) -> tuple[np.ndarray, np.ndarray]:
@@ -317,14 +317,18 @@ def _vector(field_path: str, given: tuple[float, ...], n: int) -> np.ndarray:
 
 
 def _posture(given: tuple[float, ...], model: pin.Model, names: list[str]) -> np.ndarray:
-    q = _vector("robot.posture", given, model.nv)
-    low, high = model.lowerPositionLimit, model.upperPositionLimit
-    for joint, name in enumerate(names):
-        if not low[joint] <= q[joint] <= high[joint]:
-            raise RobotError(
-                f"robot.posture: {q[joint]:g} for joint {name!r:.60}; allowed: {low[joint]:.4g} to {high[joint]:.4g}"
-            )
+    q, ranges = _vector("robot.posture", given, model.nv), (model.lowerPositionLimit, model.upperPositionLimit)
+    for name, angle, low, high, slides in zip(names, q, *ranges, _slides(model), strict=True):
+        if not low <= angle <= high:
+            unit, turned = "m" if slides else "rad", float(np.radians(angle))
+            hint = f"; {angle:g}° are {turned:.4g} rad" if not slides and low <= turned <= high else ""
+            allowed = f"allowed: {low:.4g} to {high:.4g} {unit}{hint}"
+            raise RobotError(f"robot.posture: {angle:g} {unit} for joint {name!r:.60}; {allowed}")
     return q
+
+
+def _slides(model: pin.Model) -> tuple[bool, ...]:
+    return tuple(joint.shortname().startswith("JointModelP") for joint in list(model.joints)[1:])
 
 
 def _model(root: ElementTree.Element, path: Path) -> pin.Model:

@@ -285,7 +285,7 @@ ACCOUNT_METRICS = (
     ShownMetric("‖s‖, largest", "s_max", 1e3, lambda units: units.rate),
     ShownMetric("residual of (8), RMS", "residual_rms", 1.0, lambda units: units.force),
     ShownMetric("torque ‖τ‖, RMS", "effort", 1.0, lambda units: units.of_joints("N·m")),
-    ShownMetric("its variation", "variation", 1.0, lambda units: units.of_joints("N·m/s")),
+    ShownMetric("torque variation", "variation", 1.0, lambda units: units.of_joints("N·m/s")),
     ShownMetric("least margin of (17)", "gain_margin", 1.0, lambda units: units.force),
 )
 # those of a whole run; the torques' variation, a number per joint, stands beside them
@@ -300,7 +300,7 @@ RUN_METRICS = (
     ShownMetric("band promised within", "band_time_bound", 1.0, lambda _: "s"),
     ShownMetric("boundary layer reached after", "reaching_time", 1.0, lambda _: "s"),
     ShownMetric("boundary layer promised within", "layer_time_bound", 1.0, lambda _: "s"),
-    ShownMetric("s = 0 by (18), if promised", "reaching_time_bound", 1.0, lambda _: "s"),
+    ShownMetric("s = 0 by (18), promised or not", "reaching_time_bound", 1.0, lambda _: "s"),
     ShownMetric("‖s‖ beyond (20) and the band, largest", "envelope_violation", 1e3, lambda units: units.rate),
     ShownMetric("least margin of (17)", "gain_condition_margin", 1.0, lambda units: units.force),
     ShownMetric("residual of (8) at the end, RMS", "target_model_residual_tail", 1.0, lambda units: units.force),

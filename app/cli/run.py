@@ -105,7 +105,7 @@ def run(
         for sentence in untouched_sentences(loop.system, loop.recording):
             print(f"note: {sentence}")
         for violation in loop.standing.outsiders:
-            print(f"the truth is outside what was declared: {violation}")
+            print(f"the true arm is outside the declared set: {violation}")
         if loop.warning:
             print(f"flagged: {loop.warning}")
     print(f"written to {out}")
@@ -150,7 +150,7 @@ def _print_metrics(metrics: Metrics, loop: ClosedLoop) -> None:
         unit = "" if value is None else metric.units([system])
         print(f"{metric.title:{TITLE}s} {shown(value)} {unit}".rstrip())
     variation = listed(map(shown, metrics.torque_total_variation), "N·m/s", system.robot.slides, between="  ")
-    print(f"{'variation of the torques, per joint':{TITLE}s} {variation}")
+    print(f"{'torque variation, per joint':{TITLE}s} {variation}")
     if system.controller.law.robust:
         for line in _sampling(loop):
             print(line)
@@ -162,7 +162,7 @@ def _sampling(loop: ClosedLoop) -> Iterator[str]:
     """Lines on the two numbers that sampling adds to the theorem: the band, and w of the premise on it."""
     record, units = loop.recording.stretch(), loop.system.units
     for title, signal, factor, unit in (
-        ("w, held over a period, largest", record["held_error"], 1.0, units.force),
+        ("w while the torque is held, largest", record["held_error"], 1.0, units.force),
         ("band of ‖s‖, largest where promised", record["s_band"], 1e3, units.rate),
     ):
         known = signal[np.isfinite(signal)]  # no band where nothing is promised

@@ -210,7 +210,7 @@ def _table(main: dict[Contestant, list[Outcome]]) -> Table:
         "path error, RMS [mm]",
         "force error, RMS [N]",
         "torque ‖τ‖, RMS [N·m]",
-        "its variation [N·m/s]",
+        "torque variation [N·m/s]",
         "stopped",
     )
     rows = []
@@ -226,7 +226,7 @@ def _exact_table(exact: dict[Contestant, Outcome]) -> Table:
         "path error, RMS [mm]",
         "force error, RMS [N]",
         "torque ‖τ‖, RMS [N·m]",
-        "its variation [N·m/s]",
+        "torque variation [N·m/s]",
     )
     rows = [
         (who.title, *(f"{float(values[0]):.3g}" for values in _of([outcome]).values()))

@@ -85,7 +85,7 @@ def conclude(results: Sequence[Run]) -> Findings:
         "‖s‖, largest [mm/s]",
         "residual of (8), RMS [N]",
         "torque, largest [N·m]",
-        "its variation [N·m/s]",
+        "torque variation [N·m/s]",
     )
     return Findings(tables={"cases": Table(header, rows)}, figures=figures)
 

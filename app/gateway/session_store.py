@@ -3,6 +3,7 @@ them."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
@@ -22,6 +23,7 @@ log = structlog.get_logger()
 MOST = 100  # sessions on disk: three pinned runs of a minute take 243 MB
 LINK = "link.json"
 _PRIVATE = 0o600
+_GONE = ".gone-"  # begins the name of a folder that is being removed
 _WORD = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
@@ -65,7 +67,9 @@ class SessionStore:
         try:
             for unfinished in self._path.glob(f"*/.{LINK}.*"):
                 unfinished.unlink()
-            links = [(link.stat().st_mtime, link) for link in self._path.glob(f"*/{LINK}")]
+            for gone in self._path.glob(f"{_GONE}*"):
+                shutil.rmtree(gone, ignore_errors=True)
+            links = [(link.stat().st_mtime, link) for link in self._path.glob(f"[!.]*/{LINK}")]
         except OSError as error:
             raise StateError(f"--state-dir {self._path}: cannot be read: {error.strerror}") from error
         return [known for _, link in sorted(links) if (known := _known(link)) is not None]
@@ -87,8 +91,11 @@ class SessionStore:
         write_whole(folder / LINK, lambda file: file.write(text), _PRIVATE)
 
     def forget(self, folder: str) -> None:
-        """Remove the folder of this session, as far as possible."""
-        shutil.rmtree(self._path / folder, ignore_errors=True)
+        """Remove the folder of this session, as far as possible; the rest of it at the next start."""
+        gone = self._path / f"{_GONE}{folder}"
+        with contextlib.suppress(OSError):
+            os.replace(self._path / folder, gone)
+        shutil.rmtree(gone, ignore_errors=True)
 
 
 def _known(link: Path) -> StoredSession | None:

@@ -35,7 +35,7 @@ class LessonCourse:
 
     def __init__(self, lesson: Lesson, notebook: Notebook) -> None:
         self.lesson, self._notebook = lesson, notebook
-        self._lock = threading.RLock()
+        self._lock, self._left = threading.RLock(), False
         self.outcomes: dict[int, LessonOutcome] = {}
         # the lesson may have been another one when its progress was kept
         if not 1 <= self.progress.step <= len(lesson.steps):
@@ -169,11 +169,18 @@ class LessonCourse:
     def make_up(self, memory: Memory | None = None) -> None:
         """Play the missing runs, and score what was predicted of them where it is explained. Raises ScenarioError."""
         for run in self.missing:
+            if self._left:
+                return
             self._take(run, play(run, memory))
         with self._lock:
             if isinstance(self.step.block, Explain):
                 self._score()
         self._notebook.save()
+
+    def leave(self) -> None:
+        """Leave the lesson: a run that is still being computed has not been seen."""
+        with self._lock:
+            self._left = True
 
     def reached_goal(self) -> None:
         """Note that the goal of the shown step is reached."""
@@ -194,6 +201,8 @@ class LessonCourse:
 
     def _take(self, run: LessonStep, outcome: LessonOutcome) -> None:
         with self._lock:
+            if self._left:
+                return
             self.outcomes = {**self.outcomes, run.number: outcome}
             self._note(seen=max(self.progress.seen, run.number))
 

@@ -161,7 +161,7 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
         field("bound of ‖f̃‖; replaces that of friction, disturbance: a number or formula in speed, t", "N·m"),
     ] = None
     least_inertia: Annotated[
-        float, field("where δ_M is stated: M is at least this share of M_hat, for k_r′", "1", gt=0, le=1)
+        float, field("where δ_M is stated: M is at least this share of M̂, for k_r′", "1", gt=0, le=1)
     ] = 0.5
 
 
@@ -354,7 +354,7 @@ class Simulation(Section, frozen=True, forbid_unknown_fields=True):
         field("on a singular J_q, joints over 20 rad/s (m/s), or a lost rigid surface: stop or flag", ""),
     ] = "stop"
     bound_violation: Annotated[
-        Literal["stop", "flag"], field("when ||s|| is over its bound (20): stop or flag", "")
+        Literal["stop", "flag"], field("when ||s|| is over (20) and its band: stop or flag", "")
     ] = "flag"
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from app.scenario.data import differences
 from app.scenario.field_info import field_info
 from app.scenario.schema import ContactSection, Scenario
+from app.scenario.units import Units, unit_in
 
 _SECTION_WORDS = {
     "motion": "path",
@@ -17,10 +18,10 @@ _SECTION_WORDS = {
 }
 
 
-def adaptation_sentence(requested: Scenario, done: Scenario) -> str:
+def adaptation_sentence(requested: Scenario, done: Scenario, units: Units) -> str:
     """Sentence on the fields that a change of mode, arm or surface has adapted; "" for none.
     requested: the scenario with that change alone.
-    done: the scenario that runs."""
+    done: the scenario that runs; units: of its task space."""
     adaptations: list[str] = []
     different = differences(requested, done)
     for section, word in _SECTION_WORDS.items():
@@ -31,7 +32,7 @@ def adaptation_sentence(requested: Scenario, done: Scenario) -> str:
         elif list(changed) == ["surface.origin"]:
             adaptations.append("surface brought to the tool")
         else:
-            adaptations += [f"{word} {_field_phrase(path, *values)}" for path, values in changed.items()]
+            adaptations += [f"{word} {_field_phrase(path, *values, units)}" for path, values in changed.items()]
     for each in ("second", "third"):
         old, new = (getattr(of, each).contact for of in (requested, done))
         if old.kind != new.kind and getattr(done, each).present:
@@ -41,17 +42,18 @@ def adaptation_sentence(requested: Scenario, done: Scenario) -> str:
     if requested.face.flat and not done.face.flat:
         adaptations.append("the tool touches with a point")
     if requested.controller.K_s != done.controller.K_s:
-        adaptations.append(f"boundary layer {done.controller.layer:.3g}, and K_s, by the characteristic length ℓ")
+        layer = f"{done.controller.layer:.3g} {unit_in(units, 'controller.layer', 'm/s')}"
+        adaptations.append(f"boundary layer {layer}, and K_s, converted by the characteristic length ℓ")
     if requested.controller.gain != done.controller.gain:
-        adaptations.append(f"gain d {done.controller.gain}")
+        adaptations.append(f"gain d is {done.controller.gain} now")
     return f"Adapted: {'; '.join(adaptations)}." if adaptations else ""
 
 
-def _field_phrase(path: str, before: object, after: object) -> str:
+def _field_phrase(path: str, before: object, after: object, units: Units) -> str:
     """Label of the field at a dotted path, and its value after and before."""
     info = field_info(path)
     label = info.widget.label if info.widget else path.rpartition(".")[2].replace("_", " ")
-    unit = f" {info.unit}" if info.unit not in ("", "1") else ""
+    unit = f" {unit_in(units, path, info.unit)}" if info.unit not in ("", "1") else ""
     titles = {_hashable(value): title for title, value in info.widget.options} if info.widget else {}
     was, now = (titles.get(_hashable(value), _value_text(value)) for value in (before, after))
     return f"{label} {now} instead of {was}{unit}"

@@ -72,8 +72,9 @@ class _TakenUp(NamedTuple):
 class StateFolder:
     """A folder that only this process uses, until it ends or `close` is called.
 
-    `problem` is a sentence about an earlier session that cannot be read, "" where there is none. Not to be used by two
-    threads at once. Raises StateError when another process uses the folder or it cannot be written.
+    `problem` is a sentence about an earlier session that cannot be read, "" where there is none. `continues` says
+    whether the process before has saved a session. Not to be used by two threads at once. Raises StateError when
+    another process uses the folder or it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -83,7 +84,8 @@ class StateFolder:
         self._indexed = set[str]()  # files that `session.json` names, as this process has written it
         self._taken_up = _TakenUp()
         try:
-            if self._readable(SESSION) is not None:
+            self.continues = self._readable(SESSION) is not None
+            if self.continues:
                 os.replace(self.path / SESSION, self.path / OFFER)
             self._tidy()
         except OSError as error:

@@ -119,14 +119,14 @@ class CommandedRun:
     def execute(self, command: Command) -> bool:
         """Carry out a command; one that cannot be carried out is refused, and the run goes on. Returns whether it was
         carried out."""
-        before = self._refusals
+        before, way = self._refusals, self._way_out
         try:
             self._dispatch(command)
         except (ScenarioError, ArithmeticError, ValueError) as error:
-            self._refuse(str(error), command)
+            self._refuse(str(error), command, way)
         except Exception as error:  # a fault of this program: the command has failed, and the run goes on
             log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
-            self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
+            self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command, way)
         return self._refusals == before
 
     def step(self) -> None:
@@ -137,6 +137,7 @@ class CommandedRun:
         if self.loop.stopped is not stopped:
             self.note_stop()
         if blending and self.loop.system.blend is None:
+            self._way_out = None  # made of the scenario with the blend
             self.revision += 1
 
     def _perform(self) -> None:
@@ -178,7 +179,11 @@ class CommandedRun:
             case _:
                 pass
 
-    def _refuse(self, sentence: str, command: Command) -> None:
+    def _refuse(self, sentence: str, command: Command, way: WayOut | None) -> None:
+        """Refuse a command. way: out of an earlier refusal, which is no way out of this one; a refused look back leaves
+        it, as it has nothing to do with the scenario."""
+        if self._way_out is way and not isinstance(command, Seek):
+            self._way_out = None
         self._refusal = sentence
         self._refusals += 1
         log.info("refused", command=type(command).__name__, sentence=sentence)
@@ -238,8 +243,6 @@ class CommandedRun:
                 self.step()
             case Reset():
                 self._reset()
-                if self._way_out is not None and self._way_out.fork_at is not None:  # an instant of the run before
-                    self._way_out = None
             case Seek(t):
                 line.require_known(t)
                 line.hold(None)
@@ -312,7 +315,7 @@ class CommandedRun:
     def _adapt(self, requested: Scenario, scenario: Scenario) -> None:
         """Edit to the nearest scenario that can run, and say how it differs from what was asked."""
         changes.possible(scenario, self._edit)
-        self._adaptation = adaptation_sentence(requested, self.loop.system.scenario)
+        self._adaptation = adaptation_sentence(requested, self.loop.system.scenario, self.loop.system.units)
 
     def _edit(self, scenario: Scenario, *, as_it_is: bool = False) -> None:
         """Edit to this scenario; where that begins a new run, with its own push, unless it is to be taken as it is."""
@@ -344,6 +347,8 @@ class CommandedRun:
         """Begin the run's scenario at t = 0, with its own push."""
         self.line.reset()
         self.runs += 1
+        if self._own_push != OwnPush() or (self._way_out is not None and self._way_out.fork_at is not None):
+            self._way_out = None  # made of the scenario with that push, or of an instant of the run before
         own, self._own_push = self._own_push.back(self.line.latest.scenario), OwnPush()
         if own != self.line.latest.scenario:
             self.line.edit(own)

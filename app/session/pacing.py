@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 KEPT = 1 << 16  # batches: a minute at 1 kHz
-SLOWED = 0.97  # of the rate asked for: below it simulated time visibly falls behind
+SLOWED = 0.9  # of the rate asked for: below it one sees that simulated time falls behind
 
 
 class Schedule(NamedTuple):

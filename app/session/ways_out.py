@@ -85,7 +85,7 @@ def nearest(scenario: Scenario, path: str, value: object) -> WayOut | None:
     for bound, word in ((least, "smallest"), (largest, "largest")):
         if bound is not None and (value < bound if word == "smallest" else value > bound):
             with suppress(ScenarioError):  # a bound that is itself not allowed is no way out
-                there = edited(scenario, path, type(value)(bound))
+                there = edited(scenario, path, int(bound) if float(bound).is_integer() else bound)
                 require_stiff(there, mode_of(there))
                 return WayOut(f"Take {bound:g}, the {word} allowed", there)
     return None

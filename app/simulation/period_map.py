@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -92,15 +93,18 @@ class PeriodMap:
     m/s; of z (m/s) under a law that has it, and of a law's own state; of the next readings of the force sensor, N: the
     load of a heavy contact from the period before, and the delayed readings.
 
+    touched: numbers of the surfaces that are touched, None for all.
     moments: whether the readings of a tool whose contact is a point have the moments of a push, too.
     """
 
-    def __init__(self, system: System, at: Posture, *, touching: bool = True, moments: bool = False) -> None:
+    def __init__(
+        self, system: System, at: Posture, touched: Sequence[int] | None = None, *, moments: bool = False
+    ) -> None:
         self._felt = 6 if moments or system.plant.face.flat else 3  # entries of a reading
         self._observer = system.observer
         self._still = still = replace(
             system,
-            plant=system.plant.smooth(touching=touching),
+            plant=system.plant.smooth(range(len(system.surfaces)) if touched is None else touched),
             sensor=system.sensor.steady(),
             push=NO_PUSH,
             blend=None,

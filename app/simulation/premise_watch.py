@@ -259,10 +259,10 @@ class PremiseWatch:
             return
         if chatter == np.inf:
             raise UnboundedGain(
-                f"{self._declared_bound()}: the declared errors leave no inertia at this posture (M_hat - E of (6) is "
+                f"{self._declared_bound()}: the declared errors leave no inertia at this posture (M̂ - E of (6) is "
                 "not positive definite), so no gain by (17) suffices; allowed: a smaller value"
             )
-        others = "bounds = 'tight', " if controller.bounds == "paper" else ""
+        others = "controller.bounds = 'tight', " if controller.bounds == "paper" else ""
         others += f"controller.gain = 'constant', or a smaller {self._declared_bound()}"
         if chatter >= 1.0:
             raise UnboundedGain(

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from controllers.force_loop import LONGEST_LINE
 from controllers.premises import Premise
 from controllers.switching import Switching
 from environments.step_resolution import ROUNDING
+
+Touched = tuple[int, ...]  # numbers of the surfaces that are touched
 
 NOISE = 1e-6  # of an eigenvalue
 NO_POLES = np.zeros(0, dtype=complex)
@@ -98,15 +101,16 @@ class SampledLoops:
 
     def __init__(self, system: System) -> None:
         self.system = system
-        self._maps: dict[tuple[bool, bool], PeriodMap] = {}  # by whether the arm touches, and whether moments are read
-        self._sliding: PeriodMap | None = None
+        self._whole, *self._fewer = touched_at_once(system)
+        self._maps: dict[tuple[Touched, bool], PeriodMap] = {}  # by what is touched, and whether moments are read
+        self._sliding: dict[Touched, PeriodMap] = {}
         self._prompt: SampledLoops | None = None
         if system.sensor.late > LONGEST_LINE and not _reads_contact(system):
             self._prompt = SampledLoops(replace(system, sensor=system.sensor.prompt()))
 
     def at(self, q: np.ndarray, t: float) -> SampledLoop:
-        """The sampled loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,)
-        rad at time t (s)."""
+        """The sampled loop in contact with all surfaces, if the scenario has a contact, otherwise in free motion, at
+        the posture q (n,) rad at time t (s); its premise is about fewer surfaces, too, see `touched_at_once`."""
         system = self.system
         if self._prompt is not None:  # a reading on which the arm does not act may be as late as it likes
             return replace(self._prompt.at(q, t), A=None, C=None)
@@ -119,12 +123,11 @@ class SampledLoops:
             if system.sensor.late > LONGEST_LINE:
                 growth = math.inf
             elif _chatters(system):
-                growth = self._growth_while_sliding(at)
+                growth = max(self._growth_while_sliding(at, touched) for touched in (self._whole, *self._fewer))
             else:
-                A, C = self._map(at, touching=True).linearised()
-                growth = _growth(A)
-                if not system.mode.on_surface and system.plant.kind.touches:  # where the arm may leave the surface
-                    growth = max(growth, _growth(self._map(at, touching=False).jacobian()))
+                A, C = self._map(at, self._whole).linearised()
+                fewer = (self._map(at, touched).jacobian() for touched in self._fewer)
+                growth = max(map(_growth, (A, *fewer)))
         except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
             return SampledLoop(math.nan, {}, None, None)
         premises = {
@@ -140,33 +143,43 @@ class SampledLoops:
         if loop.A is None or loop.C is None:
             return RespondingLoop(**vars(loop), model=NO_POLES, sampled=NO_POLES, response=None, force_loop=None)
         at = Posture.of(system, q, t)
-        around_rest = self._map(at, touching=True)
+        around_rest = self._map(at, self._whole)
         model, sampled = _poles(system, at, loop.A)
         if around_rest.keeps_moments:
             response = push_response(system, at, loop.A, around_rest.by_push())
         else:
-            pushed = self._map(at, touching=True, moments=True)
+            pushed = self._map(at, self._whole, moments=True)
             response = push_response(system, at, pushed.jacobian(), pushed.by_push())
         if _reads_contact(system):
             force_loop = ForceLoop(system.scenario.controller.period, loop.A, around_rest.by_reading(), loop.C)
         return RespondingLoop(**vars(loop), model=model, sampled=sampled, response=response, force_loop=force_loop)
 
-    def _growth_while_sliding(self, at: Posture) -> float:
+    def _growth_while_sliding(self, at: Posture, touched: Touched) -> float:
         """Growth per control period of a deviation under the discontinuous law, on the sliding surface."""
-        if self._sliding is None:
-            self._sliding = PeriodMap(_kept_on_surface(self.system, at), at)
-        else:
-            self._sliding.rest_at(at)
-        return _growth(self._sliding.jacobian())
-
-    def _map(self, at: Posture, *, touching: bool, moments: bool = False) -> PeriodMap:
-        known = self._maps.get((touching, moments))
+        known = self._sliding.get(touched)
         if known is None:
-            known = PeriodMap(self.system, at, touching=touching, moments=moments)
-            self._maps[touching, moments] = known
+            known = self._sliding[touched] = PeriodMap(_kept_on_surface(self.system, at), at, touched)
+        else:
+            known.rest_at(at)
+        return _growth(known.jacobian())
+
+    def _map(self, at: Posture, touched: Touched, *, moments: bool = False) -> PeriodMap:
+        known = self._maps.get((touched, moments))
+        if known is None:
+            known = self._maps[touched, moments] = PeriodMap(self.system, at, touched, moments=moments)
         else:
             known.rest_at(at)
         return known
+
+
+def touched_at_once(system: System) -> list[Touched]:
+    """Choices of surfaces that the tool may touch at once, all of them first: each choice of springs in a mode that
+    does not keep the tool on them."""
+    whole, kind = tuple(range(len(system.surfaces))), system.plant.kind
+    if system.mode.on_surface or not kind.touches:
+        return [whole]
+    sizes = range(len(whole)) if kind.springs else range(1)
+    return [whole, *(fewer for size in sizes for fewer in combinations(whole, size))]
 
 
 def sampled_loop(system: System, q: np.ndarray, t: float) -> RespondingLoop:

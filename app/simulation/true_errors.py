@@ -107,7 +107,7 @@ def beyond(found: TrueErrors, stated: Stated, least_inertia: float, units: Units
     shares = np.nan if np.isnan(stated.delta_M) else least_inertia
     compared = (
         ("‖ΔM‖", found.M, ">", stated.delta_M, "kg·m²", found.M, stated.delta_M),
-        ("share of M in M_hat", found.share, "<", shares, "", shares, found.share),
+        ("largest share f with M ≥ f M̂", found.share, "<", shares, "", shares, found.share),
         ("‖ΔC‖", found.C, ">", stated.delta_C, "kg·m²/s", found.C, stated.delta_C),
         ("‖ΔG‖", found.G, ">", stated.delta_G, "N·m", found.G, stated.delta_G),
         ("‖f̃‖", found.f, ">", stated.delta_f, "N·m", found.f, stated.delta_f),

@@ -177,7 +177,8 @@ def sentence(premise: Premise, value: float, limit: float, units: Units) -> str:
     statement = STATEMENTS[premise]
     words = statement.unknown if math.isinf(value) and statement.unknown else statement.failed
     digits = next((k for k in (4, 6, 9) if f"{value:.{k}g}" != f"{limit:.{k}g}"), 12)  # so that both are told apart
-    return words.format(value=f"{value:.{digits}g}", limit=f"{limit:.4g}", unit=unit_of(premise, units))
+    text = words.format(value=f"{value:.{digits}g}", limit=f"{limit:.4g}", unit=unit_of(premise, units))
+    return " ".join(text.split()).replace(" )", ")")  # as it reads without a unit
 
 
 def _number(value: float) -> float | None:

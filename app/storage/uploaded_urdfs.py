@@ -140,14 +140,19 @@ def note_use(path: str | None) -> None:
 
 
 def _require_room(name: str, size: int, marks: tuple[str, ...]) -> None:
-    """Make room for a file: remove files that nobody has used for long, and as many as needed of those not in use now.
+    """Make room for a file where there is none: remove files that nobody has used for long, and as many as needed of
+    those not in use now.
 
     Raises ScenarioError where the rest is still too much.
     """
     kept = _uploads()
-    for upload in [upload for upload in kept if upload.idle and time.time() - upload.used > UNUSED]:
-        _remove(upload)
-        kept.remove(upload)
+    full = _too_many(kept, size, MOST_KEPT, MOST_BYTES)
+    if full or any(
+        _too_many([one for one in kept if mark in one.marks], size, MOST_OF_ONE, BYTES_OF_ONE) for mark in marks
+    ):
+        for upload in [upload for upload in kept if upload.idle and time.time() - upload.used > UNUSED]:
+            _remove(upload)
+            kept.remove(upload)
     for mark in marks:
         own = [upload for upload in kept if mark in upload.marks]
         gone = _made_room(own, size, marks, MOST_OF_ONE, BYTES_OF_ONE)

@@ -107,6 +107,8 @@ class Background:
         finally:
             self.waiting = False
             if process is not None:
+                if self._cancelled.is_set():  # otherwise it would notice only when it has the next result
+                    process.terminate()
                 try:  # its connection is closed: it ends by itself, with all of its pool
                     process.wait(LINGER)
                 except subprocess.TimeoutExpired:

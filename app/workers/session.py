@@ -193,7 +193,7 @@ def _autosave(
     left = left_by(folder, autosave, scenario)
     if left is None:
         return autosave, ()
-    if left.offer is None or kept.earlier == "offered":
+    if left.offer is None or kept.earlier == "offered" or not folder.continues:  # or it is of a session before this one
         dashboard.offer(left)
         return autosave, ()
     try:

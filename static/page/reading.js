@@ -268,12 +268,17 @@ setInterval(() => {
   if (values.vsmrcPlot && !values.vsmrcPlot.root.isConnected) values.hidden = true;
 }, 300);
 
-// A table goes to the clipboard with tabs between its cells, as spreadsheets read it.
+// A table goes to the clipboard with tabs between its cells, as spreadsheets read it. They would evaluate the name of a
+// run that begins like a formula.
+const cellText = (cell) => {
+  const text = cell.innerText.trim().replace(/\s+/g, " ");
+  return /^[=@+-]/.test(text) && !/^[+-]?[\d.]/.test(text) ? `'${text}` : text;
+};
 document.addEventListener("click", async (e) => {
   const button = e.target instanceof Element && e.target.closest("[data-copy]");
   const table = button && document.querySelector(button.dataset.copy);
   if (!table) return;
-  const text = [...table.rows].map((line) => [...line.cells].map((cell) => cell.innerText.trim().replace(/\s+/g, " ")).join("\t")).join("\n");
+  const text = [...table.rows].map((line) => [...line.cells].map(cellText).join("\t")).join("\n");
   try {
     await navigator.clipboard.writeText(text);
     button.textContent = "Copied";

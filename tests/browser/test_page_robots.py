@@ -34,7 +34,7 @@ def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_fo
     tab.wait(lambda now: now.robot.tool_frame == "flange")
     before = tab.now
     tab.enter("posture", "0, 3, 1")
-    tab.page.locator(".vs-message", has_text="3 for joint 'shoulder'; allowed: -1.8 to 1.8").wait_for()
+    tab.page.locator(".vs-message", has_text="3 rad for joint 'shoulder'; allowed: -1.8 to 1.8 rad").wait_for()
     evil = {"name": "<b>evil.urdf", "mimeType": "text/xml", "buffer": b"<!DOCTYPE a><robot/>"}
     upload.set_input_files(evil)
     tab.page.locator(".vs-message", has_text="<b>evil.urdf: has a DOCTYPE").wait_for()
@@ -47,8 +47,8 @@ def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_fo
 
 
 def test_the_verdict_turns_red_names_the_inequality_and_turns_green_again(tab: PageSession):
-    green = tab.page.get_by_text("truth within the declared bounds")
-    red = tab.page.locator(".vs-status").get_by_text("truth outside the declared bounds")
+    green = tab.page.get_by_text("true arm inside the declared set")
+    red = tab.page.locator(".vs-status").get_by_text("true arm outside the declared set")
     green.wait_for()
     run = tab.now.run
     tab.enter("link by link ×", "1.1, 1, 0.8, 1, 1, 1")

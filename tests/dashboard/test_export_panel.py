@@ -45,7 +45,7 @@ def name_of() -> Callable[..., str]:
         panel._delivery = cast(Any, SimpleNamespace(give=lambda _, __, name, ___: given.update(name=name)))
         for label, value in (("Figure of", plots), ("Lines", lines), ("Part of the run", part)):
             widgets[label].value = value
-        widgets["Width"].value, widgets["Type"].value = "as the plots need", "7 pt"
+        widgets["Width"].value, widgets["Text size"].value = "as the plots need", "7 pt"
         callback = {"Figure": panel._on_figure, "Data": panel._on_data, "3-D playback": panel._on_playback,
                     "3-D picture": panel._on_picture, "Scenario": panel._on_scenario}[button]  # fmt: skip
         callback(cast(viser.GuiEvent, SimpleNamespace(target=SimpleNamespace(value=form), client=MagicMock())))

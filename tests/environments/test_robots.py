@@ -192,7 +192,10 @@ def test_another_arm_brings_what_depends_on_it_and_can_be_saved() -> None:
     ("changes", "message"),
     [
         ({"posture": [0.0, 1.0]}, "robot.posture: 2 values given; allowed: 3, one for each joint of this arm"),
-        ({"posture": [0.0, 1.9, 1.0]}, "robot.posture: 1.9 for joint 'shoulder'; allowed: -1.8 to 1.8"),
+        (
+            {"posture": [0.0, 90, 1.0]},
+            "robot.posture: 90 rad for joint 'shoulder'; allowed: -1.8 to 1.8 rad; 90° are 1.571 rad",
+        ),
         ({"tool_frame": "hand"}, "robot.tool_frame: no frame 'hand' in bent3r.urdf; allowed: upper, fore, flange, tip"),
         ({"tool_frame": "upper"}, "bent3r.urdf has 2 joint(s) to its tool; no square task space exists"),
         ({"tool_frame": "fore"}, "in no posture can its joints move the tool in all directions"),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from app.gateway.session import Session
-from app.gateway.session_store import LINK, MOST, SessionStore
+from app.gateway.session_store import LINK, MOST, SessionStore, StoredSession
 from app.gateway.visitors import Visitor
 from app.scenario.data import from_toml, load, to_toml
 from app.session.autosave import StateFolder
@@ -89,6 +89,18 @@ def test_reopened_session_store_restores_sessions_and_links(tmp_path: Path) -> N
 
     before()
     after()
+
+
+def test_a_session_that_was_being_removed_is_removed_at_the_next_start(tmp_path: Path) -> None:
+    with closing(SessionStore(tmp_path)) as store:
+        folder = store.entered(StoredSession("a" * 22, "b" * 22, "", 0, "", "b" * 22))
+        (folder / "run-1.npz").touch()
+        os.replace(folder, tmp_path / f".gone-{folder.name}")  # a server that was killed in the middle
+        assert store.known() == []
+        assert not any(tmp_path.glob(".gone-*"))
+        again = store.entered(StoredSession("a" * 22, "b" * 22, "", 0, "", "b" * 22))
+        store.forget(again.name)
+        assert not any(path.is_dir() for path in tmp_path.iterdir())
 
 
 def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> None:

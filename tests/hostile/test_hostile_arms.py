@@ -287,6 +287,20 @@ def test_one_visitor_does_not_take_all_uploads(tmp_path: Path, monkeypatch: pyte
     assert [path.exists() for path in greedy] == [False, False, True, True]
 
 
+def test_an_upload_that_nobody_used_for_long_stays_while_there_is_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A saved scenario may name it."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setattr(uploaded_urdfs, "MOST_KEPT", 3)
+    kept = [uploaded_urdfs.keep("arm1.urdf", BENT.encode(), ("browser",))]
+    for number in (1, 2, 3):
+        os.utime(kept[0], (time.time() - 2 * uploaded_urdfs.UNUSED,) * 2)
+        kept.append(uploaded_urdfs.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode(), ("other",)))
+        assert kept[0].exists() == (number < 3)
+    assert all(path.exists() for path in kept[1:])
+
+
 def test_an_upload_in_use_stays_also_where_its_visitor_has_too_many(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

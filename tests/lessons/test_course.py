@@ -126,6 +126,18 @@ def test_progress_survives_a_restart_and_the_runs_are_played_again(tmp_path: Pat
     assert json.loads(json_of(later.progress))["test"]["answers"]["2"]["given"] == 3.0
 
 
+def test_a_run_that_is_computed_for_a_lesson_that_was_left_has_not_been_seen() -> None:
+    """It would lock the predictions of the lesson that is taken again."""
+    notebook = Notebook()
+    course = LessonCourse(lesson(), notebook)
+    through(course, "run")
+    run, before = course.step, course.progress
+    course.leave()
+    course.take(run, play(run))
+    course.make_up()
+    assert (notebook.of(course.lesson.name), course.outcomes) == (before, {})
+
+
 def test_a_run_that_was_left_out_is_played_for_its_explanation() -> None:
     course = LessonCourse(lesson(), Notebook())
     course.go(1)

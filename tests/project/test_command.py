@@ -90,8 +90,8 @@ def test_run_says_in_which_units_its_figures_are(
     excess = next(figure for figure in RUN_METRICS if figure.field == "envelope_violation")
     assert excess.unit(JOINT if space == "joint" else CARTESIAN) == f"{length}/s"
     assert units["least margin of (17)"] == units["residual of (8) at the end, RMS"] == force
-    assert units["s = 0 by (18), if promised"] == units["simulated time"] == "s"
-    assert units["variation of the torques, per joint"] == "N·m/s"
+    assert units["s = 0 by (18), promised or not"] == units["simulated time"] == "s"
+    assert units["torque variation, per joint"] == "N·m/s"
     assert units["force error at the end, largest"] == "—"
 
 
@@ -99,7 +99,7 @@ def test_figures_that_a_law_has_not_are_not_told(tmp_path: Path, capsys: pytest.
     own = ("controller.law=computed-torque",)
     assert run("planar2r-semicircle", out=tmp_path, duration=0.05, settings=(own,)) == 0
     figures = {line[:40].strip(): line[40:].strip() for line in capsys.readouterr().out.splitlines()}
-    for figure in ("least margin of (17)", "s = 0 by (18), if promised", "‖s‖ beyond (20) and the band, largest"):
+    for figure in ("least margin of (17)", "s = 0 by (18), promised or not", "‖s‖ beyond (20) and the band, largest"):
         assert figures[figure] == "—"
     assert figures["path error at the end, largest"] != "—"
 
@@ -234,7 +234,7 @@ def test_any_urdf_runs_and_a_truth_outside_its_declaration_is_said(tmp_path: Pat
         "--set", "truth.payload_mass=2", "robot.tool_frame=flange", "robot.urdf=tests/support/robots/bent3r.urdf",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "outside what was declared: payload 2 kg > declared 0 kg" in done.stdout
+    assert "outside the declared set: payload 2 kg > declared 0 kg" in done.stdout
     assert load(str(tmp_path / "scenario.toml")).robot.tool_frame == "flange"
 
 

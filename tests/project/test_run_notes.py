@@ -68,7 +68,7 @@ def test_settling_w_and_the_band_are_printed(tmp_path: Path, here: Here) -> None
     assert printed["settled after"] == f"{settled:.4g} s"
     with np.load(tmp_path / "recording.npz") as recording:
         w, band = recording["held_error"].max(), recording["s_band"].max()
-    assert printed["w, held over a period, largest"] == f"{w:.4g} N"
+    assert printed["w while the torque is held, largest"] == f"{w:.4g} N"
     assert printed["band of ‖s‖, largest where promised"] == f"{1e3 * band:.4g} mm/s"
     (row,) = [line.split("│") for line in here("compare", *run).stdout.splitlines() if "settled after [s]" in line]
     assert row[2].strip() == f"{settled:.4g}"

@@ -10,6 +10,7 @@ import pytest
 from app.scenario.data import differences, edited, shipped
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
+from app.scenario.units import CARTESIAN, JOINT
 from app.session.adaptation_sentence import adaptation_sentence
 from app.session.changes import in_coordinates, in_mode, on_robot, on_surface, possible
 from app.session.commands import (
@@ -19,6 +20,7 @@ from app.session.commands import (
     EditAll,
     Fork,
     Pause,
+    Pin,
     Push,
     PushNow,
     Reset,
@@ -29,6 +31,7 @@ from app.session.commands import (
 )
 from app.session.runner import SILENCE, Runner
 from app.session.snapshot import PREPARING
+from app.session.ways_out import nearest
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
@@ -89,16 +92,19 @@ def test_of_a_path_in_space_a_surface_keeps_what_lies_along_it_and_that_is_said(
     _, tangents = np.split(system.surface.chart(np.array([0.4, 0.1, 0.17]), 0.0).G, [1])
     moved = tangents.T @ np.array(changed.motion.displacement)
     np.testing.assert_allclose(moved, [*scenario.motion.displacement[:2], 0.0], atol=1e-6)
-    assert adaptation_sentence(scenario, changed) == "Adapted: path by 0.1, -0.05 instead of 0.1, 0.05, -0.03 m."
-    assert adaptation_sentence(scenario, in_mode(scenario, "motion")) == ""
+    assert (
+        adaptation_sentence(scenario, changed, CARTESIAN)
+        == "Adapted: path by 0.1, -0.05 instead of 0.1, 0.05, -0.03 m."
+    )
+    assert adaptation_sentence(scenario, in_mode(scenario, "motion"), CARTESIAN) == ""
 
 
 def test_a_circle_that_leaves_the_surface_is_laid_on_it() -> None:
     upright = edited(shipped()["ur5-motion"], "motion", {"kind": "circle", "axes": [0, 2]})
     changed = in_mode(upright, "hybrid")
     assemble(changed)
-    assert "path plane first and second instead of first and third" in adaptation_sentence(upright, changed)
-    assert "surface brought to the tool" in adaptation_sentence(upright, changed)
+    assert "path plane first and second instead of first and third" in adaptation_sentence(upright, changed, CARTESIAN)
+    assert "surface brought to the tool" in adaptation_sentence(upright, changed, CARTESIAN)
 
 
 def test_of_a_path_in_space_a_planar_arm_keeps_what_lies_in_its_plane() -> None:
@@ -117,7 +123,7 @@ def test_joints_as_coordinates_keep_the_promise_with_gains_converted_by_the_char
     done, l = loop.system.scenario, scenario.task_space.characteristic_length
     assert done.controller.layer == pytest.approx(scenario.controller.layer / l, rel=2e-3)
     assert done.controller.K_s == pytest.approx(scenario.controller.K_s * l**2, rel=2e-3)
-    assert "boundary layer 0.0667, and K_s, by the characteristic length" in adaptation_sentence(asked, done)
+    assert "boundary layer 0.0667 rad/s, and K_s, converted by the charac" in adaptation_sentence(asked, done, JOINT)
     CompiledRun(loop).advance(1500)
     assert loop.standing.now.verdict == "holds"
     assert np.abs(loop.recording.at(loop.t)["e_r"]).max() < 2e-4  # rad
@@ -129,7 +135,7 @@ def test_joints_as_coordinates_keep_the_promise_with_gains_converted_by_the_char
 def test_changes_within_a_section_of_a_section_are_said_too() -> None:
     scenario = shipped()["ur5-hybrid"]
     tilting = edited(scenario, "surface.tilt", {"amplitude": 0.1})
-    assert adaptation_sentence(scenario, tilting) == "Adapted: surface tilts by 0.1 instead of 0 rad."
+    assert adaptation_sentence(scenario, tilting, CARTESIAN) == "Adapted: surface tilts by 0.1 instead of 0 rad."
 
 
 def test_a_path_that_is_too_long_for_an_arm_is_halved_until_it_can_be_followed() -> None:
@@ -145,7 +151,7 @@ def test_a_gain_that_would_grow_without_bound_is_constant_and_that_is_said() -> 
     scenario = on_robot(shipped()["planar2r-semicircle"], "z1")
     done = possible(scenario, ClosedLoop.from_scenario).system.scenario
     assert done.controller.gain == "constant" != scenario.controller.gain
-    assert "gain d constant" in adaptation_sentence(scenario, done)
+    assert "gain d is constant now" in adaptation_sentence(scenario, done, CARTESIAN)
 
 
 def test_what_no_adaptation_mends_is_refused() -> None:
@@ -202,6 +208,61 @@ def test_a_bound_that_the_mode_refuses_is_no_way_out() -> None:
     runner = Runner(shipped()["ur5-impedance"])
     runner._obey([Edit("contact.K_e", -3.0), TakeWayOut()])
     assert runner._publish().scenario.contact.K_e == 0.0
+
+
+@pytest.mark.parametrize(
+    ("path", "typed", "bound"),
+    [
+        ("surface.tilt.amplitude", 1, 0.5),
+        ("controller.period", 1, 0.05),
+        ("simulation.substeps", 10**6, 1000),
+        ("simulation.substeps", 1e6, 1000),
+    ],
+)
+def test_a_bound_is_taken_as_it_is_also_where_a_whole_number_was_typed(path: str, typed: float, bound: float) -> None:
+    scenario = shipped()["ur5-hybrid"]
+    way = nearest(scenario, path, typed)
+    assert way is not None
+    assert way.scenario == edited(scenario, path, bound)
+    assert way.title == f"Take {bound:g}, the largest allowed"
+
+
+def refused_with_way_out(runner: Runner) -> None:
+    """Have the runner refuse a layer, with a way out."""
+    runner._obey([Edit("controller.layer", 100.0)])
+    way = runner._publish().way_out
+    assert way is not None
+    assert way.title == "Take 10, the largest allowed"
+
+
+def test_a_refusal_of_another_command_has_not_the_way_out_of_the_one_before() -> None:
+    runner = Runner(shipped()["ur5-hybrid"])
+    for _ in range(20):
+        runner._commanded.step()
+    runner._obey([Pause(), Pin()])
+    refused_with_way_out(runner)
+    runner._obey([Pin()])
+    now = runner._publish()
+    assert (now.refusal or "").startswith("pin: ")
+    assert now.way_out is None
+
+
+def test_a_way_out_brings_back_no_push_and_no_blend_that_are_over() -> None:
+    pushed = Runner(shipped()["ur5-hybrid"])
+    pushed._obey([PushNow()])
+    refused_with_way_out(pushed)
+    pushed._obey([Reset(), TakeWayOut()])
+    assert pushed._publish().scenario == shipped()["ur5-hybrid"]
+
+    blend = {"to": {"B_m": [200.0] * 6}, "at": 0.005, "over": 0.01}
+    blending = Runner(edited(shipped()["ur5-impedance"], "blend", blend))
+    refused_with_way_out(blending)
+    while blending._loop.system.blend is not None:
+        blending._commanded.step()
+    t = blending._loop.t
+    blending._obey([TakeWayOut()])
+    assert blending._publish().way_out is None
+    assert blending._loop.t == t
 
 
 @pytest.mark.parametrize("name", ["ur5-hybrid", "planar3r-hybrid"])

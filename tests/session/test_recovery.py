@@ -106,8 +106,10 @@ def test_an_offer_stays_until_it_is_answered(tmp_path: Path, pinned: tuple[Pinne
             folder.save(changed(), pinned[:1])
             folder.close()
             folder = StateFolder(tmp_path)
+            assert folder.continues
             folder.close()  # a server that did nothing
             folder = StateFolder(tmp_path)
+            assert not folder.continues  # what it has is of the server before that
         offer = folder.offer()
         assert offer is not None
         assert (offer.scenario, len(offer.runs)) == (changed(), 1)

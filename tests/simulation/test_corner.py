@@ -14,6 +14,7 @@ from app.analysis.steady_force import steady_force_error
 from app.scenario.data import edited, from_plain, load, shipped, to_plain
 from app.scenario.errors import IrregularCorner, ScenarioError
 from app.scenario.schema import Scenario
+from app.scenario.units import CARTESIAN
 from app.session.adaptation_sentence import adaptation_sentence
 from app.session.changes import in_mode, possible, with_control, with_further
 from app.session.headless_run import simulate
@@ -347,7 +348,7 @@ def test_a_corner_that_the_arm_cannot_reach_has_a_way_out() -> None:
     assert out.title == "Take the second surface away"
     assert out.scenario is not None
     done = possible(out.scenario, assemble).scenario
-    assert adaptation_sentence(parallel, done) == "Adapted: second surface taken away."
+    assert adaptation_sentence(parallel, done, CARTESIAN) == "Adapted: second surface taken away."
 
 
 @pytest.mark.slow  # long simulations

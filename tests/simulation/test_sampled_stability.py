@@ -14,6 +14,9 @@ from app.session.changes import in_mode, on_robot
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
+from app.simulation.period_map import PeriodMap, Posture
+from app.simulation.sampled_stability import sampled_loop, touched_at_once
+from controllers.premises import Premise
 from tests.support.arms import arm
 from tests.support.pressing import H, changed, growth_per_period, pressing, run
 
@@ -189,6 +192,26 @@ def test_a_delay_of_a_reading_that_does_not_tell_of_the_arm_changes_nothing_of_t
     growths = [growth_per_period(assemble(each)) for each in (prompt, late)]
     assert growths[0] == growths[1]
     assert (growths[0] > 1.0) == ("target_model.B_m" in fields)
+
+
+def test_an_arm_that_may_leave_its_surfaces_is_judged_with_each_choice_of_them() -> None:
+    """On one face of a body of two, as on a surface with the stiffness that the body has there."""
+    coupled = {"coupling.K_e": [6000.0, 0.0, 0.0], "contact.B_e": 20.0, "sensor.delay": 0.004}
+    scenario = with_values(in_mode(shipped()["planar3r-corner"], "impedance"), coupled)
+    system = assemble(scenario)
+    at = Posture.of(system, system.q_0, 0.0)
+    maps = {touched: PeriodMap(system, at, touched).jacobian() for touched in touched_at_once(system)}
+    assert list(maps) == [(0, 1), (), (0,), (1,)]
+    stiffness = 1e4 - 6000.0**2 / 1e4
+    alone = {"second.contact.kind": "free", "coupling.K_e": [0.0] * 3, "contact.K_e": stiffness}
+    for place, others in ((0, {}), (1, {"surface": scenario.second.surface, "contact.B_e": 20.0 * 0.6**2})):
+        lone = assemble(with_values(scenario, alone | others))
+        expected = PeriodMap(lone, Posture.of(lone, system.q_0, 0.0)).jacobian()
+        np.testing.assert_allclose(maps[place,], expected, atol=1e-7 * np.abs(expected).max())
+    judged = sampled_loop(system, system.q_0, 0.0).premises[Premise.SAMPLED_LOOP]
+    assert judged == pytest.approx(max(np.abs(np.linalg.eigvals(each)).max() for each in maps.values()), abs=2e-7)
+    on_them = assemble(edited(shipped()["planar3r-corner"], "sensor.delay", 0.004))
+    assert touched_at_once(on_them) == [(0, 1)]
 
 
 @pytest.mark.parametrize(("name", "arms"), [("ur5-motion", "ur10"), ("ur5-motion", "ur5")])

@@ -14,6 +14,7 @@ from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.errors import ScenarioError
 from app.scenario.field_info import field_info
 from app.scenario.schema import Scenario
+from app.scenario.units import JOINT
 from app.session.adaptation_sentence import adaptation_sentence
 from app.session.changes import in_coordinates, in_mode, on_robot, possible, with_robot
 from app.session.headless_run import simulate
@@ -180,6 +181,6 @@ def test_another_arm_or_other_coordinates_keep_what_remains_of_a_rotation() -> N
     assert possible(there, lambda asked: ClosedLoop.from_scenario(asked).system).robot.n == 6
     in_joints = in_coordinates(in_mode(load("panda-elbow"), "motion"), "kind", "joint")
     assert in_joints.rotation.__struct_config__.tag == "hold"
-    assert "rotation hold instead of line" in adaptation_sentence(swinging, in_joints)
+    assert "rotation hold instead of line" in adaptation_sentence(swinging, in_joints, JOINT)
     with pytest.raises(ScenarioError, match=r"rotation\.kind: 'line'; allowed where r = q: 'hold'"):
         assemble(edited(edited(in_mode(swinging, "motion"), "rotation", "line"), "task_space.kind", "joint"))

@@ -87,8 +87,8 @@ class ControllerPanel:
             self._controls += [
                 NumberField(desk, FieldPlace("simulation.domain_radius"), "radius [rad]", log_scale(0.01, 3)),
                 NumberField(desk, FieldPlace("simulation.sigma_min"), "σ_min ≥ [m]", log_scale(0.001, 0.2, zero=True)),
-                Dropdown(desk, "simulation.leaving_domain", "Leaving it", stop_or_flag),
-                Dropdown(desk, "simulation.bound_violation", "‖s‖ over (20)", stop_or_flag),
+                Dropdown(desk, "simulation.leaving_domain", "On a failure", stop_or_flag),
+                Dropdown(desk, "simulation.bound_violation", "Promise broken", stop_or_flag),
             ]
         with gui.add_folder("Constants of the theorem", expand_by_default=False):
             self._constants = gui.add_html("")

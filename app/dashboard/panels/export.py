@@ -83,7 +83,7 @@ class ExportPanel:
         self._lines = gui.add_text("Lines", "", hint="Names from the legends, separated by commas; empty: all.")
         self._width = gui.add_dropdown("Width", tuple(WIDTHS), hint="Width of a column or of a page of a journal.")
         self._height = gui.add_text("Height [mm]", "", hint="Height of the figure; empty: as the plots need.")
-        self._type = gui.add_dropdown("Type", tuple(TYPES), hint="Size of the figure's text.")
+        self._type = gui.add_dropdown("Text size", tuple(TYPES), hint="Of the figure.")
         self._letters = gui.add_checkbox("Letters (a), (b)", False, hint="Puts letters before the titles of the plots.")
         self._caption = gui.add_checkbox("Caption", True, hint="Puts the scenario's numbers below the figure.")
         self._buttons(

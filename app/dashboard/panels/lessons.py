@@ -92,6 +92,7 @@ class LessonsPanel:
     # what the user does
 
     def _open(self, lesson: Lesson) -> None:
+        self._leave_course()
         course = self._course = LessonCourse(lesson, self._desk.notebook)
         self._make_up(course)
         self._enter()
@@ -99,7 +100,12 @@ class LessonsPanel:
     async def _on_leave(self, _: object) -> None:
         self._close()
 
+    def _leave_course(self) -> None:
+        if self._course is not None:
+            self._course.leave()
+
     def _close(self) -> None:
+        self._leave_course()
         self._course, self._desk.lock.fields = None, None
         self._desk.classroom.rest()
 

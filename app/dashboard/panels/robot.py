@@ -71,7 +71,7 @@ class RobotPanel:
                 NumberField(desk, FieldPlace("declared.viscous"), "viscous [N·m·s]", SliderScale(0, 10)),
                 NumberField(desk, FieldPlace("declared.disturbance"), "disturb. [N·m]", SliderScale(0, 20)),
                 NumberField(desk, FieldPlace("declared.force_error"), "force error [N]", SliderScale(0, 5)),
-                NumberField(desk, FieldPlace("declared.moment_error"), "moments' [N·m]", SliderScale(0, 1)),
+                NumberField(desk, FieldPlace("declared.moment_error"), "moment error [N·m]", SliderScale(0, 1)),
             ]
         with gui.add_folder("Bounds stated instead, as in (7)"):
             self._controls += [
@@ -80,7 +80,7 @@ class RobotPanel:
                 TextField(desk, StatedBounds("declared.delta_G"), "δ_G [N·m]"),
                 TextField(desk, StatedBounds("declared.delta_f"), "δ_f [N·m]"),
                 NumberField(
-                    desk, PlaceWhere("declared.least_inertia", _inertia_stated), "M ≥ M_hat ×", SliderScale(0.05, 1)
+                    desk, PlaceWhere("declared.least_inertia", _inertia_stated), "M ≥ M̂ ×", SliderScale(0.05, 1)
                 ),
             ]
         with gui.add_folder("Tool and posture"):

@@ -37,7 +37,7 @@ class RunsPanel:
             "Pin this run",
             hint="Keeps this run up to now, to compare others with it. Reset (R) starts a new run beside it. Key: P",
         ).on_click(self._on_pin)
-        self._over = gui.add_dropdown("Figures over", tuple(OVER), hint="Which instants of the runs are compared.")
+        self._over = gui.add_dropdown("Metrics over", tuple(OVER), hint="Which instants of each run the metrics cover.")
         self._table = gui.add_html("")
         copy = '<button class="vs-copy" data-copy=".vs-runs">Copy the table</button>'
         self._copy = gui.add_html(copy, visible=False)
@@ -78,7 +78,7 @@ class _PinnedRow:
         with self._form:
             self._text = desk.gui.add_text("", "", hint="What this run is called in the plots and in the table.")
         self._back = desk.gui.add_button(
-            "", visible=False, hint="The present run continues or restarts with these settings."
+            "", visible=False, hint="The present run goes on, or begins again, with these settings."
         )
         self._forget = desk.gui.add_button("", visible=False, color="gray", hint="Frees its place.")
         self._text.on_update(from_pages(self._on_text))

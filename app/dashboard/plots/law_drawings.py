@@ -188,7 +188,7 @@ def variation(setup: Setup) -> Drawing:
         ChartLine(f"τ{symbol(f'_{i + 1}')}", color(i), rate(i), dashed=is_dashed(i), foreseen=False)
         for i in range(len(setup.joints))
     ]
-    return Drawing(f"total variation of  τ  per second  [{setup.units.of_joints('N·m/s')}]", lines, floor=1e-2)
+    return Drawing(f"torque variation  Σ|Δτ| per second  [{setup.units.of_joints('N·m/s')}]", lines, floor=1e-2)
 
 
 def residual(setup: Setup) -> Drawing:

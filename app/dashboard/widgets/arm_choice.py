@@ -136,15 +136,15 @@ class ToolFrame:
 
 
 class ArmVerdict:
-    """Badge that says whether the true arm is within the declared bounds, and if not, which inequality is violated."""
+    """Badge that says whether the true arm is inside the declared set, and if not, which inequality is violated."""
 
     def __init__(self, desk: Desk) -> None:
         self._html = desk.gui.add_html("")
 
     def show(self, snapshot: Snapshot) -> None:
         violated = snapshot.standing.outsiders
-        word, look = ("outside", "vs-bad") if violated else ("within", "vs-good")
-        badge = chip(f"truth {word} the declared bounds", look)
+        word, look = ("outside", "vs-bad") if violated else ("inside", "vs-good")
+        badge = chip(f"true arm {word} the declared set", look)
         lines = "".join(f'<div class="vs-message vs-bad">{escape(violation)}</div>' for violation in violated)
         self._html.content = f'<div class="vs-verdict">{badge} {_drives(snapshot)}{lines}</div>'
 
@@ -153,7 +153,7 @@ def _drives(snapshot: Snapshot) -> str:
     """Note on the drives' limits, which the declared bounds do not cover, as text."""
     limits = np.broadcast_to(snapshot.system.plant.truth.torque_limit, snapshot.robot.n)
     if not np.isfinite(limits).any():
-        return '<div class="vs-note">torque limit × 0: drives without a limit</div>'
+        return '<div class="vs-note">the drives have no limit</div>'
     text = listed([f"{limit:.3g}" for limit in limits], "N·m", snapshot.robot.slides)
     note = f'<div class="vs-note">at most {text}, whatever the law asks for</div>'
     return f"{chip('drives limited', 'vs-warn')}{note}"

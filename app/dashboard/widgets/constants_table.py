@@ -11,7 +11,7 @@ from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
 
 _NAMES = {
-    "coulomb": "Coulomb friction", "viscous": "viscous friction", "least_inertia": "M ≥ M_hat ×", "delta_M": "δ_M",
+    "coulomb": "Coulomb friction", "viscous": "viscous friction", "least_inertia": "M ≥ M̂ ×", "delta_M": "δ_M",
     "delta_C": "δ_C", "delta_G": "δ_G", "delta_f": "δ_f",
 }  # fmt: skip
 
@@ -72,9 +72,9 @@ def _searched(snapshot: Snapshot) -> list[tuple[str, ...]]:
         ]
     if lipschitz is not None:
         rows += [
-            ("k_M", "change of M_hat per rad, for estimates along r_d (Remark 3)", lipschitz.k_M, "kg·m²/rad"),
-            ("k_Cq", "change of C_hat per rad/s and rad, for these", lipschitz.k_Cq, "kg·m²"),
-            ("k_G", "change of G_hat per rad, for these", lipschitz.k_G, "N·m/rad"),
+            ("k_M", "change of M̂ per rad, for estimates along r_d (Remark 3)", lipschitz.k_M, "kg·m²/rad"),
+            ("k_Cq", "change of Ĉ per rad/s and rad, for these", lipschitz.k_Cq, "kg·m²"),
+            ("k_G", "change of Ĝ per rad, for these", lipschitz.k_G, "N·m/rad"),
         ]
     low = constants.k_r_low
     return [("k_r′", "least eigenvalue of H", "—", f"{low * MARGIN:.4g}", f"{low:.4g}", units.of_joints(mass))] + [

@@ -18,12 +18,19 @@ _PER_AXIS = ("target_model.", "controller.")  # fields with a number for each ax
 # a matrix of the target model as refusals name it, which may have the number of one of the paper's blocks
 _MATRIX = re.compile(r"\btarget_model\.([MBK]_[mf])([12]?)\b")
 # the field of which a refusal is, which stands first
-_FIELD = re.compile(r"^[a-z_]+(?:\.\w+)+(?=: )")
+_OF = re.compile(r"^[a-z_]+(?:\.\w+)+(?=: )")
+# a field in a refusal, and the value that it may have
+_FIELD = re.compile(r"\b[a-z_]+(?:\.\w+)+(?: = (?:'([\w-]+)'|(true|false))(?![\w']))?")
 # the field of a blend and its own words for a refusal
 _BLEND = re.compile(r"^blend\.\w+: refused: ")
 # titles of fields whose meanings in the schema go on from those of their section
 _TITLES = {
     "robot.urdf": "URDF",
+    "robot.posture": "posture at the start",
+    "contact.unilateral": "Pushes only",
+    "declared.link_scaling": "links 1 ± (declared)",
+    "declared.rotor_scaling": "rotors 1 ± (declared)",
+    "simulation.substeps": "steps per period",
     "truth.payload_offset": "place of the payload in the tool frame",
     "truth.link_shape": "change of the links' inertias about their centres (true arm)",
     "coupling.K_e_hat": "estimated stiffness between surfaces 1 and 2, 1 and 3, 2 and 3 (33)",
@@ -86,11 +93,22 @@ def _listed(path: str, numbers: list[str], unit: str) -> str:
 
 
 def refusal_in_words(sentence: str) -> str:
-    """Reason of a refusal with its field and the matrices of the target model called as on the page; that of a blend,
-    which says by itself that it is refused, without both."""
+    """Reason of a refusal with its fields and the matrices of the target model called as on the page; that of a blend
+    without the field and the word with which it begins."""
     sentence = _BLEND.sub("", sentence)
     sentence = _MATRIX.sub(lambda found: f"{found[1]}{_BLOCKS[found[2]]}", sentence)
-    return _FIELD.sub(lambda found: called(found[0]), sentence)
+    of = _OF.match(sentence)
+    if of is None or called(of[0]) == of[0]:  # it begins with a file of the user, who looks for its names there
+        return sentence
+    return _FIELD.sub(_called_with_value, sentence)
+
+
+def _called_with_value(found: re.Match[str]) -> str:
+    path = found[0].partition(" = ")[0]
+    if (name := called(path)) == path:  # no field
+        return found[0]
+    value = found[1] or {"true": "on", "false": "off"}.get(found[2] or "", "")
+    return f"{name} {value}".rstrip()
 
 
 def called(path: str) -> str:

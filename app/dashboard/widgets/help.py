@@ -21,7 +21,7 @@ KEYS: dict[str, str] = {
     "pagedown": "to the event after",
     "F": "fork: continue from the shown instant",
     "P": "pin this run, to compare it with others",
-    "R": "begin anew, from t = 0",
+    "R": "reset: begin again at t = 0",
     **{str(number): mode.label.lower() for number, mode in enumerate(MODES.values(), start=1)},
     "L": "swap the law: robust, or computed torque",
     "B": "push the tool",
@@ -73,7 +73,7 @@ DOCUMENTS = {
 }
 HINTS = (
     "<b>Hold a slider</b>: the plots on the left show what its value would do. Let go to apply it.",
-    "<kbd>space</kbd> pauses, <kbd>R</kbd> starts anew, <kbd>1</kbd> to <kbd>5</kbd> change the mode.",
+    "<kbd>space</kbd> pauses, <kbd>R</kbd> resets the run, <kbd>1</kbd> to <kbd>5</kbd> change the mode.",
     "Other arms and tasks: <b>Scenario</b>, on the right. Everything else: <kbd>?</kbd>",
 )
 

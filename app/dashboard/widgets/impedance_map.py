@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -21,6 +21,7 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 34, 330, 18, 150  # px, edges of the frame
 _POINTS = 70
 _LEAST = 1e-3  # of an impedance that is drawn
 _TALLEST = 6  # decades of impedance at most, upwards from the least
+_ALIKE = 0.01  # decades within which two lines look like one
 
 
 @dataclass(frozen=True)
@@ -68,33 +69,46 @@ def _map(drawn: _Drawn, push: PushKind, axes: Sequence[int]) -> str:
     low = math.floor(math.log10(max(float(known.min()), _LEAST)) - 0.05)
     high = min(math.ceil(math.log10(max(float(known.max()), _LEAST)) + 0.05), low + _TALLEST)
     last = math.floor(math.log10(response.highest))
+    alike = _alike(drawn, axes)
     parts = [
         *_hatched(drawn.frequency, drawn.passive, response),
         *(_upright(k, response) for k in range(math.ceil(math.log10(LOWEST)), last + 1)),
         *(_level(k, low, high) for k in range(low, high + 1)),
         *(
             f'<path fill="none" stroke="{line_css(SERIES[place])}" stroke-width="{width}" {dash} d="{path}">'
-            f"<title>{escape(what)} {escape(response.axes[axis].words)}</title></path>"
+            f"<title>{escape(what)} {escape(', '.join(response.axes[axis].words for axis in together))}</title></path>"
             for what, line, width, dash in (
                 ("target model", drawn.target, 1.4, 'stroke-dasharray="5 4"'),
                 ("sampled loop", drawn.sampled, 2, ""),
             )
-            for place, axis in enumerate(axes)
-            if (path := _path(drawn.frequency, line[:, axis], low, high, response))
+            for place, together in alike.items()
+            if (path := _path(drawn.frequency, line[:, axes[place]], low, high, response))
         ),
-        *_dots(drawn, axes, low, high),
+        *_dots(drawn, axes, alike, low, high),
         f'<text x="{_LEFT}" y="11">impedance [{push.impedance}]</text>',
         f'<text x="{_RIGHT}" y="{_SIZE[1] - 4}" text-anchor="end">f [Hz]</text>',
     ]
     legend = ", ".join(
-        f'<b style="color:{line_css(SERIES[place])}">{symbol(response.axes[axis].words)}</b>'
-        for place, axis in enumerate(axes)
+        f'<b style="color:{line_css(SERIES[place])}">'
+        f"{' = '.join(symbol(response.axes[axis].words) for axis in together)}</b>"
+        for place, together in alike.items()
     )
     return (
         f'<div class="vs-note">Impedance to a {push.name} on the tool, {legend}:</div>'
         f'<svg class="vs-poles" viewBox="0 0 {_SIZE[0]} {_SIZE[1]}" role="img" '
         f'aria-label="impedance to {push.name}s over frequency">{"".join(parts)}</svg>'
     )
+
+
+def _alike(drawn: _Drawn, axes: Sequence[int]) -> dict[int, list[int]]:
+    """Axes whose lines look like one, by the place among `axes` of the first of them."""
+    both = np.nan_to_num(np.stack([drawn.sampled[:, axes], drawn.target[:, axes]]), nan=_LEAST)
+    lines = np.log10(np.fmax(both, _LEAST))
+    alike: dict[int, list[int]] = {}
+    for place, axis in enumerate(axes):
+        first = next((k for k in alike if np.abs(lines[..., k] - lines[..., place]).max() < _ALIKE), place)
+        alike.setdefault(first, []).append(axis)
+    return alike
 
 
 def _x(frequency: float, response: PushResponse) -> float:
@@ -117,17 +131,18 @@ def _path(frequency: np.ndarray, impedance: np.ndarray, low: int, high: int, res
     return " ".join(path)
 
 
-def _dots(drawn: _Drawn, axes: Sequence[int], low: int, high: int) -> list[str]:
-    """Dots of the measured points along these axes inside the frame, as SVG."""
+def _dots(drawn: _Drawn, axes: Sequence[int], alike: Mapping[int, list[int]], low: int, high: int) -> list[str]:
+    """Dots of the measured points along these axes inside the frame, in the colours of their lines, as SVG."""
     points, response = drawn.points, drawn.response
     if not points:
         return []
     at = np.array([point.frequency for point in points])
+    colours = {axis: line_css(SERIES[place]) for place, together in alike.items() for axis in together}
     impedance = along_axes(at, np.array([point.admittance for point in points]))[:, axes]
     inside = np.isfinite(impedance) & (impedance <= 10.0**high) & (impedance >= 10.0**low)
     return [
         f'<circle class="measured" cx="{_x(points[k].frequency, response):.1f}" '
-        f'cy="{_y(float(impedance[k, place]), low, high):.1f}" r="2.6" fill="none" stroke="{line_css(SERIES[place])}">'
+        f'cy="{_y(float(impedance[k, place]), low, high):.1f}" r="2.6" fill="none" stroke="{colours[axes[place]]}">'
         f"<title>measured {escape(axis.words)}: {impedance[k, place]:.3g} {axis.kind.impedance} at "
         f"{points[k].frequency:.3g} Hz</title></circle>"
         for k, place in np.argwhere(inside)

@@ -158,7 +158,7 @@ def loops_html(snapshot: Snapshot) -> str:
     live = snapshot.live
     rows = []
     if math.isfinite(factor := live.get("force_loop_factor", math.nan)):
-        rows.append(("sampled force loop, |factor| &lt; 1", judged(factor, low=-1.0, high=1.0)))
+        rows.append(("force loop, |factor| alone &lt; 1", judged(factor, low=-1.0, high=1.0)))
     if math.isfinite(factor := live.get("layer_loop_factor", math.nan)):
         rows.append((f"{STATEMENTS[Premise.LAYER].title}, factor &lt; 2", judged(factor, high=2.0)))
     rows += _margins(snapshot.sampled.force_loop)

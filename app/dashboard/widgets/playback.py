@@ -51,7 +51,7 @@ class _Action:
 
 _PLAYING, _PAUSED = "M6 4h4v16H6zM14 4h4v16h-4z", "M7 4l13 8-13 8z"
 _ACTIONS = (
-    _Action("Begin anew", lambda _: Reset(), "R", name="reset", icon="M4 5h2v14H4zM20 5v14L9 12z"),
+    _Action("Reset: begin again at t = 0", lambda _: Reset(), "R", name="reset", icon="M4 5h2v14H4zM20 5v14L9 12z"),
     _Action(
         "One control period back",
         lambda s: _moved(s, -s.scenario.controller.period),
@@ -84,7 +84,7 @@ _PRESSED = {"space": " ", "arrowleft": "ArrowLeft", "arrowright": "ArrowRight", 
 
 
 class Playback:
-    """Timeline under the scene: buttons to play or pause, make one step, begin anew, look back, fork and pin; the
+    """Timeline under the scene: buttons to play or pause, make one step, reset, look back, fork and pin; the
     speed; the time as a slider over the recorded part of the run; above it a tick for each event."""
 
     def __init__(self, desk: Desk) -> None:

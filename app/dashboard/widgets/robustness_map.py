@@ -68,7 +68,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._opened: Scenario | None = None  # by a tile
         gui = desk.gui
         gui.add_html(
-            '<div class="vs-note vs-map-top">One figure for many settings and for true arms drawn from the declared '
+            '<div class="vs-note vs-map-top">One metric for many settings and for true arms drawn from the declared '
             f"set, computed beside the loop by {desk.background_jobs.allowance}. A click on a tile plays the run of "
             "its worst arm and pauses at its end; the present run is pinned (tab Runs).</div>"
         )
@@ -77,7 +77,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._fields = {field.path: field for field in FIELDS}
         self._size = gui.add_dropdown("Steps of each", tuple(SIZES), initial_value="9")
         self._arms = gui.add_dropdown("True arms", tuple(ARMS), hint="The same arms at every tile.")
-        self._metric = gui.add_dropdown("Figure", tuple(METRICS), hint="At the end: over the last fifth of each run.")
+        self._metric = gui.add_dropdown("Metric", tuple(METRICS), hint="At the end: over the last fifth of each run.")
         self._add_length()
         self._within = gui.add_text(
             "Limit", "", hint="Shows the share of arms that keep this limit; empty: the worst arm."

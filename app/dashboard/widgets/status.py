@@ -91,7 +91,7 @@ def _reason(snapshot: Snapshot) -> str:
     if saturating := _saturating(snapshot):
         why = saturating
     elif violated := snapshot.standing.outsiders:
-        why, whole = "truth outside the declared bounds", "; ".join(violated)
+        why, whole = "true arm outside the declared set", "; ".join(violated)
     return f'<div class="vs-dim vs-why" title="{escape(whole)}">{escape(why)}</div>'
 
 

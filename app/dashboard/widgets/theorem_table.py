@@ -82,10 +82,11 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
     if math.isfinite(live["force_loop_factor"]):
         rows.append(
             (
-                "force loop, sampled",
+                "force loop, factor alone",
                 f"|{number('force_loop_factor')}| &lt; 1",
                 verdict(holds=abs(live["force_loop_factor"]) < 1.0),
-                "factor by which one sample multiplies an error of the fed-back force",
+                "factor by which one sample multiplies an error of the fed-back force; the premise of the sampled "
+                "force loop adds the part that d by (17) causes",
             )
         )
     rows.append(
@@ -94,10 +95,11 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
     if robust:
         rows.append(
             (
-                "V = ½ sᵀĤs",
+                "V̂ = ½ sᵀĤs",
                 f"{number('V', 1e3)} mJ",
                 "",
-                "the proof's Lyapunov function, with the controller's estimate of H",
+                "the proof's Lyapunov function with the controller's estimate of H; the plot (tab Sliding) has that of "
+                "the true arm",
             )
         )
     rows.append(
@@ -105,7 +107,7 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
             "<i>σ</i><sub>min</sub>(<i>J</i><sub>q</sub>)",
             f"{number('sigma_min')} {units.jacobian.removesuffix('1')}",
             "",
-            "smallest singular value; Ω ends where it vanishes",
+            "smallest singular value of J_q; Ω ends where it falls to the limit σ_min",
         )
     )
     return rows

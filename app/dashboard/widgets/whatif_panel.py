@@ -165,8 +165,8 @@ def _rows(units: Units, reached: str) -> tuple[_Row, ...]:
         _Row("force overshoot", lambda f: _newtons(f.force_overshoot)),
         _Row("largest force on the surface", lambda f: _newtons(f.contact_largest)),
         _Row("mean force on it at the end", lambda f: _newtons(f.contact_final)),
-        _Row("largest deflection", largest),
-        _Row("largest deflection at the end", lambda f: length(f.motion_error)),
+        _Row("largest path error", largest),
+        _Row("largest path error at the end", lambda f: length(f.motion_error)),
         _Row("path within 2 % after", lambda f: _seconds(f.motion_settling)),
         _Row("swing to the other side", lambda f: length(f.motion_overshoot)),
         _Row("largest angle error", lambda f: angle(f.angle_largest)),
@@ -190,7 +190,7 @@ def _table(outlook: Outlook, units: Units) -> str:
     scenario."""
     metrics, today = outlook.metrics, outlook.today
     reached = "band" if outlook.scenario.controller.switching == "discontinuous" else "layer"
-    lines = ["<tr><th></th><th>then</th><th>now</th></tr>"]
+    lines = ["<tr><th></th><th>with it</th><th>without</th></tr>"]
     for row in _rows(units, reached):
         if (value := row.value(metrics)) is None:
             continue
