@@ -14,7 +14,7 @@ import viser
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
-from app.dashboard.widgets.controls import AwaitedAnswer, Desk
+from app.dashboard.widgets.controls import AwaitedAnswer, Desk, asked
 from app.dashboard.widgets.field_place import FieldPlace
 from app.scenario.errors import ScenarioError
 from app.scenario.units import listed
@@ -50,8 +50,7 @@ class ArmChoice:
     async def _on_update(self, _: PageEvent) -> None:
         snapshot, chosen = self._desk.snapshot(), self._dropdown.value
         if chosen in self._names:
-            self._answer.expect(snapshot, seconds=1.0)
-            self._desk.post(Edit("robot.name", self._names[chosen]))
+            asked(self._desk, snapshot, Edit("robot.name", self._names[chosen]), self._answer)
         elif snapshot.scenario.robot.urdf is None:
             self._desk.post(Edit("robot.urdf", ""))
 
@@ -104,9 +103,10 @@ class UrdfPath:
             return
         self._text.value = text = self._text.value.rstrip("".join(MARKS)).strip()
         changed = bool(text) and text != self._place.read(snapshot)
-        self._answer.expect(snapshot, seconds=1.0 if changed else 0.0)
         if changed:
-            self._desk.post(Edit("robot.urdf", text))
+            asked(self._desk, snapshot, Edit("robot.urdf", text), self._answer)
+        else:
+            self._answer.expect(snapshot, seconds=0.0)
 
     def show(self, snapshot: Snapshot) -> None:
         if not self._answer.awaited(snapshot):
@@ -123,8 +123,7 @@ class ToolFrame:
         self._dropdown.on_update(from_pages(self._on_update))
 
     async def _on_update(self, _: PageEvent) -> None:
-        self._answer.expect(self._desk.snapshot(), seconds=1.0)
-        self._desk.post(Edit("robot.tool_frame", self._dropdown.value))
+        asked(self._desk, self._desk.snapshot(), Edit("robot.tool_frame", self._dropdown.value), self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
         robot = snapshot.robot

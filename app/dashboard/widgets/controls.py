@@ -109,9 +109,9 @@ class AwaitedAnswer:
         return now < self._until
 
 
-def _asked(desk: Desk, snapshot: Snapshot, edit: Edit | EditModel, answer: AwaitedAnswer) -> bool:
-    """Post an edit, whose answer is awaited unless a lesson locks it. Returns whether it was posted."""
-    number = desk.post(edit)
+def asked(desk: Desk, snapshot: Snapshot, command: Command, answer: AwaitedAnswer) -> bool:
+    """Post a command, whose answer is awaited unless a lesson locks it. Returns whether it was posted."""
+    number = desk.post(command)
     if number is None:
         answer.expect(snapshot, seconds=0.0)
         return False
@@ -232,7 +232,7 @@ class NumberField:
 
     def _ask(self, snapshot: Snapshot, edit: Edit | EditModel) -> bool:
         """Post an edit; returns whether an answer is to be awaited."""
-        return _asked(self._desk, snapshot, edit, self._answer)
+        return asked(self._desk, snapshot, edit, self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
@@ -293,7 +293,7 @@ class Dropdown:
 
     async def _on_update(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
-        _asked(self._desk, snapshot, Edit(self._place.path, self._options[self._dropdown.value]), self._answer)
+        asked(self._desk, snapshot, Edit(self._place.path, self._options[self._dropdown.value]), self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
@@ -315,7 +315,7 @@ class Switch:
 
     async def _on_update(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
-        _asked(self._desk, snapshot, Edit(self._place.path, self._checkbox.value), self._answer)
+        asked(self._desk, snapshot, Edit(self._place.path, self._checkbox.value), self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 from app.analysis.run_events import Event, RunEvents
 from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.transport.page_values import PageEvent, from_pages
-from app.dashboard.widgets.controls import AwaitedAnswer, Desk
+from app.dashboard.widgets.controls import AwaitedAnswer, Desk, asked
 from app.dashboard.widgets.field_words import field_in_words
 from app.scenario.units import Units
 from app.session.commands import Command, Fork, Pause, Pin, Play, Reset, Seek, SetSpeed, StepOnce, ToEnd
@@ -251,10 +251,9 @@ class _Time:
 
     async def _on_slider(self, _: PageEvent) -> None:
         snapshot, position = self._desk.snapshot(), self._slider.value
-        self._answer.expect(snapshot, seconds=0.5)
         t = snapshot.first + position * (snapshot.end - snapshot.first)
         self._text.value = _written(t)
-        self._desk.post(Seek(t))
+        asked(self._desk, snapshot, Seek(t), self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
         if self._answer.awaited(snapshot):
