@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, cast
@@ -79,6 +80,20 @@ def types_of(struct: type[Struct], name: str) -> list[type[Struct]]:
     kind = kind.type if isinstance(kind, _Metadata) else kind
     kinds = kind.types if isinstance(kind, msgspec.inspect.UnionType) else [kind]
     return [k.cls for k in kinds if isinstance(k, msgspec.inspect.StructType)]
+
+
+def paths_below(prefix: str, kinds: Sequence[type[Struct]]) -> list[str]:
+    """Dotted paths of the fields of all these kinds of a section, each once: texts first, fields of inner sections
+    last."""
+    texts, others, nested = [], [], []
+    for kind in kinds:
+        for name in kind.__struct_fields__:
+            path = f"{prefix}.{name}"
+            if within := types_of(kind, name):
+                nested += paths_below(path, within)
+            else:
+                (texts if field_info(path).text else others).append(path)
+    return list(dict.fromkeys([*texts, *others, *nested]))
 
 
 @cache

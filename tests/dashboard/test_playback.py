@@ -13,9 +13,8 @@ import viser
 from app.analysis.run_events import Event
 from app.dashboard.widgets.field_words import called, field_in_words, refusal_in_words
 from app.dashboard.widgets.playback import APART, Playback, apart
-from app.dashboard.widgets.section_controls import _paths
 from app.scenario.data import load
-from app.scenario.field_info import types_of
+from app.scenario.field_info import paths_below, types_of
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT
 from app.session.commanded_run import CommandedRun
@@ -118,7 +117,7 @@ def test_a_refusal_names_its_field_so_that_one_knows_which_is_meant() -> None:
 def test_every_number_of_the_page_has_a_name_of_its_own_in_a_refusal() -> None:
     """So that a student finds its row: no dotted path, and no label such as "by" or "x, y, z"."""
     sections = {name: types_of(Scenario, name) for name in Scenario.__struct_fields__}
-    paths = [path for name, kinds in sections.items() for path in _paths(name, kinds)]
+    paths = [path for name, kinds in sections.items() for path in paths_below(name, kinds)]
     names = {path: called(path) for path in paths if path.partition(".")[0] not in ("second", "third", "target_model")}
     assert len(names) > 80
     assert [path for path, name in names.items() if path in name or len(name) < 4] == []

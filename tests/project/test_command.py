@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 
 from app.analysis.metrics import ACCOUNT_METRICS, RUN_METRICS
-from app.cli.commands import COMMANDS
+from app.cli.commands import COMMANDS, execute
+from app.cli.list import SECTIONS
 from app.cli.run import run
 from app.scenario.data import edited, from_toml, load, to_toml
+from app.scenario.field_info import field_info, types_of
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT
 from tests.support.commands import Done, vsmrc
@@ -93,6 +95,23 @@ def test_run_says_in_which_units_its_figures_are(
     assert units["s = 0 by (18), promised or not"] == units["simulated time"] == "s"
     assert units["torque variation, per joint"] == "N·m/s"
     assert units["force error at the end, largest"] == "—"
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_the_fields_of_each_section_are_listed(section: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["list", "--fields", section]) == 0
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
+    stated = getattr(load("ur5-corner"), section)
+    names = [name for name in stated.__struct_fields__ if not types_of(type(stated), name)]
+    assert {f"{section}.{name}" for name in names} <= lines.keys()
+    for path in lines.keys() - {f"{section}.kind:"}:
+        info = field_info(path)
+        assert info.doc in lines[path]
+        assert info.largest is None or f"{info.largest:g}" in lines[path]
+    if section == "motion":
+        assert lines["motion.ramp"].endswith("time to full speed (circle, line)")
+    assert execute(["list", "--fields", "surfaces"]) == 2
+    assert capsys.readouterr().err.endswith("simulation; did you mean surface?\n")
 
 
 def test_figures_that_a_law_has_not_are_not_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

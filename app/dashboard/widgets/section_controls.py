@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from msgspec import Struct
-
 from app.dashboard.widgets.controls import Control, Desk, Dropdown, NumberField, labelled
 from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, SliderScale
 from app.dashboard.widgets.own_parameters import own_number
 from app.dashboard.widgets.text_field import TextField
 from app.scenario.data import OWN, kind_of
-from app.scenario.field_info import field_info, types_of
+from app.scenario.field_info import field_info, paths_below
 from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
 from environments.surfaces.own import OwnSurface
@@ -50,7 +48,7 @@ def field_controls(
     controls: list[Control] = []
     for name, each in own.items():
         controls += [_own_parameter(desk, section, f"{OWN}:{name}", p) for p in each.parameters]
-    for path in _paths(section, kinds):
+    for path in paths_below(section, kinds):
         if field_info(path).widget is not None:
             controls.append(field_control(desk, path, applies))
     return controls
@@ -71,19 +69,6 @@ def field_control(desk: Desk, path: str, applies: _Applies | None = None) -> Con
     if shown.low is not None and shown.high is not None:
         scale = SliderScale(shown.low, shown.high, shown.logarithmic, shown.zero)
     return NumberField(desk, place, labelled(shown.label, info.unit), scale)
-
-
-def _paths(prefix: str, kinds: Sequence[type[Struct]]) -> list[str]:
-    """Dotted paths of the fields of all kinds, each once: texts first, fields of inner sections last."""
-    texts, others, nested = [], [], []
-    for kind in kinds:
-        for name in kind.__struct_fields__:
-            path = f"{prefix}.{name}"
-            if within := types_of(kind, name):
-                nested += _paths(path, within)
-            else:
-                (texts if field_info(path).text else others).append(path)
-    return list(dict.fromkeys([*texts, *others, *nested]))
 
 
 def _own_parameter(desk: Desk, section: str, kind: str, p: Parameter) -> NumberField:
