@@ -55,9 +55,10 @@ CHANGES: dict[str, tuple[Callable[[Scenario, str], Scenario], list[str]]] = {
 @pytest.mark.usefixtures("rough_constants")
 @pytest.mark.parametrize("name", shipped())
 @pytest.mark.parametrize("change", CHANGES)
-def test_every_shipped_scenario_goes_into_every_mode_onto_every_arm_and_surface(name: str, change: str) -> None:
+def test_every_shipped_scenario_goes_into_modes_and_onto_arms_and_surfaces(name: str, change: str) -> None:
+    """Every third of them for each scenario, another third for the next one: all pairs take a minute and a half."""
     changed, values = CHANGES[change]
-    for value in values:
+    for value in values[list(shipped()).index(name) % 3 :: 3]:
         loop = possible(changed(shipped()[name], value), ClosedLoop.from_scenario)
         for _ in range(20):
             loop.step()
