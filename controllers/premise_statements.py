@@ -102,8 +102,8 @@ STATEMENTS: dict[Premise, Statement] = {
         "",
         "K_s and the boundary layer are too stiff for the control period: their factor is {value} (must be below 2); "
         "choose a wider layer, a smaller K_s, or a shorter control period",
-        "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), with the d that is needed where all errors are zero, and "
-        "without d/s_b where there is no layer; from 2 on one period can make s larger; infinite where M̂ minus its "
+        "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), with the larger d of s = 0 now and of no errors at all, "
+        "and without d/s_b where there is no layer; from 2 on one period can make s larger; infinite where M̂ minus its "
         "declared error is not positive definite, where d grows with ‖s‖ faster than η comes near 1 or than a period "
         "can take from s, or where K_s is so large that a period takes less from s than (19) counts on",
         unknown="the robust terms are too strong for the control period, or M̂ minus its declared error is not positive "
@@ -138,7 +138,7 @@ STATEMENTS: dict[Premise, Statement] = {
         "<",
         "",
         "the sampled loop is unstable: each control period multiplies a deviation by {value} (must be below 1); choose "
-        "a shorter control period, a smaller delay of the sensor, or a softer target model",
+        "a shorter control period, a smaller delay of the sensor, a softer target model, or smaller K_s and F_1",
         "largest growth of a small deviation over one control period with the torque held, for the present model and "
         "posture; under the discontinuous law that of the motion on s = 0, where the law reads a contact's force; "
         "infinite (not known) where such a reading is late by more than 100 periods",

@@ -31,19 +31,23 @@ NOTHING = np.zeros(6)
 class PeriodResult(NamedTuple):
     """Result of one control period.
     state: (k,), q, q_dot and the rest of the state that the next period depends on.
-    reading: (6,) N and N m, of the force sensor."""
+    reading: (6,) N and N m, of the force sensor.
+    load: (3,) N, multipliers at the period's beginning."""
 
     state: np.ndarray
     reading: np.ndarray
+    load: np.ndarray
 
 
 class Linearisation(NamedTuple):
     """Linear map of small deviations over one control period.
     A: (k, k), Jacobian of the state.
-    C: (r, k), Jacobian of the sensor's reading in the period."""
+    C: (r, k), Jacobian of the sensor's reading in the period.
+    load: (3, k), Jacobian of the multipliers at the period's beginning."""
 
     A: np.ndarray
     C: np.ndarray
+    load: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -195,12 +199,13 @@ class PeriodMap:
             readings[:, : self._felt] = vector.reshape(-1, self._felt)
             state.reader.recall(readings)
         self._still.plant.find_load(state.arm, state.t)
+        load = state.arm.views.load.multiplier.copy()
         arm.scripted = push
         reading = arm.measure() + added
         arm.apply_law(reading, self._row)
         arm.move()
         arm.complete(self._row)
-        return PeriodResult(self._vector(), reading)
+        return PeriodResult(self._vector(), reading, load)
 
     def jacobian(self) -> np.ndarray:
         """Jacobian (k, k) of the period."""
@@ -208,12 +213,13 @@ class PeriodMap:
 
     def linearised(self) -> Linearisation:
         """Linearisation of the period, by central differences."""
-        changes, readings = [], []
+        changes, readings, loads = [], [], []
         for way, step in zip(self._ways, self._steps, strict=True):
             ahead, behind = (self._after(self._base + sign * step * way) for sign in (1.0, -1.0))
             changes.append((ahead.state - behind.state) / (2.0 * step))
             readings.append((ahead.reading - behind.reading)[: self._felt] / (2.0 * step))
-        return Linearisation(self._gather @ np.column_stack(changes), np.column_stack(readings))
+            loads.append((ahead.load - behind.load) / (2.0 * step))
+        return Linearisation(self._gather @ np.column_stack(changes), np.column_stack(readings), np.column_stack(loads))
 
     def by_reading(self) -> np.ndarray:
         """Change (k, r) of the state after the period per N (N m) that is added to the reading."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -68,17 +69,26 @@ def worst_force_loop(system: System, at: Posture, loads: list[UnitLoad], added: 
 
 def unit_loads(system: System, at: Posture) -> list[UnitLoad]:
     """Loads without Coulomb friction, and with that of a slip in each direction along all surfaces."""
-    contacts, forces = system.plant.contacts[: len(at.normals)], [at.normals.T]
-    drag = [each.friction_coulomb * np.linalg.norm(row) for each, row in zip(contacts, at.normals, strict=True)]
-    if system.plant.kind.heavy and any(drag):
-        across_plane = [[0.0, 1.0, 0.0]] if system.layout.positions == 2 else np.zeros((0, 3))
-        held = np.vstack([at.normals, across_plane])
-        along = np.linalg.svd(held)[2][len(held) :]
-        angles = np.linspace(0.0, 2 * np.pi, SLIPS, endpoint=False)
-        around = {0: [], 1: [[1.0], [-1.0]], 2: np.column_stack([np.cos(angles), np.sin(angles)])}[len(along)]
-        forces += [at.normals.T + np.outer(slip @ along, drag) for slip in around]
+    forces = [at.normals.T]
+    if system.plant.kind.heavy:
+        forces += [at.normals.T + drag for drag in drags(system, at, range(len(at.normals)))]
     by_force, felt = at.task.J_q_inv.T @ at.estimate.J_v.T, felt_per_wrench(system, at)[:, :3]
     return [UnitLoad(by_force @ force, felt @ force) for force in forces]
+
+
+def drags(system: System, at: Posture, touched: Sequence[int]) -> list[np.ndarray]:
+    """Coulomb friction (3, k) of the tool on k surfaces per unit of their multipliers, for a slip in each direction
+    along the touched ones; none where they have no friction."""
+    mu = [each.friction_coulomb for each in system.plant.contacts[: len(at.normals)]]
+    drag = [mu[i] * float(np.linalg.norm(row)) * (i in touched) for i, row in enumerate(at.normals)]
+    if not any(drag):
+        return []
+    across_plane = [[0.0, 1.0, 0.0]] if system.layout.positions == 2 else np.zeros((0, 3))
+    held = np.vstack([at.normals[list(touched)], across_plane])
+    along = np.linalg.svd(held)[2][len(held) :]
+    angles = np.linspace(0.0, 2 * np.pi, SLIPS, endpoint=False)
+    around = {0: [], 1: [[1.0], [-1.0]], 2: np.column_stack([np.cos(angles), np.sin(angles)])}[len(along)]
+    return [np.outer(slip @ along, drag) for slip in around]
 
 
 def _surface_mass(system: System) -> np.ndarray:

@@ -18,10 +18,10 @@ import numpy as np
 
 from app.simulation.contact_model import model_poles
 from app.simulation.force_margin import ForceLoop
-from app.simulation.period_map import PeriodMap, Posture
+from app.simulation.period_map import Linearisation, PeriodMap, Posture
 from app.simulation.push_prediction import push_response
 from app.simulation.push_response import PushResponse
-from app.simulation.sampled_force_loop import gain_by_force, unit_loads, worst_force_loop
+from app.simulation.sampled_force_loop import drags, gain_by_force, unit_loads, worst_force_loop
 from app.simulation.system import System
 from controllers.force_loop import LONGEST_LINE
 from controllers.premises import Premise
@@ -31,6 +31,7 @@ from environments.step_resolution import ROUNDING
 Touched = tuple[int, ...]  # numbers of the surfaces that are touched
 
 NOISE = 1e-6  # of an eigenvalue
+DRIFT = 0.1  # 1/s: a pole this slow may be a drift, as the place on a moving or curved surface has to do with it
 NO_POLES = np.zeros(0, dtype=complex)
 HALVED = 0.5  # of s is taken away in a period, in the direction of least inertia, where the law is kept on its surface
 
@@ -122,12 +123,12 @@ class SampledLoops:
             growth, A, C = math.nan, None, None
             if system.sensor.late > LONGEST_LINE:
                 growth = math.inf
-            elif _chatters(system):
-                growth = max(self._growth_while_sliding(at, touched) for touched in (self._whole, *self._fewer))
             else:
-                A, C = self._map(at, self._whole).linearised()
-                fewer = (self._map(at, touched).jacobian() for touched in self._fewer)
-                growth = max(map(_growth, (A, *fewer)))
+                around_rest = self._sliding_map if _chatters(system) else self._map
+                judged = [self._judged(around_rest(at, each), at, each) for each in (self._whole, *self._fewer)]
+                growth = max(growth for _, growth in judged)
+                if not _chatters(system):
+                    A, C = judged[0][0].A, judged[0][0].C
         except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
             return SampledLoop(math.nan, {}, None, None)
         premises = {
@@ -154,14 +155,26 @@ class SampledLoops:
             force_loop = ForceLoop(system.scenario.controller.period, loop.A, around_rest.by_reading(), loop.C)
         return RespondingLoop(**vars(loop), model=model, sampled=sampled, response=response, force_loop=force_loop)
 
-    def _growth_while_sliding(self, at: Posture, touched: Touched) -> float:
-        """Growth per control period of a deviation under the discontinuous law, on the sliding surface."""
+    def _judged(self, around_rest: PeriodMap, at: Posture, touched: Touched) -> tuple[Linearisation, float]:
+        """Linearisation of a period, and the growth per period of a deviation, on springs with Coulomb friction in the
+        direction of slip that is worst: it is another part of the force that grows with the penetration. Nothing pulls
+        the tool back to a face that was pressed by force alone, and left: it drifts, which is no instability."""
+        found, period = around_rest.linearised(), self.system.scenario.controller.period
+        drifting = len(self._whole) - len(touched) if self.system.mode.on_surface else 0
+        maps, slips = [found.A], [] if self.system.plant.kind.heavy else drags(self.system, at, touched)
+        if slips:
+            by_push, k = around_rest.by_push()[:, :3], len(self.system.surfaces)
+            maps += [found.A - by_push @ drag @ found.load[:k] for drag in slips]
+        return found, max(_growth(A, drifting, DRIFT * period) for A in maps)
+
+    def _sliding_map(self, at: Posture, touched: Touched) -> PeriodMap:
+        """Map of a period under the discontinuous law, on the sliding surface."""
         known = self._sliding.get(touched)
         if known is None:
             known = self._sliding[touched] = PeriodMap(_kept_on_surface(self.system, at), at, touched)
         else:
             known.rest_at(at)
-        return _growth(known.jacobian())
+        return known
 
     def _map(self, at: Posture, touched: Touched, *, moments: bool = False) -> PeriodMap:
         known = self._maps.get((touched, moments))
@@ -173,13 +186,14 @@ class SampledLoops:
 
 
 def touched_at_once(system: System) -> list[Touched]:
-    """Choices of surfaces that the tool may touch at once, all of them first: each choice of springs in a mode that
-    does not keep the tool on them."""
-    whole, kind = tuple(range(len(system.surfaces))), system.plant.kind
-    if system.mode.on_surface or not kind.touches:
+    """Choices of surfaces that the tool may touch at once, all of them first: springs that only push may be left in
+    each choice, but in a mode that keeps the tool on surfaces not all of them."""
+    whole, contacts = tuple(range(len(system.surfaces))), system.plant.contacts
+    if not system.plant.kind.springs:
         return [whole]
-    sizes = range(len(whole)) if kind.springs else range(1)
-    return [whole, *(fewer for size in sizes for fewer in combinations(whole, size))]
+    kept = {i for i in whole if not contacts[i].unilateral}
+    sizes = range(1 if system.mode.on_surface else 0, len(whole))
+    return [whole, *(few for size in sizes for few in combinations(whole, size) if kept <= {*few})]
 
 
 def sampled_loop(system: System, q: np.ndarray, t: float) -> RespondingLoop:
@@ -188,9 +202,13 @@ def sampled_loop(system: System, q: np.ndarray, t: float) -> RespondingLoop:
     return loops.responding(loops.at(q, t), q, t)
 
 
-def _growth(A: np.ndarray) -> float:
-    """Growth of a deviation per control period, from its Jacobian A (k, k)."""
-    return float(np.abs(np.linalg.eigvals(A)).max())
+def _growth(A: np.ndarray, drifting: int, near: float) -> float:
+    """Growth of a deviation per control period, from its Jacobian A (k, k). drifting: number of eigenvalues that are
+    left out where they are this near to 1."""
+    values = np.linalg.eigvals(A)
+    away = np.abs(values - 1.0)
+    drifts = [i for i in np.argsort(away)[:drifting] if away[i] < near]
+    return float(np.abs(np.delete(values, drifts)).max())
 
 
 def _poles(system: System, at: Posture, A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
