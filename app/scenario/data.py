@@ -264,8 +264,8 @@ def _sentence(error: msgspec.ValidationError, data: object) -> str:
     refusal = struct_refusal(error, data, Scenario, "scenario")
     # the kinds of the laws' parameters are no fields of the schema: their form is said, too
     return re.sub(
-        r"^(controller\.own\.[^.:]+: (?:.*; )?)allowed: a table,",
-        r"\1allowed: a table, in the form controller.own.<law>.<parameter>,",
+        r"^(controller\.own\.[^.:]+: (?:.*; )?)allowed: a table\b",
+        r"\1allowed: a table, in the form controller.own.<law>.<parameter>",
         refusal,
         flags=re.DOTALL,
     )

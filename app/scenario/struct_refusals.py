@@ -42,13 +42,17 @@ def _refusal(reason: str, path: str, there: object, known: inspect.Type | None, 
     if not path:
         sentence = _plain(reason)
         return f"{whole}: {sentence}" if whole else f"{sentence[:1].lower()}{sentence[1:]}"
-    shown = "" if isinstance(there, dict) else f"{there!r:.60}; "
+    shown = "" if isinstance(there, dict) else f"{_number(there)}; " if isinstance(there, float) else f"{there!r:.60}; "
     choices = next((each.values for each in _types(known, inspect.LiteralType)), ())
     if reason.startswith("Invalid enum value") and choices:
         sentence = allowed(str(there), map(str, choices))
     else:
-        sentence = _plain(reason)
+        sentence = _plain(re.sub(", got .*$", "", reason) if shown else reason)  # the value says what it is
     return f"{path}: {shown}{sentence[:1].lower()}{sentence[1:]}"
+
+
+def _number(value: float) -> str:
+    return f"{value:g}" if abs(value) >= 1e6 else repr(value)
 
 
 def _plain(reason: str) -> str:

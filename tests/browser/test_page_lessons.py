@@ -132,7 +132,7 @@ def test_a_line_is_drawn_by_mouse_and_playing_freely_is_undone(session: PageSess
     at_step(session, 1)
     page.get_by_role("button", name="Next").click()
     at_step(session, 2)
-    page.get_by_role("button", name="Skip: predict").click()
+    page.get_by_role("button", name="Skip the prediction").click()
     at_step(session, 3)
     pad = page.locator(".vs-pad svg")
     for _ in range(5):  # the page scrolls to the top of a new step, and may be laid out while it is drawn on

@@ -113,3 +113,4 @@ def test_a_preview_that_the_run_has_followed_meanwhile_is_drawn_from_now_on() ->
     for at, of in ((earlier, outlook), (seen, outlook), (earlier, begun_anew)):  # after a look back nothing lies ahead
         plots.show(at, Shown(at.t, 2.0, outlook=of, horizon=1.0), ["Tracking"])
     assert [of.outlook is None for of in shown] == [True, False, False]
+    assert [of.now for of in shown] == [earlier.t, outlook.since, earlier.t]  # so that its first instants are seen

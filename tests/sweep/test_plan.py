@@ -170,11 +170,11 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
         (sweep_of("contact.K_e=1:2:3", points=4), "points: 4 in a grid"),
         (sweep_of("contact.K_e=1:2", design="sobol"), "design: 'sobol' with 0 points, 1 varied fields"),
         (sweep_of(design="latin", points=4), "design: 'latin' with 4 points, 0 varied fields"),
-        (sweep_of("contact.K_e=soft,2e4"), "contact.K_e: 'soft'; allowed: a number, got text"),
-        (sweep_of("contact.K_e=1e4,soft,2e4"), "contact.K_e: 'soft'; allowed: a number, got text"),
+        (sweep_of("contact.K_e=soft,2e4"), "contact.K_e: 'soft'; allowed: a number"),
+        (sweep_of("contact.K_e=1e4,soft,2e4"), "contact.K_e: 'soft'; allowed: a number"),
         (sweep_of("contact.K_e=1e4,1e4"), "contact.K_e: 10000.0 twice; allowed: different values"),
         (sweep_of("simulation.seed=9007199254740993,1"), "simulation.seed: 9007199254740993; allowed: at most 9007"),
-        (sweep_of("mode=1:2:3"), "mode: 1.0; allowed: text, got a number"),
+        (sweep_of("mode=1:2:3"), "mode: 1.0; allowed: text"),
         (sweep_of("contact.K_e=1:2:100000", "controller.K_s=1:2:1000"), "1e+08 runs; allowed: at most 1e+07"),
         (sweep_of("contact.K_e=1:2:3", draw=10**400), "1e+300 runs; allowed: at most 1e+07"),
         (
@@ -232,7 +232,7 @@ def test_a_sweep_that_makes_no_sense_is_refused(sweep: Sweep, sentence: str) -> 
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"vary = 3", "sweep.toml: vary: 3; allowed: a list, got a whole number (`vsmrc sweep` writes this file)"),
+        (b"vary = 3", "sweep.toml: vary: 3; allowed: a list (`vsmrc sweep` writes this file)"),
         (b"scenario = {", "not a TOML file"),
         (b"name = '\xff'", "sweep.toml: not a TOML file: it is no UTF-8 text; allowed: a text in UTF-8"),
         (

@@ -39,11 +39,11 @@ log = structlog.get_logger()
 FORMATS: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
 _KINDS = {
     "scenario": "the scene",
-    "predict": "predict",
-    "run": "run",
-    "observe": "observe",
-    "explain": "explained",
-    "goal": "goal",
+    "predict": "the prediction",
+    "run": "the run",
+    "observe": "the observation",
+    "explain": "the explanation",
+    "goal": "the goal",
 }
 
 
@@ -241,7 +241,7 @@ class LessonsPanel:
         self._figure.visible = bool(self._picture.content)
         last = step.number == len(course.lesson.steps)
         self._next.label = (
-            "computing …" if busy else "Finish" if last else "Next" if course.ready else f"Skip: {_KINDS[step.kind]}"
+            "computing …" if busy else "Finish" if last else "Next" if course.ready else f"Skip {_KINDS[step.kind]}"
         )
         self._next.disabled = busy
         self._next.color = None if course.ready else "gray"

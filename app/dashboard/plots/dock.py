@@ -80,6 +80,8 @@ class Plots:
         """Draw the visible tabs, unless they are drawn already."""
         if shown.outlook is not None and not shown.outlook.follows(shown.now):
             shown = replace(shown, outlook=None)
+        if shown.outlook is not None and not shown.outlook.restarts:  # the response begins where it was computed from
+            shown = replace(shown, now=min(shown.now, shown.outlook.since))
         setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
         pinned = tuple((p.look, id(p.recording)) for p in shown.pinned)
         ahead = shown.outlook

@@ -17,8 +17,8 @@ FIRST = 3  # numbers of a list that is longer than that
 _PER_AXIS = ("target_model.", "controller.")  # fields with a number for each axis
 # a matrix of the target model as refusals name it, which may have the number of one of the paper's blocks
 _MATRIX = re.compile(r"\btarget_model\.([MBK]_[mf])([12]?)\b")
-# the field of which a refusal is, which stands first
-_OF = re.compile(r"^[a-z_]+(?:\.\w+)+(?=: )")
+# the field or section of which a refusal is, which stands first
+_OF = re.compile(r"^[a-z_]+(?:\.\w+)*(?=: )")
 # a field in a refusal, and the value that it may have
 _FIELD = re.compile(r"\b[a-z_]+(?:\.\w+)+(?: = (?:'([\w-]+)'|(true|false))(?![\w']))?")
 # the field of a blend and its own words for a refusal
@@ -98,8 +98,8 @@ def refusal_in_words(sentence: str) -> str:
     sentence = _BLEND.sub("", sentence)
     sentence = _MATRIX.sub(lambda found: f"{found[1]}{_BLOCKS[found[2]]}", sentence)
     of = _OF.match(sentence)
-    if of is None or called(of[0]) == of[0]:  # it begins with a file of the user, who looks for its names there
-        return sentence
+    if of is None or (called(of[0]) == of[0] not in Scenario.__struct_fields__):
+        return sentence  # it begins with a file of the user, who looks for its names there
     return _FIELD.sub(_called_with_value, sentence)
 
 
