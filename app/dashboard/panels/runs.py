@@ -210,7 +210,7 @@ def _against(value: float | None, now: float | None) -> str:
         return ""
     times = value / now
     per_cent = 100.0 * (value - now) / abs(now)
-    multiple = f"{times:.1f} ×" if abs(times) < 10 else f"{times:.0f} ×"
+    multiple = f"{times:.1f} ×" if abs(times) < 10 else f"{times:.0f} ×" if abs(times) < 1000 else "over 1000 ×"
     difference = (f"{per_cent:+z.0f} %" if abs(per_cent) < 100 else multiple).replace("-", "−")
     return f' <span class="vs-dim vs-against">({difference})</span>'
 

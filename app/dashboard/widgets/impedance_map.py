@@ -70,29 +70,36 @@ def _map(drawn: _Drawn, push: PushKind, axes: Sequence[int]) -> str:
     high = min(math.ceil(math.log10(max(float(known.max()), _LEAST)) + 0.05), low + _TALLEST)
     last = math.floor(math.log10(response.highest))
     alike = _alike(drawn, axes)
+    words = {place: ", ".join(response.axes[axis].words for axis in alike[place]) for place in alike}
+    paths = [
+        (what, style, place, path)
+        for what, line, style in (
+            ("target model", drawn.target, 'stroke-width="1.4" stroke-dasharray="5 4"'),
+            ("sampled loop", drawn.sampled, 'stroke-width="2"'),
+        )
+        for place in alike
+        if (path := _path(drawn.frequency, line[:, axes[place]], low, high, response))
+    ]
     parts = [
         *_hatched(drawn.frequency, drawn.passive, response),
         *(_upright(k, response) for k in range(math.ceil(math.log10(LOWEST)), last + 1)),
         *(_level(k, low, high) for k in range(low, high + 1)),
         *(
-            f'<path fill="none" stroke="{line_css(SERIES[place])}" stroke-width="{width}" {dash} d="{path}">'
-            f"<title>{escape(what)} {escape(', '.join(response.axes[axis].words for axis in together))}</title></path>"
-            for what, line, width, dash in (
-                ("target model", drawn.target, 1.4, 'stroke-dasharray="5 4"'),
-                ("sampled loop", drawn.sampled, 2, ""),
-            )
-            for place, together in alike.items()
-            if (path := _path(drawn.frequency, line[:, axes[place]], low, high, response))
+            f'<path fill="none" stroke="{line_css(SERIES[place])}" {style} d="{path}">'
+            f"<title>{escape(f'{what} {words[place]}')}</title></path>"
+            for what, style, place, path in paths
         ),
         *_dots(drawn, axes, alike, low, high),
         f'<text x="{_LEFT}" y="11">impedance [{push.impedance}]</text>',
         f'<text x="{_RIGHT}" y="{_SIZE[1] - 4}" text-anchor="end">f [Hz]</text>',
     ]
+    names = {place: " = ".join(symbol(response.axes[axis].words) for axis in alike[place]) for place in alike}
+    inside = {place for _, _, place, _ in paths}
     legend = ", ".join(
-        f'<b style="color:{line_css(SERIES[place])}">'
-        f"{' = '.join(symbol(response.axes[axis].words) for axis in together)}</b>"
-        for place, together in alike.items()
+        f'<b style="color:{line_css(SERIES[place])}">{name}</b>' for place, name in names.items() if place in inside
     )
+    if outside := ", ".join(name for place, name in names.items() if place not in inside):
+        legend += f" (beyond the frame: {outside})"
     return (
         f'<div class="vs-note">Impedance to a {push.name} on the tool, {legend}:</div>'
         f'<svg class="vs-poles" viewBox="0 0 {_SIZE[0]} {_SIZE[1]}" role="img" '
