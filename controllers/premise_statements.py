@@ -140,8 +140,9 @@ STATEMENTS: dict[Premise, Statement] = {
         "the sampled loop is unstable: each control period multiplies a deviation by {value} (must be below 1); choose "
         "a shorter control period, a smaller delay of the sensor, a softer target model, or smaller K_s and F_1",
         "largest growth of a small deviation over one control period with the torque held, for the present model and "
-        "posture; under the discontinuous law that of the motion on s = 0, where the law reads a contact's force; "
-        "infinite (not known) where such a reading is late by more than 100 periods",
+        "posture, on each choice of elastic surfaces that may be left, with Coulomb friction in the worst direction of "
+        "slip; under the discontinuous law that of the motion on s = 0; infinite (not known) where the reading of a "
+        "contact's force is late by more than 100 periods",
         unknown="whether the sampled loop is stable is not known: the force sensor is late by more than 100 control "
         "periods; choose a smaller delay",
     ),
