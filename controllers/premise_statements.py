@@ -102,7 +102,7 @@ STATEMENTS: dict[Premise, Statement] = {
         "",
         "K_s and the boundary layer are too stiff for the control period: their factor is {value} (must be below 2); "
         "choose a wider layer, a smaller K_s, or a shorter control period",
-        "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), with the larger d of s = 0 now and of no errors at all, "
+        "(λ_max(K_s) + ¼ λ_min(K_s) + d/s_b) T / λ_min(H), with the d that is needed where all errors are zero, "
         "and without d/s_b where there is no layer; from 2 on one period can make s larger; infinite where M̂ minus its "
         "declared error is not positive definite, where d grows with ‖s‖ faster than η comes near 1 or than a period "
         "can take from s, or where K_s is so large that a period takes less from s than (19) counts on",

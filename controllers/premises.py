@@ -309,9 +309,9 @@ def check_posture(given, output, record, period, scratch, table, check):
     table.value[GAIN_BY_CHATTER] = growth
     raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # largest factor of chattering on d
 
-    largest = raised * max(gain_at_rest(given, scratch), check.d)
+    at_rest = raised * gain_at_rest(given, scratch)
     held = SAMPLING_SHARE * gains.K_s_smallest  # of `Premise.HELD`, which counts against K_s
-    stiffness = gains.K_s_largest + held + (largest / gains.layer if gains.switching > 0 else 0.0)
+    stiffness = gains.K_s_largest + held + (at_rest / gains.layer if gains.switching > 0 else 0.0)
     table.limit[LAYER] = 2.0
     table.value[LAYER] = stiffness * period / check.H_min
 

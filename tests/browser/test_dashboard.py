@@ -240,7 +240,7 @@ def test_a_surface_too_stiff_is_refused_with_its_remedy_which_helps(session: Pag
     session.tab("World")
     session.enter("K_e [N/m]", "1e7")
     message = session.page.locator(".vs-message", has_text="too stiff").inner_text()
-    enough = re.search(r"simulation.substeps >= (\d+)", message)
+    enough = re.search(r"steps per period >= (\d+)", message)
     assert enough is not None
     session.enter("substeps", enough[1])
     session.wait(lambda now: now.scenario.simulation.substeps == int(enough[1]))

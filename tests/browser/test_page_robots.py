@@ -47,7 +47,7 @@ def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_fo
 
 
 def test_the_verdict_turns_red_names_the_inequality_and_turns_green_again(tab: PageSession):
-    green = tab.page.get_by_text("true arm inside the declared set")
+    green = tab.page.locator(".vs-verdict").get_by_text("true arm inside the declared set")
     red = tab.page.locator(".vs-status").get_by_text("true arm outside the declared set")
     green.wait_for()
     run = tab.now.run

@@ -354,32 +354,3 @@ def test_coulomb_friction_lets_a_model_with_coupled_stiffness_flutter_and_that_i
         assert np.log(growth) / loop.period == pytest.approx(np.log(swing[1] / swing[0]) / 1.5, rel=0.35)
     else:
         assert swing[1] < swing[0] < 0.02
-
-
-def test_a_layer_is_judged_by_the_gain_that_a_push_needs() -> None:
-    """Where all errors are zero the layer is wide enough by far; under the push the torque jumps by hundreds of N m."""
-    loop = run(
-        changed(
-            "ur5-impedance",
-            motion={"kind": "hold"},
-            contact={"kind": "free"},
-            declared={"link_scaling": 0.0, "delta_M": 0.6, "delta_C": 0.0, "delta_G": 0.0, "delta_f": 0.0},
-            truth={
-                "link_scaling": 1.0,
-                "push": [40.0, 40.0, 30.0],
-                "push_start": 0.2,
-                "push_duration": 3.0,
-                "push_every": 0.0,
-                "push_frequency": 4.0,
-            },
-            target_model={"M_m": [3.0] * 6, "B_m": [10.0] * 6, "K_m": [100.0] * 6},
-            controller={"epsilon": 20.0, "layer": 0.02, "F_1": 1.0, "K_s": 10.0},
-            simulation={"domain_radius": 0.6},
-        ),
-        1.5,
-    )
-    tau = loop.recording.stretch()["tau"]
-    assert np.abs(np.diff(tau, axis=0)).max() > 100.0
-    (failed,) = (f.failed for f in loop.standing.findings if f.premise == "layer")
-    assert failed == pytest.approx(0.2, abs=0.05)
-    assert value(loop, Premise.LAYER) > 2.0
