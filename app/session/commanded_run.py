@@ -347,10 +347,11 @@ class CommandedRun:
         """Begin the run's scenario at t = 0, with its own push."""
         self.line.reset()
         self.runs += 1
-        if self._own_push != OwnPush() or (self._way_out is not None and self._way_out.fork_at is not None):
-            self._way_out = None  # made of the scenario with that push, or of an instant of the run before
+        if self._way_out is not None and self._way_out.fork_at is not None:  # an instant of the run before
+            self._way_out = None
         own, self._own_push = self._own_push.back(self.line.latest.scenario), OwnPush()
         if own != self.line.latest.scenario:
+            self._way_out = None  # made of the scenario with that push
             self.line.edit(own)
             self.line.reset()  # the run is that of its scenario, without an edit at t = 0
             self.revision += 1

@@ -104,7 +104,6 @@ class SampledLoops:
         self.system = system
         self._whole, *self._fewer = touched_at_once(system)
         self._maps: dict[tuple[Touched, bool], PeriodMap] = {}  # by what is touched, and whether moments are read
-        self._sliding: dict[Touched, PeriodMap] = {}
         self._prompt: SampledLoops | None = None
         if system.sensor.late > LONGEST_LINE and not _reads_contact(system):
             self._prompt = SampledLoops(replace(system, sensor=system.sensor.prompt()))
@@ -124,8 +123,7 @@ class SampledLoops:
             if system.sensor.late > LONGEST_LINE:
                 growth = math.inf
             else:
-                around_rest = self._sliding_map if _chatters(system) else self._map
-                judged = [self._judged(around_rest(at, each), at, each) for each in (self._whole, *self._fewer)]
+                judged = [self._judged(at, touched) for touched in (self._whole, *self._fewer)]
                 growth = max(growth for _, growth in judged)
                 if not _chatters(system):
                     A, C = judged[0][0].A, judged[0][0].C
@@ -155,11 +153,12 @@ class SampledLoops:
             force_loop = ForceLoop(system.scenario.controller.period, loop.A, around_rest.by_reading(), loop.C)
         return RespondingLoop(**vars(loop), model=model, sampled=sampled, response=response, force_loop=force_loop)
 
-    def _judged(self, around_rest: PeriodMap, at: Posture, touched: Touched) -> tuple[Linearisation, float]:
+    def _judged(self, at: Posture, touched: Touched) -> tuple[Linearisation, float]:
         """Linearisation of a period, and the growth per period of a deviation, on springs with Coulomb friction in the
         direction of slip that is worst: it is another part of the force that grows with the penetration. Nothing pulls
         the tool back to a face that was pressed by force alone, and left: it drifts, which is no instability."""
-        found, period = around_rest.linearised(), self.system.scenario.controller.period
+        around_rest, period = self._map(at, touched), self.system.scenario.controller.period
+        found = around_rest.linearised()
         drifting = len(self._whole) - len(touched) if self.system.mode.on_surface else 0
         maps, slips = [found.A], [] if self.system.plant.kind.heavy else drags(self.system, at, touched)
         if slips:
@@ -167,19 +166,12 @@ class SampledLoops:
             maps += [found.A - by_push @ drag @ found.load[:k] for drag in slips]
         return found, max(_growth(A, drifting, DRIFT * period) for A in maps)
 
-    def _sliding_map(self, at: Posture, touched: Touched) -> PeriodMap:
-        """Map of a period under the discontinuous law, on the sliding surface."""
-        known = self._sliding.get(touched)
-        if known is None:
-            known = self._sliding[touched] = PeriodMap(_kept_on_surface(self.system, at), at, touched)
-        else:
-            known.rest_at(at)
-        return known
-
     def _map(self, at: Posture, touched: Touched, *, moments: bool = False) -> PeriodMap:
+        """Map of a period; under the discontinuous law, on the sliding surface."""
         known = self._maps.get((touched, moments))
         if known is None:
-            known = self._maps[touched, moments] = PeriodMap(self.system, at, touched, moments=moments)
+            system = _kept_on_surface(self.system, at) if _chatters(self.system) else self.system
+            known = self._maps[touched, moments] = PeriodMap(system, at, touched, moments=moments)
         else:
             known.rest_at(at)
         return known

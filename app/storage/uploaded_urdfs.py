@@ -140,19 +140,11 @@ def note_use(path: str | None) -> None:
 
 
 def _require_room(name: str, size: int, marks: tuple[str, ...]) -> None:
-    """Make room for a file where there is none: remove files that nobody has used for long, and as many as needed of
-    those not in use now.
+    """Make room for a file where there is none: remove as many files as needed of those not in use now.
 
     Raises ScenarioError where the rest is still too much.
     """
     kept = _uploads()
-    full = _too_many(kept, size, MOST_KEPT, MOST_BYTES)
-    if full or any(
-        _too_many([one for one in kept if mark in one.marks], size, MOST_OF_ONE, BYTES_OF_ONE) for mark in marks
-    ):
-        for upload in [upload for upload in kept if upload.idle and time.time() - upload.used > UNUSED]:
-            _remove(upload)
-            kept.remove(upload)
     for mark in marks:
         own = [upload for upload in kept if mark in upload.marks]
         gone = _made_room(own, size, marks, MOST_OF_ONE, BYTES_OF_ONE)
@@ -176,15 +168,18 @@ def _uploads() -> list[_Upload]:
 
 
 def _made_room(uploads: list[_Upload], size: int, marks: tuple[str, ...], most: int, most_bytes: int) -> list[_Upload]:
-    """Uploads that were removed, also from the given list: idle ones only, first those of the visitor who has most,
-    counting the file to come."""
+    """Uploads that were removed, also from the given list: idle ones only, first those that nobody has used for long,
+    then those of the visitor who has most, counting the file to come."""
     gone = list[_Upload]()
     while _too_many(uploads, size, most, most_bytes):
         count = Counter([*marks, *(mark for upload in uploads for mark in upload.marks)])
         idle = [upload for upload in uploads if upload.idle]
         if not idle:
             break
-        out = max(idle, key=lambda upload: (max((count[mark] for mark in upload.marks), default=0), -upload.used))
+        unused = [upload for upload in idle if time.time() - upload.used > UNUSED]
+        out = max(
+            unused or idle, key=lambda upload: (max((count[mark] for mark in upload.marks), default=0), -upload.used)
+        )
         _remove(out)
         uploads.remove(out)
         gone.append(out)

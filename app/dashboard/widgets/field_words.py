@@ -98,17 +98,21 @@ def refusal_in_words(sentence: str) -> str:
     sentence = _BLEND.sub("", sentence)
     sentence = _MATRIX.sub(lambda found: f"{found[1]}{_BLOCKS[found[2]]}", sentence)
     of = _OF.match(sentence)
-    if of is None or (called(of[0]) == of[0] not in Scenario.__struct_fields__):
+    if of is None or not (of[0] in Scenario.__struct_fields__ or _is_field(of[0])):
         return sentence  # it begins with a file of the user, who looks for its names there
     return _FIELD.sub(_called_with_value, sentence)
 
 
+def _is_field(path: str) -> bool:
+    return called(path) != path
+
+
 def _called_with_value(found: re.Match[str]) -> str:
     path = found[0].partition(" = ")[0]
-    if (name := called(path)) == path:  # no field
+    if not _is_field(path):
         return found[0]
     value = found[1] or {"true": "on", "false": "off"}.get(found[2] or "", "")
-    return f"{name} {value}".rstrip()
+    return f"{called(path)} {value}".rstrip()
 
 
 def called(path: str) -> str:
