@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
+from app.scenario.contact_sections import CouplingSection, FurtherSurface
 from app.scenario.data import shipped
 from app.scenario.field_info import field_info
-from app.scenario.schema import CouplingSection, FurtherSurface, Scenario
+from app.scenario.schema import Scenario
 from app.scenario.units import Units, unit_in
 from controllers.controller import Controller
 from controllers.modes import MODES

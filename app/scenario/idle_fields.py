@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from app.scenario.schema import ContactSection, Scenario
+from app.scenario.contact_sections import ContactSection
+from app.scenario.schema import Scenario
 from environments.contact_kinds import CONTACTS, ContactKind
 
 # fields of a contact that only some kinds have

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from app.scenario.contact_sections import ContactSection
 from app.scenario.data import differences
 from app.scenario.field_info import field_info
-from app.scenario.schema import ContactSection, Scenario
+from app.scenario.schema import Scenario
 from app.scenario.units import Units, unit_in
 
 _SECTION_WORDS = {
