@@ -23,7 +23,7 @@ import numpy as np
 from controllers.dominance import hurwitz_on_hull
 from controllers.segment import Rightmost, rightmost
 from controllers.surface_stability import SurfaceRange, Unstable, unstable_surface
-from controllers.target_model import TargetModel
+from controllers.target_model import TargetModel, companion
 
 CERTIFIED = ("theorem 4", "eigenvalues", "nothing")  # `BlendCertificate.by`, the strongest first
 PIECES = 500  # pieces of a blend, each with a constant model: alpha rises by at most 0.0038 from one to the next
@@ -119,18 +119,18 @@ def certify(
     beta, kappa = zip(*(_normalised(model, K_e, moving) for model in (start, end)), strict=True)
     coupled = np.abs([*beta, *kappa]).sum(axis=0)
     _, groups = connected_components(coupled, directed=False)
-    worst, open_questions = [], 0
+    worst, uncertified = [], False
     for group in range(groups.max() + 1):
         members = np.flatnonzero(groups == group)
         axes = np.ix_(members, members)
-        A_0, A_1 = (_companion(b[axes], k[axes]) for b, k in zip(beta, kappa, strict=True))
+        A_0, A_1 = (companion(b[axes], k[axes]) for b, k in zip(beta, kappa, strict=True))
         worst.append(rightmost(A_0, A_1))
         if (A_0 == A_1).all():
             continue  # the two models are equal here
         if len(members) == 1:
             of_axis = [(float(b[axes][0, 0]), float(k[axes][0, 0])) for b, k in zip(beta, kappa, strict=True)]
             sliding[moving[members[0]]] = shared_sliding(*of_axis)
-        open_questions += bool(np.isnan(sliding[moving[members]]).any())
+        uncertified = uncertified or bool(np.isnan(sliding[moving[members]]).any())
     rightmost_of_all = max(worst, key=lambda found: found.at_most)
     if rightmost_of_all.at_most >= 0.0:
         return BlendCertificate("nothing", rightmost_of_all, sliding)
@@ -138,7 +138,7 @@ def certify(
         touching = Rightmost(surface.alpha, surface.pole, surface.pole.real)
         return BlendCertificate("nothing", touching, sliding, surface)
     # Theorem 4 compares the models in one environment: a tool that touches and leaves a surface switches between two
-    certain = not open_questions and surfaces is None
+    certain = not uncertified and surfaces is None
     return BlendCertificate("theorem 4" if certain else "eigenvalues", rightmost_of_all, sliding)
 
 
@@ -147,12 +147,6 @@ def _normalised(model: TargetModel, K_e: np.ndarray, moving: np.ndarray) -> tupl
     axes = np.ix_(moving, moving)
     stiffness = model.K_m[axes] + model.K_f[axes] @ K_e[axes]
     return np.linalg.solve(model.M_m[axes], model.B_m[axes]), np.linalg.solve(model.M_m[axes], stiffness)
-
-
-def _companion(beta: np.ndarray, kappa: np.ndarray) -> np.ndarray:
-    """Companion matrix of e_ddot + beta e_dot + kappa e = 0, for (e, e_dot)."""
-    n = len(beta)
-    return np.block([[np.zeros((n, n)), np.eye(n)], [-kappa, -beta]])
 
 
 def axis_matrix(beta: float, kappa: float, sliding: float) -> np.ndarray:

@@ -84,7 +84,7 @@ class RequiredGain(NamedTuple):
 
 
 @inline
-def sum_of(needed):
+def required_d(needed):
     """Smallest allowed d, (17): the sum of the terms."""
     known = needed.inertia + needed.coriolis + needed.gravity + needed.task_motion + needed.disturbance
     return known + needed.epsilon
@@ -168,7 +168,7 @@ def lever_weight(u):
 
 
 @inline
-def joint_torque(u, estimate, q_dot):
+def friction_bound(u, estimate, q_dot):
     """Bound of ||f|| of friction and disturbance, N m."""
     if not np.isnan(estimate.stated.delta_f):
         return estimate.stated.delta_f
@@ -176,9 +176,31 @@ def joint_torque(u, estimate, q_dot):
 
 
 @inline
+def payload_reach(u, estimate, task, work):
+    """Largest F_r per N of a force on the declared payload, ||J_v J_q^-1|| + payload_offset ||J_w J_q^-1||."""
+    multiply(estimate.J_v, task.J_q_inv, work.Y)
+    reach = spectral_norm(work.Y)
+    multiply(estimate.J_w, task.J_q_inv, work.Y)
+    return reach + u.payload_offset * spectral_norm(work.Y)
+
+
+@inline
+def sensor_error(u, estimate, task, work):
+    """Bound of the declared error of the force sensor as an F_r, N."""
+    bound = 0.0
+    if u.force_error > 0.0:
+        multiply(estimate.J_v, task.J_q_inv, work.Y)
+        bound += u.force_error * spectral_norm(work.Y)
+    if u.moment_error > 0.0:
+        multiply(estimate.J_w, task.J_q_inv, work.Y)
+        bound += u.moment_error * spectral_norm(work.Y)
+    return bound
+
+
+@inline
 def growth_with_speed(given, eq):
-    """Bound of the growth of (17) per m/s of s through q_dot, N s/m, which s moves by J_q^-1 s: of friction, and of the
-    errors of C_hat; the rates of the Jacobians are taken as they are.
+    """Bound of the growth of d by (17) per m/s of ||s||, N s/m, through q_dot = q_eq_dot + J_q^-1 s: of the terms of
+    friction and of the errors of C_hat. The growth of the Jacobians' rates is left out.
     given: with the J_q^-1 and the bounds of the present state.
     eq: `Equivalent` motion."""
     u, stated, task, estimate = given.gains.uncertainty, given.estimate.stated, given.task, given.estimate
@@ -222,7 +244,7 @@ def paper_bound(given, eq, work, needed):
             delta_G_q += lever_weight(u) * np.sqrt(spectral_norm(estimate.spin))
     delta_C_q += deviation.delta_C
     delta_G_q += deviation.delta_G
-    delta_f = joint_torque(u, estimate, q_dot) + u.force_error * J_v + u.moment_error * J_w
+    delta_f = friction_bound(u, estimate, q_dot) + u.force_error * J_v + u.moment_error * J_w
     multiply(task.J_q_inv, task.J_q_dot, work.S)
     multiply(work.S, task.J_q_inv, work.T)
     delta_H = delta_M * J_inv**2
@@ -240,10 +262,6 @@ def tight_bound(given, eq, work, needed):
     u, deviation = given.gains.uncertainty, given.feedforward.deviation
     estimate, task, q_dot = given.estimate, given.task, given.q_dot
     J_inv, stated = task.J_q_inv_norm, estimate.stated
-    carry = 0.0  # largest F_r per N of a force at the tool
-    if u.payload_mass > 0.0 or u.force_error > 0.0:
-        multiply(estimate.J_v, task.J_q_inv, work.Y)
-        carry = spectral_norm(work.Y)
     inertia_spread(u, estimate, work.U)
     congruence(task.J_q_inv, work.U, work.S, work.T)
     E_H = spectral_norm(work.T)
@@ -263,9 +281,7 @@ def tight_bound(given, eq, work, needed):
     coriolis += J_inv * deviation.delta_C * norm(eq.q_dot)
     gravity += J_inv * deviation.delta_G
     if u.payload_mass > 0.0:
-        c = u.payload_offset
-        multiply(estimate.J_w, task.J_q_inv, work.Y)
-        load = carry + c * spectral_norm(work.Y)
+        c, load = u.payload_offset, payload_reach(u, estimate, task, work)
         turning = norm_of_product(estimate.J_w_dot, eq.q_dot)
         turning += norm_of_product(estimate.J_w, q_dot) * norm_of_product(estimate.J_w, eq.q_dot)
         pulled = norm_of_product(estimate.J_v, eq.q_ddot) + c * norm_of_product(estimate.J_w, eq.q_ddot)
@@ -273,10 +289,7 @@ def tight_bound(given, eq, work, needed):
         coriolis += carried_mass(u, stated.delta_C) * load * (norm_of_product(estimate.J_v_dot, eq.q_dot) + c * turning)
         gravity += carried_mass(u, stated.delta_G) * load * GRAVITY
     needed.inertia, needed.coriolis, needed.gravity, needed.task_motion = inertia, coriolis, gravity, 0.0
-    needed.disturbance = J_inv * joint_torque(u, estimate, q_dot) + u.force_error * carry
-    if u.moment_error > 0.0:
-        multiply(estimate.J_w, task.J_q_inv, work.Y)
-        needed.disturbance += u.moment_error * spectral_norm(work.Y)
+    needed.disturbance = J_inv * friction_bound(u, estimate, q_dot) + sensor_error(u, estimate, task, work)
 
 
 class _GainBounds(NamedTuple):

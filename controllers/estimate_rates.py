@@ -57,7 +57,7 @@ for _row, (_a, _b) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     SYMMETRIC_BASIS[_row, _a, _b] = SYMMETRIC_BASIS[_row, _b, _a] = 1.0 if _a == _b else np.sqrt(0.5)
 
 
-class Steepness:
+class LocalRates:
     """Rates of change of the estimates at postures q (N, n) rad, bounded from above over all directions: the constants
     of `Lipschitz` at these postures, each (N,), by the same names."""
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from controllers.target_model import TargetModel
 
-LONGEST_LINE = 100  # periods of delay, beyond which roots and matrices become too large to be judged in passing
+LONGEST_DELAY = 100  # periods of delay, beyond which roots and matrices become too large to be judged in passing
 
 
 def force_loop_factors(
@@ -43,13 +43,14 @@ def force_loop_factors(
 def through_sensor(factors: np.ndarray, gain: float, late: int) -> float:
     """Largest force-loop factor behind a low-pass of this gain and `late` periods of delay; stable within (-1, 1).
 
-    The reading is y_k+1 = y_k + g (lambda_k-late - y_k), and lambda_k = f y_k: z^late (z - 1 + g) = g f. Without a
-    low-pass, g = 1, a delay does not change whether |f| < 1, and f is given; without a delay the factor is
-    1 - g (1 - f). Behind a very long delay it is the bound 1 - g + g |f|, which holds for any.
+    With kappa for `gain`, the reading is y_k+1 = y_k + kappa (lambda_k-late - y_k), and lambda_k = f y_k. Hence
+    z^late (z - 1 + kappa) = kappa f. Without a low-pass, kappa = 1, a delay does not change whether |f| < 1, and f is
+    returned. Without a delay the factor is 1 - kappa (1 - f). Behind a very long delay the bound
+    1 - kappa + kappa |f| is returned, which holds for any delay.
     """
     if late == 0 or gain == 1.0:
         found = 1.0 - gain * (1.0 - factors)
-    elif late > LONGEST_LINE:
+    elif late > LONGEST_DELAY:
         found = 1.0 - gain + gain * np.abs(factors)
     else:  # of real factors only the ends matter, and roots take long
         real = np.real(factors[np.isreal(factors)])
@@ -64,7 +65,8 @@ def with_gain(factors: np.ndarray, added: float, gain: float, late: int) -> floa
     """Size of the force loop's factor with what d by (17) adds to it, through the sensor of `through_sensor`.
 
     d changes by at most `added` per unit of the reading, along with the reading's size, so it is no linear part of the
-    loop: behind a low-pass and a delay together the bound 1 - g + g (|f| + added) is taken, which holds for any delay.
+    loop: behind a low-pass of gain kappa and a delay together the bound 1 - kappa + kappa (|f| + added) is taken, which
+    holds for any delay.
     """
     if added == 0.0 or late == 0 or gain == 1.0:
         return abs(through_sensor(factors, gain, late)) + gain * added

@@ -31,7 +31,7 @@ class Held(NamedTuple):
     def zeros(cls, n: int) -> Held:
         """Quantities for n coordinates, before the first period."""
         v = np.zeros(n)
-        return cls(v, v, np.zeros(6), v, v, v, False)
+        return cls(model=v, z_dot=v, push=np.zeros(6), r_d=v, r_d_dot=v, r_d_ddot=v, known=False)
 
 
 @inline

@@ -19,7 +19,9 @@ from controllers.bounds import (
     growth_with_speed,
     inertia_lower_bound,
     inertia_spread,
-    sum_of,
+    payload_reach,
+    required_d,
+    sensor_error,
     terms_of_gain,
 )
 from controllers.control_law import joint_acceleration, joint_velocity
@@ -39,7 +41,6 @@ from kernels.algebra import (
 
 # longest interval between two posture checks: control periods, and s
 MOST_PERIODS, LONGEST_INTERVAL = 40, 0.04
-NEVER = np.nan
 ROUNDING = 1e-9
 
 
@@ -119,6 +120,22 @@ class PostureCheck(NamedTuple):
     held_limit: float
     periods: int
 
+    @classmethod
+    def fresh(cls) -> PostureCheck:
+        """Check of a run that has not begun."""
+        return cls(
+            H_min=1.0,
+            H_max=1.0,
+            d=0.0,
+            d_now=0.0,
+            growth_by_speed=0.0,
+            layer_width=0.0,
+            radius=0.0,
+            V_band=0.0,
+            held_limit=0.0,
+            periods=0,
+        )
+
 
 class PromiseRecord(NamedTuple):
     """Record of the present promise, and of how it has been kept; an instant that has not come is NaN.
@@ -152,15 +169,15 @@ class PromiseRecord(NamedTuple):
             reaching=ReachingBound(1.0, 1.0, 1.0, 1.0, 0.0),
             since=0.0,
             promised=False,
-            bound=NEVER,
-            band=NEVER,
-            layer_reached=NEVER,
-            band_reached=NEVER,
-            broken=NEVER,
+            bound=np.nan,
+            band=np.nan,
+            layer_reached=np.nan,
+            band_reached=np.nan,
+            broken=np.nan,
             periods=0,
             lost=0,
             before=True,
-            begun=NEVER,
+            begun=np.nan,
         )
 
 
@@ -191,19 +208,14 @@ def inertia_range(given, work):
     """Bounds (H_min, H_max) of the eigenvalues of H of every declared arm at this state, kg, at most 3 % too wide; see
     `bounds.InertiaRange`. H_min is 0 where the lower bound of M is not positive definite."""
     u, estimate, task = given.gains.uncertainty, given.estimate, given.task
-    n, carried, turned = task.r.shape[0], 0.0, 0.0
-    load = carried_mass(u, estimate.stated.delta_M)
-    if load > 0.0:
-        multiply(estimate.J_v, task.J_q_inv, work.Y)
-        carried = spectral_norm(work.Y)
-        multiply(estimate.J_w, task.J_q_inv, work.Y)
-        turned = u.payload_offset * spectral_norm(work.Y)
+    n, load = task.r.shape[0], carried_mass(u, estimate.stated.delta_M)
+    reach = payload_reach(u, estimate, task, work) if load > 0.0 else 0.0
     inertia_spread(u, estimate, work.U)
     for i in range(n):
         for j in range(n):
             work.U[i, j] += estimate.M_hat[i, j]
     congruence(task.J_q_inv, work.U, work.S, work.T)
-    H_max = spectral_norm(work.T) + load * (carried + turned) ** 2
+    H_max = spectral_norm(work.T) + load * reach**2
     inertia_spread(u, estimate, work.U)
     inertia_lower_bound(u, estimate, work.U, work.U)
     invert(work.U, work.S, work.T)
@@ -221,10 +233,7 @@ def inertia_error(given, work):
     u, J_inv, reach = gains.uncertainty, task.J_q_inv_norm, 0.0
     load = carried_mass(u, estimate.stated.delta_M)
     if load > 0.0 and gains.tight:
-        multiply(estimate.J_v, task.J_q_inv, work.Y)
-        reach = spectral_norm(work.Y)
-        multiply(estimate.J_w, task.J_q_inv, work.Y)
-        reach += u.payload_offset * spectral_norm(work.Y)
+        reach = payload_reach(u, estimate, task, work)
     inertia_spread(u, estimate, work.U)
     if gains.tight:
         congruence(task.J_q_inv, work.U, work.S, work.T)
@@ -245,7 +254,7 @@ def _gain_of(given, scratch):
     on_it = GainInput(given.gains, given.feedforward, given.estimate, given.task, eq.q_dot)
     terms_of_gain(on_it, eq, work, needed)
     needed.epsilon = given.gains.epsilon
-    return sum_of(needed)
+    return required_d(needed)
 
 
 @inline
@@ -305,7 +314,7 @@ def check_posture(given, output, record, period, scratch, table, check):
         by_speed = growth_with_speed(given, scratch.equivalent)
         steepness = inertia_error(given, work) * gains.damping_rate + by_speed  # by which (17) grows with ||s||, N s/m
         growth, check.growth_by_speed = steepness * period / check.H_min, by_speed * period / check.H_min
-    table.limit[GAIN_BY_CHATTER] = 1.0 if gains.by_theorem else NEVER
+    table.limit[GAIN_BY_CHATTER] = 1.0 if gains.by_theorem else np.nan
     table.value[GAIN_BY_CHATTER] = growth
     raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # largest factor of chattering on d
 
@@ -334,13 +343,7 @@ def check_posture(given, output, record, period, scratch, table, check):
     check.V_band = max(V, before * np.exp(-record.reaching.c_1 * period * (record.periods - check.periods)))
     check.periods = record.periods
 
-    check.held_limit = SAMPLING_SHARE * gains.epsilon
-    if u.force_error > 0.0:
-        multiply(estimate.J_v, task.J_q_inv, work.Y)
-        check.held_limit += u.force_error * spectral_norm(work.Y)
-    if u.moment_error > 0.0:
-        multiply(estimate.J_w, task.J_q_inv, work.Y)
-        check.held_limit += u.moment_error * spectral_norm(work.Y)
+    check.held_limit = SAMPLING_SHARE * gains.epsilon + sensor_error(u, estimate, task, work)
 
 
 @inline
@@ -379,7 +382,7 @@ def keep_promise(all_hold, s_norm, check, t, record):
     if np.isnan(record.layer_reached) and s_norm <= check.layer_width:  # measured, whatever is promised
         record.layer_reached = t
     if not standing:
-        record.promised, record.bound, record.band = False, NEVER, NEVER
+        record.promised, record.bound, record.band = False, np.nan, np.nan
         record.lost += 1
         return False
     if not record.promised:

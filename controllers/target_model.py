@@ -31,6 +31,12 @@ def smallest_eigenvalue(name: str, matrix: np.ndarray) -> float:
     return float(np.linalg.eigvalsh(matrix)[0]) if matrix.size else np.inf
 
 
+def companion(beta: np.ndarray, kappa: np.ndarray) -> np.ndarray:
+    """Companion matrix (2n, 2n) of e_ddot + beta e_dot + kappa e = 0, for (e, e_dot), 1/s."""
+    n = len(beta)
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-kappa, -beta]])
+
+
 def require_spd(name: str, matrix: np.ndarray) -> None:
     """Raise InvalidGain unless the matrix is symmetric positive definite."""
     smallest = smallest_eigenvalue(name, matrix)
@@ -82,7 +88,7 @@ class TargetModel:
     def companion(self) -> np.ndarray:
         """Companion matrix of M_m e_ddot + B_m e_dot + K_m e = 0, (2n, 2n) for (e, e_dot), 1/s."""
         M_inv = np.linalg.inv(self.M_m)
-        return np.block([[np.zeros((self.n, self.n)), np.eye(self.n)], [-M_inv @ self.K_m, -M_inv @ self.B_m]])
+        return companion(M_inv @ self.B_m, M_inv @ self.K_m)
 
     def poles(self, K_e: np.ndarray | None = None) -> np.ndarray:
         """The 2n poles (1/s) of (8), interacting with a stiffness K_e (n, n) of the environment if one is given."""

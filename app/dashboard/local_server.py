@@ -57,7 +57,7 @@ def serve(
                     problem = dashboard.notebook.keep_in(folder.path)
                 if problem:
                     print_line(problem)
-                autosave = Autosave(folder, lambda: runner.latest, dashboard.fail)
+                autosave = Autosave(folder, lambda: runner.unrefreshed, dashboard.fail)
                 if (last_session := left_by(folder, autosave, scenario)) is not None:
                     if last_session.problem:
                         print_line(last_session.problem)

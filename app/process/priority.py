@@ -6,7 +6,7 @@ import os
 SAME = "VSMRC_SAME_PRIORITY"
 
 
-def step_back(niceness: int) -> None:
+def lower_priority(niceness: int) -> None:
     """Lower the priority of the calling thread (on Linux; elsewhere of its process), and of what it starts, so that the
     loop comes first. niceness: by how much, up to 19."""
     if os.environ.get(SAME) != "1":

@@ -11,7 +11,7 @@ import numpy as np
 
 from app.analysis.metrics import MULTIPLIERS
 from app.process.cores import usable_cores
-from app.process.priority import step_back
+from app.process.priority import lower_priority
 from app.scenario.departures import Departure
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, PostureChecks
@@ -177,7 +177,7 @@ class TrueArms:
         self._begun: ClosedLoop | None = None
         self._systems: dict[int, System] = {}  # by the arm's number; two threads cannot step with the same one
         self._count = usable_cores()
-        self._pool = ThreadPoolExecutor(self._count, "arms", step_back, (NICENESS,))
+        self._pool = ThreadPoolExecutor(self._count, "arms", lower_priority, (NICENESS,))
 
     def run(self, stretch: BandStretch, count: int) -> ArmsAhead:
         """Start running `count` arms over a stretch. `ArmsAhead.leave` has to be called before the next start. Raises

@@ -39,8 +39,8 @@ from environments.regular_file import read_regular
 log = structlog.get_logger()
 
 ASIDE = "set-aside-"
-EVERY = 0.5  # s, between two looks at the run; a change is saved when no other one follows within that time,
-LATEST = 5.0  # s, or else this long after the first unsaved change
+EVERY = 0.5  # s between two looks at the run; a change is saved when none has followed for this long
+LATEST = 5.0  # s after the first unsaved change, when it is saved even if others keep following
 REMINDER = 60.0  # s, until a change that cannot be saved either is complained of again
 _PRIVATE = 0o600
 _RUN_FILE = re.compile(r"run-[0-9a-f]{32}\.npz")
@@ -101,7 +101,7 @@ class StateFolder:
         index = self._readable(OFFER)
         return None if index is None else Offer(from_toml(index.scenario), tuple(index.pinned), index.saved)
 
-    def taken_up(self, offer: Offer) -> tuple[tuple[Pinned, ...], str]:
+    def read_offer(self, offer: Offer) -> tuple[tuple[Pinned, ...], str]:
         """Pinned runs of an offer that is restored, and a sentence about those that cannot be read, which are set
         aside.
 
@@ -218,9 +218,9 @@ class Autosave:
         self._thread.start()
 
     def take_up(self, offer: Offer) -> tuple[tuple[Pinned, ...], str]:
-        """See `StateFolder.taken_up`."""
+        """See `StateFolder.read_offer`."""
         with self._using:
-            return self._folder.taken_up(offer)
+            return self._folder.read_offer(offer)
 
     def refuse_offer(self) -> None:
         """See `StateFolder.refuse_offer`."""

@@ -284,9 +284,10 @@ def adapted(before: Scenario, scenario: Scenario) -> Scenario:
 
 
 def _converted(before: Scenario, scenario: Scenario) -> ControllerSection:
-    """The controller with its boundary layer, its K_s and its constant d in the units of r: joints in place of metres
-    count l times, and their torques 1/l times, unless all are prismatic. The margin epsilon stays: it covers what a
-    period of held torque adds."""
+    """The controller, with its boundary layer, K_s and constant d converted to the units of the new task space. From
+    metres to radians, the layer is divided by l, K_s multiplied by l^2 and d by l; back, by the inverse factors.
+    Nothing is converted for an arm with prismatic joints only. epsilon stays: it covers what a period of held torque
+    adds."""
     joints = [each.task_space.kind == "joint" for each in (before, scenario)]
     controller, l = scenario.controller, scenario.task_space.characteristic_length
     if joints[0] == joints[1] or all(_start(scenario)[0].slides):

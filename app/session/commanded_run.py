@@ -21,12 +21,12 @@ from app.session.commands import (
     EditAll,
     EditModel,
     Fork,
+    HoldTool,
     Load,
     Pause,
     Perform,
     Pin,
     Play,
-    Push,
     PushNow,
     Rename,
     Reset,
@@ -47,7 +47,7 @@ from app.session.timeline import Timeline
 from app.session.ways_out import WayOut, nearest, way_out
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.restarts import begins_anew
-from app.storage.uploaded_urdfs import Reach, hold
+from app.storage.uploaded_urdfs import Reach, lock_while_used
 
 log = structlog.get_logger()
 
@@ -82,15 +82,15 @@ class CommandedRun:
     """Run under commands, without pacing: its timeline, whether it plays and how fast, and what was refused.
 
     reach: files that commands may name, None for any.
-    line: timeline of the runs.
+    timeline: of the runs.
     playing: whether it is to go on.
     speed: simulated over real time.
     runs: number of runs so far, revision: number of edits so far.
     """
 
     def __init__(self, loop: ClosedLoop, reach: Reach | None) -> None:
-        self.line = Timeline(loop)
-        hold(loop.system.robot, loop.system.scenario.robot.urdf)
+        self.timeline = Timeline(loop)
+        lock_while_used(loop.system.robot, loop.system.scenario.robot.urdf)
         self._reach = reach
         self.playing, self.speed = True, 1.0
         self._shown: _Stretch | None = None
@@ -104,7 +104,7 @@ class CommandedRun:
     @property
     def loop(self) -> ClosedLoop:
         """The loop of the present run."""
-        return self.line.loop
+        return self.timeline.loop
 
     @property
     def going(self) -> bool:
@@ -133,7 +133,7 @@ class CommandedRun:
         """Compute one control period; the end of a blend changes the scenario."""
         self._perform()
         blending, stopped = self.loop.system.blend is not None, self.loop.stopped
-        self.line.step()
+        self.timeline.step()
         if self.loop.stopped is not stopped:
             self.note_stop()
         if blending and self.loop.system.blend is None:
@@ -143,17 +143,17 @@ class CommandedRun:
     def _perform(self) -> None:
         """Make the changes of a performance that are due, and pause where the next period is its last one. The
         performance is over when another run has begun; while looking back, no change is due."""
-        performed, line = self._performed, self.line
-        if performed is None or line.loop.t < line.end - 0.5 * self.period:
+        performed, timeline = self._performed, self.timeline
+        if performed is None or timeline.loop.t < timeline.end - 0.5 * self.period:
             return
         if performed.run != self.runs:
             self._performed = None
             return
-        while performed.changes and performed.changes[0].due(line.loop.t, self.period):
+        while performed.changes and performed.changes[0].due(timeline.loop.t, self.period):
             change, *rest = performed.changes
             self._performed = performed = replace(performed, changes=tuple(rest))
             self.execute(Edit(change.path, change.value))
-        if line.loop.t > performed.end - 1.5 * self.period:
+        if timeline.loop.t > performed.end - 1.5 * self.period:
             self.playing, self._performed = False, None
 
     def resumes(self) -> bool:
@@ -224,53 +224,53 @@ class CommandedRun:
 
     def _earlier_fork(self) -> WayOut | None:
         """Way out of a refused fork at the run's end: a fork at the last change, or at the earliest known instant."""
-        t, first = self.line.last_change, self.line.first
+        t, first = self.timeline.last_change, self.timeline.first
         if t is None:
             return None
         return WayOut(f"Fork at the {'last change' if t > first else 'earliest instant'}, {t:.2f} s", fork_at=t)
 
     def _carry_out(self, command: Command) -> None:
-        line, scenario_now = self.line, self.loop.system.scenario
+        timeline, scenario_now = self.timeline, self.loop.system.scenario
         self._require_reach(command)
         match command:
             case Play():
                 self.playing = True
             case Pause():
                 self.playing = False
-                line.hold(None)
+                timeline.hold(None)
             case StepOnce():
                 self.playing = False
                 self.step()
             case Reset():
                 self._reset()
             case Seek(t):
-                line.require_known(t)
-                line.hold(None)
-                line.seek(t)
+                timeline.require_known(t)
+                timeline.hold(None)
+                timeline.seek(t)
                 self.playing = False
             case ToEnd():
-                line.to_end()
+                timeline.to_end()
             case Fork():
-                line.fork()
+                timeline.fork()
                 self.runs += 1
             case Pin(may_be_pinned):
-                line.pin(may_be_pinned=may_be_pinned)
+                timeline.pin(may_be_pinned=may_be_pinned)
             case Rename(number, name):
-                line.rename(number, name)
+                timeline.rename(number, name)
             case Unpin(number):
-                line.unpin(number)
+                timeline.unpin(number)
             case SetSpeed(factor):
                 self.speed, self._shown = _admitted(factor), None
             case ShowAgain(start, end, factor):
                 slow, usual = _admitted(factor), self.speed if self._shown is None else self._shown.usual
-                line.require_known(start)
-                line.hold(None)
-                line.seek(start)
+                timeline.require_known(start)
+                timeline.hold(None)
+                timeline.seek(start)
                 self.speed, self._shown, self.playing = slow, _Stretch(self.runs, end, usual), True
-            case Push(grip):
-                line.hold(grip)
+            case HoldTool(grip):
+                timeline.hold(grip)
             case Blend(model, over):
-                plan = {"to": dict(model), "at": line.loop.t, "over": over}
+                plan = {"to": dict(model), "at": timeline.loop.t, "over": over}
                 self._edit(edited(scenario_now, "blend", plan))
             case Load(scenario):
                 self._edit(scenario, as_it_is=True)
@@ -285,11 +285,11 @@ class CommandedRun:
                 self._performed = _Performance(self.runs, changes_to_come, end)
             case Continue(scenario, pinned):
                 self._edit(scenario, as_it_is=True)
-                line.adopt(pinned)
+                timeline.adopt(pinned)
             case PushNow():
                 own = self._own_push
-                self._edit(changes.pushed(scenario_now, line.loop.system.robot, line.loop.t), as_it_is=True)
-                self._own_push = own.behind(scenario_now, line.loop.system.scenario)
+                self._edit(changes.pushed(scenario_now, timeline.loop.system.robot, timeline.loop.t), as_it_is=True)
+                self._own_push = own.behind(scenario_now, timeline.loop.system.scenario)
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the present mode is not begun anew
             case Edit("mode", value):
@@ -325,7 +325,8 @@ class CommandedRun:
             scenario = self._own_push.back(scenario)
         try:
             # a change may have converted a number, or taken one of the run, beyond what a scenario's file may have
-            self.runs += self.line.edit(from_plain(to_plain(scenario)))
+            if self.timeline.edit(from_plain(to_plain(scenario))):
+                self.runs += 1
         except ScenarioError as error:
             self._way_out = way_out(scenario, error) or way_to_model(self.loop.system, scenario)
             raise
@@ -333,7 +334,7 @@ class CommandedRun:
         if over or as_it_is:
             self._own_push = OwnPush()
         if self.loop.system.robot is not before:
-            hold(self.loop.system.robot, scenario.robot.urdf)
+            lock_while_used(self.loop.system.robot, scenario.robot.urdf)
         self._adaptation = ""
         self.revision += 1
 
@@ -345,37 +346,37 @@ class CommandedRun:
 
     def _reset(self) -> None:
         """Begin the run's scenario at t = 0, with its own push."""
-        self.line.reset()
+        self.timeline.reset()
         self.runs += 1
         if self._way_out is not None and self._way_out.fork_at is not None:  # an instant of the run before
             self._way_out = None
-        own, self._own_push = self._own_push.back(self.line.latest.scenario), OwnPush()
-        if own != self.line.latest.scenario:
+        own, self._own_push = self._own_push.back(self.timeline.latest.scenario), OwnPush()
+        if own != self.timeline.latest.scenario:
             self._way_out = None  # made of the scenario with that push
-            self.line.edit(own)
-            self.line.reset()  # the run is that of its scenario, without an edit at t = 0
+            self.timeline.edit(own)
+            self.timeline.reset()  # the run is that of its scenario, without an edit at t = 0
             self.revision += 1
 
     def known(self, seen: Snapshot) -> Snapshot:
         """The snapshot of the loop with what is known of its run."""
-        line, loop = self.line, self.loop
+        timeline, loop = self.timeline, self.loop
         return replace(
             seen,
             notice=seen.notice or self._adaptation,
             revision=self.revision,
             run=self.runs,
-            first=line.first,
-            end=line.end,
-            stop=line.stop,
+            first=timeline.first,
+            end=timeline.end,
+            stop=timeline.stop,
             phase="stopped" if loop.stopped else "running" if self.playing else "paused",
             speed=self.speed,
             refusal=self._refusal,
             refusal_number=self._refusals,
             way_out=self._way_out,
-            latest=line.latest,
-            recording=line.recording,
-            pinned=line.pinned,
-            forks=line.forks,
+            latest=timeline.latest,
+            recording=timeline.recording,
+            pinned=timeline.pinned,
+            forks=timeline.forks,
         )
 
 

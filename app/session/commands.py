@@ -190,9 +190,9 @@ class PushNow:
 
 
 @dataclass(frozen=True)
-class Push:
-    """Push the tool by hand: take hold of it, move the hand, or let go (None). `Pause` and every command that begins a
-    run let go, too."""
+class HoldTool:
+    """Hold the tool with a hand that pushes it: take hold, move the hand, or let go (None). `Pause` and every command
+    that begins a run let go, too."""
 
     grip: Grip | None
 
@@ -219,7 +219,7 @@ Command = (
     | PushNow
     | TakeWayOut
     | DropWayOut
-    | Push
+    | HoldTool
 )
 
 

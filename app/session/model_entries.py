@@ -19,7 +19,7 @@ SWING = ("omega", "zeta")
 CHANGED_BY = {"omega": ("B_m", "K_m", "K_f"), "zeta": ("B_m",)}
 
 
-def plain(matrix: np.ndarray) -> list[Any]:
+def diagonal_or_rows(matrix: np.ndarray) -> list[Any]:
     """Numbers of a matrix as a scenario holds them: the n entries of a diagonal matrix, else n rows."""
     diagonal = np.diag(matrix)
     return (matrix if np.count_nonzero(matrix - np.diag(diagonal)) else diagonal).tolist()
@@ -42,7 +42,7 @@ def with_model_entries(scenario: Scenario, entries: Mapping[str, Mapping[int, fl
     if entries.keys() & {*SWING}:
         _swing(scenario, after, {name: entries.get(name, {}) for name in SWING})
     changed = {name for name in before if not np.array_equal(after[name], before[name])}
-    return with_values(scenario, {f"target_model.{name}": plain(after[name]) for name in changed})
+    return with_values(scenario, {f"target_model.{name}": diagonal_or_rows(after[name]) for name in changed})
 
 
 def _swing(scenario: Scenario, matrices: dict[str, np.ndarray], wanted: Mapping[str, Mapping[int, float]]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from app.scenario.data import edited
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
+from app.session.model_entries import diagonal_or_rows
 from app.session.ways_out import WayOut
 from app.simulation.controller_builder import matrices_of, require_admitted, surfaces_met
 from app.simulation.system import System
@@ -64,7 +65,5 @@ def _with(scenario: Scenario, start: dict[str, np.ndarray], model: dict[str, np.
     """The scenario with the matrices (n, n) of a model that differ from those at the start."""
     for name, matrix in model.items():
         if not np.array_equal(matrix, start[name]):
-            diagonal = np.diag(matrix)
-            value = diagonal if np.array_equal(matrix, np.diag(diagonal)) else matrix
-            scenario = edited(scenario, f"target_model.{name}", value.tolist())
+            scenario = edited(scenario, f"target_model.{name}", diagonal_or_rows(matrix))
     return scenario

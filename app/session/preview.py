@@ -110,9 +110,9 @@ class Foresight:
         return bool(np.abs(state.arm.views.q - there).max() < SAME)
 
     def metrics_from(self, state: State) -> PreviewMetrics | None:
-        """Metrics of as many seconds from this state on, to which the run leads, or from the beginning where nothing is
-        computed yet; the periods that are missing are computed. None where it is too far from the beginning, or the run
-        stopped at once."""
+        """Metrics over one horizon that begins at `state`, through which this run passes (see `leads_to`). They begin
+        at the first row where nothing is computed yet, or where the preview has a push. Missing periods are computed.
+        None where the state is more than a horizon after the request, or the run stopped before it."""
         recording = self._loop.recording
         row = self._row_of(state) if len(recording) and not self._push else 0
         if row > self._rows:

@@ -18,7 +18,7 @@ import structlog
 from app.process.free_memory import give_back
 from app.scenario.schema import Scenario
 from app.session.commanded_run import CommandedRun
-from app.session.commands import Blend, Command, Edit, EditModel, FieldEdit, Push, PushNow, Seek, needs_kernels
+from app.session.commands import Blend, Command, Edit, EditModel, FieldEdit, HoldTool, PushNow, Seek, needs_kernels
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.snapshot import PREPARING, Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
@@ -28,7 +28,7 @@ from app.storage.uploaded_urdfs import Reach
 log = structlog.get_logger()
 
 BATCH = 0.01  # s of wall time whose steps are computed together, unless a hand holds the tool
-UNWATCHED = 0.1  # s, the same while nobody has read a snapshot for `FORGOTTEN` s
+UNWATCHED = 0.1  # s, BATCH while nobody has read a snapshot for `FORGOTTEN` s
 FORGOTTEN = 1.0
 LEAST_REST = 0.0002  # s, the shortest rest of the thread: at high speeds several steps share it, also with a hand
 PUBLISH = 1 / 60  # s, between two snapshots that are read; also the longest rest, and the longest batch of steps
@@ -37,8 +37,8 @@ LAG = 0.1  # s of wall time that the loop may fall behind, besides its rest, bef
 MEASURE = 0.25  # s, between two measurements of the pace, each over the last `WATCHED` s
 WATCHED = 2.0
 ENDING = 1.0  # s to wait for the end of the thread
-SILENCE = 10.0  # s without a round of the thread: it hangs,
-PREPARATION = 600.0  # s, or with an arm that is being prepared, whose kernels may have to be compiled
+SILENCE = 10.0  # s without a round of the loop's thread, after which it counts as hanging
+PREPARATION = 600.0  # s, the same while another arm is prepared, whose kernels may have to be compiled
 
 
 class Runner:
@@ -73,9 +73,9 @@ class Runner:
         return self._newest
 
     @property
-    def latest(self) -> Snapshot:
-        """The newest snapshot for readers who need none that is younger than `UNREAD` s, such as those that look for
-        changes: it is never older than the last command, and reading it asks for no other."""
+    def unrefreshed(self) -> Snapshot:
+        """The newest snapshot, without asking the loop for a newer one: for readers that only look for changes. It is
+        at most `UNREAD` s old while the run goes on, and never older than the last command."""
         return self._newest
 
     def start(self) -> None:
@@ -236,7 +236,7 @@ class Runner:
             before = None
         self._executed += len(queued)
         return self._commanded.runs != runs or not all(
-            isinstance(command, FieldEdit | Blend | PushNow | Push) for command in queued
+            isinstance(command, FieldEdit | Blend | PushNow | HoldTool) for command in queued
         )
 
     def _publish(self) -> Snapshot:
@@ -265,4 +265,4 @@ def _overtaken(command: Command, following: Command | None) -> bool:
         return command.path == following.path
     if isinstance(command, EditModel) and isinstance(following, EditModel):
         return all(command.entries[name].keys() <= following.entries.get(name, {}).keys() for name in command.entries)
-    return type(command) is type(following) and isinstance(command, Push | Seek)
+    return type(command) is type(following) and isinstance(command, HoldTool | Seek)

@@ -27,15 +27,19 @@ PREPARING = "preparing another arm or contact; the first one of its kind is comp
 
 @dataclass(frozen=True)
 class Snapshot(View):
-    """View of the loop at one moment, with its run, for the screen. Its arrays are never changed afterwards.
+    """View of the loop at one moment, with its run, for the screen. Its arrays are never changed afterwards. The plant,
+    law and nominal model of a system belong to the loop's thread; the screen reads only what never changes.
 
-    revision: number of accepted changes of the scenario; run: of beginnings at t = 0 and forks; refusal_number: of
-    refused commands; executed: of commands that were carried out or refused.
-    way_out: of that refusal, None where there is none.
+    revision: number of accepted changes of the scenario.
+    run: number of beginnings at t = 0 and forks.
+    refusal_number: number of refused commands.
+    executed: number of commands that were carried out or refused.
+    way_out: out of the last refusal, None where there is none.
     t: the instant looked at, between `first` and `end`, s.
-    scenario, system: at that instant; latest: the system at `end`.
-    recording: of the whole run, up to its end; stop: why it has stopped there, "" where it has not.
-    The plant, law and nominal model of a system belong to the loop's thread; the screen reads only what never changes.
+    scenario, system: those at t.
+    latest: the system at `end`.
+    recording: of the whole run, up to its end.
+    stop: why the run has stopped at `end`, "" where it has not.
     blending: share of a blend of the target model that is done, 0 to 1, None while there is none.
     sampled: the target model's poles in the sampled loop.
     forks: instants at which the run was forked, s.

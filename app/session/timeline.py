@@ -31,7 +31,7 @@ USUAL = re.compile(r"run \d+")  # name of a pinned run to which the user has giv
 
 
 @dataclass(frozen=True)
-class _Key:
+class _Keyframe:
     """A state of the run. changed: a command had acted on the loop just before."""
 
     state: State
@@ -90,7 +90,7 @@ class Timeline:
     def _begin(self) -> None:
         self._back = None
         self.forks: tuple[float, ...] = ()
-        self._keys: list[_Key] = []
+        self._keyframes: list[_Keyframe] = []
         self._keep(changed=True)
 
     @property
@@ -121,7 +121,7 @@ class Timeline:
     @property
     def first(self) -> float:
         """The earliest instant that can be looked at, s."""
-        return self._keys[0].state.t
+        return self._keyframes[0].state.t
 
     @property
     def last_change(self) -> float | None:
@@ -141,7 +141,7 @@ class Timeline:
         self._back.advance()
         if self._same(self._back.t, self._end.t):
             self._back = None
-        elif (key := self._key_at(self._back.t)).changed and self._same(key.state.t, self._back.t):
+        elif (key := self._keyframe_at(self._back.t)).changed and self._same(key.state.t, self._back.t):
             self._back = _resumed(key)
 
     def seek(self, t: float) -> None:
@@ -151,7 +151,7 @@ class Timeline:
         if t > self.end - half:
             self._back = None
             return
-        self._back = _resumed(self._key_at(t + half))
+        self._back = _resumed(self._keyframe_at(t + half))
         while self._back.t < t - half and self._back.stopped is None:
             self._back.advance()
 
@@ -291,30 +291,31 @@ class Timeline:
         if len(self.recording):
             self._add_once(self._pinned())
         loop.hold(None)
-        while self._keys and self._keys[-1].state.t > loop.t - 0.5 * loop.period:
-            self._keys.pop()
+        while self._keyframes and self._keyframes[-1].state.t > loop.t - 0.5 * loop.period:
+            self._keyframes.pop()
         self._end, self._back = loop, None
         self.forks = (*(t for t in self.forks if t < loop.t), loop.t)
         self._keep(changed=True)
 
     def _keep(self, *, changed: bool) -> None:
-        key = _Key(self._end.state.copy(), self._end.system, changed)
-        if self._keys and self._keys[-1].state.t == key.state.t:
-            self._keys.pop()  # of several changes of one instant only the last counts
-        self._keys.append(key)
-        while len(self._keys) > MOST or (len(self._keys) > 1 and self._keys[1].state.t <= self.recording.first):
-            del self._keys[0]
+        key = _Keyframe(self._end.state.copy(), self._end.system, changed)
+        if self._keyframes and self._keyframes[-1].state.t == key.state.t:
+            self._keyframes.pop()  # of several changes of one instant only the last counts
+        self._keyframes.append(key)
+        first = self.recording.first
+        while len(self._keyframes) > MOST or (len(self._keyframes) > 1 and self._keyframes[1].state.t <= first):
+            del self._keyframes[0]
         # a state holds the delay line of the force sensor: one a period would take gigabytes
         periods = max(PERIODS, len(key.state.reader.memory))
         self._due = key.state.t + min(SPACING, (periods - 0.5) * self._end.period)
 
-    def _key_at(self, t: float) -> _Key:
+    def _keyframe_at(self, t: float) -> _Keyframe:
         """The last key not after t; the first one if there is none."""
-        return self._keys[max(bisect_right(self._keys, t, key=lambda key: key.state.t) - 1, 0)]
+        return self._keyframes[max(bisect_right(self._keyframes, t, key=lambda key: key.state.t) - 1, 0)]
 
     def _same(self, t: float, other: float) -> bool:
         return abs(t - other) < 0.5 * self.loop.period
 
 
-def _resumed(key: _Key) -> ClosedLoop:
+def _resumed(key: _Keyframe) -> ClosedLoop:
     return ClosedLoop.from_state(key.state, history=1, previous=key.system)

@@ -17,14 +17,16 @@ class Alarm(IntFlag):
     LAYER_REACHED = 1  # ||s|| is within the boundary layer for the first time
     NOT_FINITE = 2  # the state is not finite
     SINGULAR = 4  # J_q is nearly singular
-    FAST = 8  # the joints are too fast
+    DIVERGING = 8  # the joints are too fast
     OVER_BOUND = 16  # ||s|| is over its bound, though all premises hold
     SATURATED = 32  # a drive's limit begins to cut the torque
     BAND_REACHED = 64  # ||s|| is within the band for the first time
-    AWAY = 128  # the tool has left a surface that it should press
+    CONTACT_LOST = 128  # the tool has left a surface that it should press
 
 
-LAYER_REACHED, NOT_FINITE, SINGULAR, FAST, OVER_BOUND, SATURATED, BAND_REACHED, AWAY = (int(alarm) for alarm in Alarm)
+LAYER_REACHED, NOT_FINITE, SINGULAR, DIVERGING, OVER_BOUND, SATURATED, BAND_REACHED, CONTACT_LOST = (
+    int(alarm) for alarm in Alarm
+)
 
 
 class Limits(NamedTuple):
@@ -47,8 +49,8 @@ class Limits(NamedTuple):
 
 @inline
 def lost_contact(limits, evaluation, multiplier, absent):
-    """Compare the contacts with those of the previous period; returns AWAY where one was lost. `absent` (3,) is read,
-    and set anew for the next period."""
+    """Compare the contacts with those of the previous period; returns CONTACT_LOST where one was lost. `absent` (3,) is
+    read, and set anew for the next period."""
     was, evaluation.touching, struck = evaluation.touching, True, 0.0
     for i in range(3):
         if limits.pressed[i] and multiplier[i] == 0.0:
@@ -63,7 +65,7 @@ def lost_contact(limits, evaluation, multiplier, absent):
                 struck += 1.0
             absent[i] = 1 if multiplier[i] == 0.0 else 0
     evaluation.table.value[CONTACT] = struck
-    return AWAY if was and not evaluation.touching else 0
+    return CONTACT_LOST if was and not evaluation.touching else 0
 
 
 @inline
@@ -85,5 +87,5 @@ def beyond_limits(limits, evaluation, speed):
     if limits.sigma_min * evaluation.seen.task.J_q_inv_norm > 1.0:
         flags += SINGULAR
     if speed > limits.speed:
-        flags += FAST
+        flags += DIVERGING
     return flags

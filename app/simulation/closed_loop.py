@@ -1,5 +1,5 @@
-"""Closed loop: the whole program in one function, `ClosedLoop.step`, which measures, evaluates the law, advances the
-plant and records."""
+"""Closed loop: one run of a scenario. `ClosedLoop.step` computes a control period: it measures, evaluates the law,
+advances the plant and records."""
 
 from __future__ import annotations
 
@@ -308,7 +308,7 @@ class ClosedLoop:
 
     def stop_without_force(self) -> None:
         """Stop because no force was found for an ideal sensor."""
-        self.premise_watch.left("stop", "the loop through the multiplier has no solution")
+        self.premise_watch.leave_domain("stop", "the loop through the multiplier has no solution")
 
     def take(self, periods: int, alarms: Alarm) -> None:
         """Take up periods that `app.simulation.compiled_run` has computed in the loop's memory. alarms: of the last

@@ -21,7 +21,7 @@ from app.simulation.observation import Observation, ObservationModel, observe
 from app.simulation.planned_reference import ReferencePlan, reference_at
 from app.simulation.row_writing import write_load, write_row
 from app.simulation.true_errors import UNKNOWN, TrueArm, TrueErrors, judge_errors
-from controllers.bounds import sum_of
+from controllers.bounds import required_d
 from controllers.control_law import ControlOutput, Gains, LawInput, Reference, add_up, clear, no_parameters
 from controllers.held_torque import Held, held_error, push_changed, reference_jump
 from controllers.laws.table import torque as law_torque
@@ -114,10 +114,27 @@ class Evaluation(NamedTuple):
         """Evaluation for n coordinates."""
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
         feedforward = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
-        output, f = ControlOutput.zeros(n), np.zeros(6)
-        check = PostureCheck(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
-        law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, False, 0, UNKNOWN)
-        return cls(*law, PremiseTable.fresh(), check, Held.zeros(n), PromiseRecord.fresh(), PremiseScratch.zeros(n))
+        return cls(
+            z=v,
+            F=np.zeros(6),
+            push=np.zeros(6),
+            seen=seen,
+            reference=reference,
+            feedforward=feedforward,
+            output=ControlOutput.zeros(n),
+            applied=v,
+            residual=v,
+            saturated=False,
+            touching=False,
+            push_changed=False,
+            promise_alarms=0,
+            errors=UNKNOWN,
+            table=PremiseTable.fresh(),
+            posture_check=PostureCheck.fresh(),
+            held=Held.zeros(n),
+            promise_record=PromiseRecord.fresh(),
+            scratch=PremiseScratch.zeros(n),
+        )
 
 
 def with_law_input(torque: Callable[..., None]) -> Any:
@@ -198,14 +215,14 @@ def _conclude(setting, evaluation, arm, t, row):
     held = evaluation.held
     evaluation.push_changed = held.known and push_changed(evaluation.push, held, evaluation.posture_check.held_limit)
     if output.d > RISEN * evaluation.posture_check.d_now:
-        _look(setting, evaluation)
+        _check_posture(setting, evaluation)
     _remember(evaluation, held)
     evaluation.promise_alarms = _promise_alarms(evaluation, t)
     write_row(row, t, arm, evaluation)
 
 
 @inline
-def _look(setting, evaluation):
+def _check_posture(setting, evaluation):
     """Compute the `PostureCheck` of this evaluation."""
     _check(
         setting,
@@ -230,7 +247,7 @@ def _fill_table(setting, evaluation, arm, t):
     table.value[REGULAR], table.limit[REGULAR] = 1.0 / seen.task.J_q_inv_norm, setting.limits.sigma_min
     table.value[DRIVES], table.limit[DRIVES] = _share_of_drives(setting.torque_limit, output.tau), 1.0
     table.value[JOINTS], table.limit[JOINTS] = _share_of_range(setting.limits, arm.q), 1.0
-    table.value[GAIN], table.limit[GAIN] = sum_of(output.needed), output.d
+    table.value[GAIN], table.limit[GAIN] = required_d(output.needed), output.d
     spared = SAMPLING_SHARE * gains.K_s_smallest * output.s_norm
     table.value[HELD], table.limit[HELD] = 0.0, check.held_limit + spared
     if held.known:
@@ -339,5 +356,5 @@ def check_present_posture(setting, evaluation, centres):
     Omega. Returns the number of the nearest centre."""
     setting, evaluation = setting[0], evaluation[0]
     nearest, evaluation.table.value[DOMAIN] = _nearest(centres, evaluation.seen.q)
-    _look(setting, evaluation)
+    _check_posture(setting, evaluation)
     return nearest

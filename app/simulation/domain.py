@@ -13,7 +13,7 @@ from app.simulation.extremes import Effort, Objectives, ObjectiveValues, Omega, 
 from app.simulation.observation import Observer
 from app.simulation.search_memory import Memory, Numbers, key_of
 from controllers.bounds import InertiaRange, Uncertainty
-from controllers.estimate_rates import NO_RATES, LinkRates, Lipschitz, Steepness
+from controllers.estimate_rates import NO_RATES, LinkRates, Lipschitz, LocalRates
 from controllers.nominal_model import NominalModel
 from environments.step_resolution import Mobility, mobilities
 from environments.surfaces.table import Surface
@@ -87,7 +87,7 @@ def constants_over(
 
     Raises ScenarioError where J_q is singular.
     """
-    objectives, steepness = _inertia_objectives(sigma_min, uncertainty, observer), Steepness(nominal.model)
+    objectives, steepness = _inertia_objectives(sigma_min, uncertainty, observer), LocalRates(nominal.model)
     arm, where = nominal.fingerprint, (omega.centres, omega.radius)
 
     def find_inertia() -> Numbers:

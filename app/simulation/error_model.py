@@ -106,7 +106,7 @@ def _value_alone(function, x, y, z, t):
 
 
 @inline
-def doubt(model, links, placements, q, q_dot, t, estimate):
+def estimate_errors(model, links, placements, q, q_dot, t, estimate):
     """Compute the fields of `estimate` about errors: M_turning, spin and stated. To be called after `estimates`."""
     if model.turning:
         turning(links, placements, estimate)

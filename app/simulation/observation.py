@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.simulation.error_model import ErrorModel, doubt
+from app.simulation.error_model import ErrorModel, estimate_errors
 from controllers.nominal_model import Estimate, LinkConstants, NominalModel, estimates
 from controllers.task_space import Scratch, TaskLayout, TaskSpace, task_space
 from environments.surfaces.chart import Chart, Shapes
@@ -49,7 +49,7 @@ def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
     """Estimates and task coordinates of a state, Remark 1 and (3), from the arrays of `nominal_model.Terms` there."""
     links = observation_model.links
     estimates(links, momenta, C, J, J_dot, placements, seen.q_dot, seen.estimate)
-    doubt(observation_model.errors, links, placements, seen.q, seen.q_dot, t, seen.estimate)
+    estimate_errors(observation_model.errors, links, placements, seen.q, seen.q_dot, t, seen.estimate)
     task_chart(observation_model.shapes, seen.estimate.p, t, seen.spare, seen.chart)
     task_space(observation_model.layout, seen.chart, seen.estimate, seen.q, seen.q_dot, seen.work, seen.task)
 

@@ -90,8 +90,9 @@ def free_directions(system: System, at: Posture) -> np.ndarray:
 
 
 class PeriodMap:
-    """One control period of a run, as a map of small deviations from rest and s = 0 at a posture and of a push on the
-    tool: the arm without anything that has a kink, and a constant reference at its present place.
+    """Map of one control period around rest at a posture, with s = 0: small deviations and a push on the tool in, the
+    deviations one period later out. The arm has nothing with a kink (see `Plant.smooth`), and the reference stays at
+    its present place.
 
     Deviations x: of the arm along the directions in which it can move and of their rates, in task coordinates, m and
     m/s; of z (m/s) under a law that has it, and of a law's own state; of the next readings of the force sensor, N: the

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -147,10 +147,10 @@ class PremiseWatch:
         nearest: number of the nearest centre of Omega."""
         state, distance = self._state, self._table.value[Premise.DOMAIN]
         if distance > self.system.constants.radius:
-            self.left("flag", f"q has left Ω, over which the constants of (19) were computed{self._outlasted}")
+            self.leave_domain("flag", f"q has left Ω, over which the constants of (19) were computed{self._outlasted}")
         if state.t > self._known_until + 0.5 * self._h:
             self._table.value[Premise.DOMAIN] = np.inf
-            self.left("flag", sentence(Premise.DOMAIN, np.inf, self.system.constants.radius, self.system.units))
+            self.leave_domain("flag", sentence(Premise.DOMAIN, np.inf, self.system.constants.radius, self.system.units))
         station, judged, q = int(self._stations.of[nearest]), state.judged, state.arm.views.q
         if distance > APART or self._changing:
             moved = judged.station is not None or not np.abs(q - judged.q).max() <= APART
@@ -166,7 +166,7 @@ class PremiseWatch:
         for premise, value in self._judged_loop.premises.items():
             self._state_premise(premise, value, 1.0)
             if value > 1.0:
-                self.left("flag", sentence(premise, value, 1.0, self.system.units) + self._unsampled)
+                self.leave_domain("flag", sentence(premise, value, 1.0, self.system.units) + self._unsampled)
 
     def _changed_since(self, judged: Judged) -> bool:
         """Whether a surface has turned, or may have changed otherwise, since the sampled loops were judged."""
@@ -311,36 +311,35 @@ class PremiseWatch:
         if Alarm.LAYER_REACHED in alarms or Alarm.BAND_REACHED in alarms:
             state.epoch = replace(state.epoch, layer_reached=self.layer_reached, band_reached=self.band_reached)
         rigid = self.system.plant.kind.rigid
-        if Alarm.AWAY in alarms and not rigid:
+        if Alarm.CONTACT_LOST in alarms and not rigid:
             left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.pressed] != 0.0)))
-            self.left("flag", f"contact lost: the tool has left {left}, so its force is not controlled")
+            self.leave_domain("flag", f"contact lost: the tool has left {left}, so its force is not controlled")
         if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
-            self.left("flag", _saturation(evaluation.output.tau, evaluation.applied, self.system.robot.slides))
+            self.leave_domain("flag", _saturation(evaluation.output.tau, evaluation.applied, self.system.robot.slides))
         if Alarm.NOT_FINITE in alarms:
-            self.left("stop", _infinity(evaluation, self.system.units))
+            self.leave_domain("stop", _infinity(evaluation, self.system.units))
             return
-        if Alarm.AWAY in alarms and rigid and evaluation.table.value[Premise.CONTACT] > 0.0:
-            self.left(rules.leaving_domain, f"contact lost, {_last_loss(self.system, arm.holding)}")
+        if Alarm.CONTACT_LOST in alarms and rigid and evaluation.table.value[Premise.CONTACT] > 0.0:
+            self.leave_domain(rules.leaving_domain, f"contact lost, {_last_loss(self.system, arm.holding)}")
         if Alarm.SINGULAR in alarms:
             unit = self.system.units.jacobian.removesuffix("1")
             sigma_min = f"{1.0 / evaluation.seen.task.J_q_inv_norm:.4g} {unit}".rstrip()
-            self.left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min})")
-        elif Alarm.FAST in alarms:
+            self.leave_domain(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min})")
+        elif Alarm.DIVERGING in alarms:
             speed = self.system.units.with_unit(float(np.linalg.norm(arm.q_dot)), "rad/s")
-            self.left(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {speed})")
+            self.leave_domain(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {speed})")
         if Alarm.OVER_BOUND in alarms:
             rate, promise = self.system.units.rate, evaluation.promise_record
-            self.left(
+            self.leave_domain(
                 rules.bound_violation,
                 f"‖s‖ = {1e3 * evaluation.output.s_norm:.4g} {rate} is over (20) plus the band of sampling and layer, "
                 f"{1e3 * (promise.bound + promise.band):.4g} {rate}, though all premises hold",
             )
 
-    def left(self, choice: str, reason: str) -> None:
-        """Note that the run has left the theorem's domain: "stop" or "flag"; the first reason explains the later
-        ones."""
+    def leave_domain(self, action: Literal["stop", "flag"], reason: str) -> None:
+        """Stop or flag the run, which has left the theorem's domain; the first reason explains the later ones."""
         state = self._state
-        if choice == "stop":
+        if action == "stop":
             state.stopped = state.stopped or f"t = {state.t:.3f} s: {reason}"
         else:
             state.flagged = state.flagged or Flag(state.t, reason)

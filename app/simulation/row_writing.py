@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.bounds import sum_of
+from controllers.bounds import required_d
 from controllers.premises import HELD
 from kernels import inline
 from kernels.algebra import copy
@@ -41,7 +41,7 @@ def write_row(row, t, arm, evaluation):
     row.needed[0], row.needed[1], row.needed[2] = needed.inertia, needed.coriolis, needed.gravity
     row.needed[3], row.needed[4], row.needed[5] = needed.task_motion, needed.disturbance, needed.epsilon
     row.d = output.d
-    row.d_required = sum_of(needed)
+    row.d_required = required_d(needed)
     row.s_norm = output.s_norm
     row.s_bound = evaluation.promise_record.bound
     row.s_band = evaluation.promise_record.band

@@ -23,7 +23,7 @@ from app.simulation.push_prediction import push_response
 from app.simulation.push_response import PushResponse
 from app.simulation.sampled_force_loop import drags, gain_by_force, unit_loads, worst_force_loop
 from app.simulation.system import System
-from controllers.force_loop import LONGEST_LINE
+from controllers.force_loop import LONGEST_DELAY
 from controllers.premises import Premise
 from controllers.switching import Switching
 from environments.step_resolution import ROUNDING
@@ -105,7 +105,7 @@ class SampledLoops:
         self._whole, *self._fewer = touched_at_once(system)
         self._maps: dict[tuple[Touched, bool], PeriodMap] = {}  # by what is touched, and whether moments are read
         self._prompt: SampledLoops | None = None
-        if system.sensor.late > LONGEST_LINE and not _reads_contact(system):
+        if system.sensor.late > LONGEST_DELAY and not _reads_contact(system):
             self._prompt = SampledLoops(replace(system, sensor=system.sensor.prompt()))
 
     def at(self, q: np.ndarray, t: float) -> SampledLoop:
@@ -120,7 +120,7 @@ class SampledLoops:
             feedback = [gain_by_force(system, at, load) for load in loads]
             force_loop = worst_force_loop(system, at, loads, tuple(each.added for each in feedback))
             growth, A, C = math.nan, None, None
-            if system.sensor.late > LONGEST_LINE:
+            if system.sensor.late > LONGEST_DELAY:
                 growth = math.inf
             else:
                 judged = [self._judged(at, touched) for touched in (self._whole, *self._fewer)]

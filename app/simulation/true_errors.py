@@ -22,7 +22,7 @@ ROUNDING = 1e-9
 
 class TrueErrors(NamedTuple):
     """Errors at one state: ||Delta M|| kg m^2, ||Delta C|| kg m^2/s, ||Delta G|| N m, ||f|| N m, NaN where no bound is
-    stated; share: the largest f with M >= f M_hat, NaN unless delta_M is stated."""
+    stated; share: the largest c with M >= c M_hat, NaN unless delta_M is stated."""
 
     M: float
     C: float
@@ -53,14 +53,30 @@ class TrueArm(NamedTuple):
     def of(cls, declared: Declared, plant: Plant, robot: Robot, outsiders: int) -> TrueArm:
         """True arm of a plant. outsiders: number of the inequalities that it violates whatever the state."""
         links = LinkConstants.of(plant.model, robot.tool_joint, robot.tool_placement)
-        memory = Motion.zeros(robot.n), Estimate.zeros(robot.n)
-        return cls(True, float(outsiders), declared.least_inertia, links, plant.chain, plant.truth.resistance, *memory)
+        return cls(
+            judged=True,
+            outsiders=float(outsiders),
+            least_inertia=declared.least_inertia,
+            links=links,
+            chain=plant.chain,
+            resistance=plant.truth.resistance,
+            motion=Motion.zeros(robot.n),
+            estimate=Estimate.zeros(robot.n),
+        )
 
     @classmethod
     def unjudged(cls, believed: NominalModel, n: int) -> TrueArm:
         """True arm of n joints of which nothing is judged; the believed one stands in its place."""
-        links, chain = believed.constants, believed.chain
-        return cls(False, 0.0, 0.0, links, chain, Resistance(0.0, 0.0, 0.0, 0.0), Motion.zeros(n), Estimate.zeros(n))
+        return cls(
+            judged=False,
+            outsiders=0.0,
+            least_inertia=0.0,
+            links=believed.constants,
+            chain=believed.chain,
+            resistance=Resistance(0.0, 0.0, 0.0, 0.0),
+            motion=Motion.zeros(n),
+            estimate=Estimate.zeros(n),
+        )
 
 
 def stated_in(declared: Declared) -> bool:
@@ -107,7 +123,7 @@ def beyond(found: TrueErrors, stated: Stated, least_inertia: float, units: Units
     shares = np.nan if np.isnan(stated.delta_M) else least_inertia
     compared = (
         ("‖ΔM‖", found.M, ">", stated.delta_M, "kg·m²", found.M, stated.delta_M),
-        ("largest share f with M ≥ f M̂", found.share, "<", shares, "", shares, found.share),
+        ("largest share c with M ≥ c M̂", found.share, "<", shares, "", shares, found.share),
         ("‖ΔC‖", found.C, ">", stated.delta_C, "kg·m²/s", found.C, stated.delta_C),
         ("‖ΔG‖", found.G, ">", stated.delta_G, "N·m", found.G, stated.delta_G),
         ("‖f̃‖", found.f, ">", stated.delta_f, "N·m", found.f, stated.delta_f),

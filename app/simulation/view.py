@@ -70,7 +70,7 @@ class LiveMetrics:
             "d": output.d,
             "d_required": required,
             "gain_margin": output.d - required,
-            "sigma_min": 1.0 / float(np.linalg.norm(task.J_q_inv, 2)),
+            "sigma_min": 1.0 / task.J_q_inv_norm,
             "V": float(0.5 * output.s @ H_hat @ output.s),
             "residual": float(np.linalg.norm(self.residual)),
             "reaching_time_bound": self.t_r,

@@ -119,7 +119,7 @@ class Reach:
             )
 
 
-def hold(robot: Robot, path: str | None) -> None:
+def lock_while_used(robot: Robot, path: str | None) -> None:
     """Keep the uploaded file that an arm was read from, as long as the arm is in use; any other file is left alone."""
     if path is None or Path(path).parents[1:2] != (_known_folder(),):
         return

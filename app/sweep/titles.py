@@ -40,7 +40,7 @@ TITLES = {
     "truth.push_frequency": "frequency of the push",
     "declared.moment_error": "largest error of the sensor's moments (declared)",
     "declared.payload_offset": "largest distance of the payload from the tool point (declared)",
-    "declared.least_inertia": "least share f with M ≥ f M̂ (declared)",
+    "declared.least_inertia": "least share c with M ≥ c M̂ (declared)",
     "surface.motion.amplitude": "amplitude of the surface's motion",
     "surface.motion.frequency": "frequency of the surface's motion",
     "surface.tilt.amplitude": "amplitude of the surface's tilt",

@@ -15,7 +15,7 @@ import structlog
 from app.export.export_jobs import DataJob, ExportDone, ExportProgress, Failure, FigureJob, Job, MadeJob, PlaybackJob
 from app.export.printing import render
 from app.process.log import configure_as_parent
-from app.process.priority import step_back
+from app.process.priority import lower_priority
 from app.scenario.errors import ScenarioError
 from app.simulation.signals import columns_of
 from app.storage.recording_files import RecordingTable, TooLarge, write_csv, write_npz
@@ -86,7 +86,7 @@ def _received(data: RecordingTable, asker: Connection) -> Iterator[np.ndarray]:
 
 def main() -> None:
     configure_as_parent()
-    step_back(NICENESS)
+    lower_priority(NICENESS)
     with Connection(int(sys.argv[1])) as asker:
         try:
             serve(asker, int(sys.argv[2]))

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from app.process import launcher
-from app.process.priority import step_back
+from app.process.priority import lower_priority
 from app.storage.link_meshes import CPU, MEMORY, MOST_TRIANGLES, LinkMesh
 from app.storage.mesh_reading import read
 
@@ -39,7 +39,7 @@ def answer(path: Path) -> tuple[LinkMesh, ...] | str:
 def main() -> None:
     logging.basicConfig(level=logging.ERROR)
     launcher.end_with_parent()
-    step_back(NICENESS)
+    lower_priority(NICENESS)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CPU, (CPU, CPU))
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))

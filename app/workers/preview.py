@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 import structlog
 
 from app.process.log import configure_as_parent
-from app.process.priority import step_back
+from app.process.priority import lower_priority
 from app.scenario.errors import ScenarioError
 from app.session.arm_band import LATER, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.headless_run import engine_ready
@@ -252,7 +252,7 @@ def load_for(loop: ClosedLoop) -> None:
 
 def run(asker: Connection) -> None:
     """Answer requests at a lower priority than the asker's, until it has gone."""
-    step_back(NICENESS)
+    lower_priority(NICENESS)
     sys.setswitchinterval(TURN)
     with asker:
         try:

@@ -124,7 +124,7 @@ def serve(gateway: GatewayConnection, previewer: Previewer) -> None:
     gateway.send(Ready(dashboard.port, dashboard.report_fields))
     begin = gateway.next()
     assert isinstance(begin, Begin)
-    Pulse(gateway, dashboard, lambda: None if (pace := runner.latest.pace) is None else pace.late_median)
+    Pulse(gateway, dashboard, lambda: None if (pace := runner.unrefreshed.pace) is None else pace.late_median)
     dashboard.uploads.marks = begin.marks
     begun, also_unfit = _runnable(begin.scenario, scenario) if begin.scenario else (scenario, "")
     if problem := unfit or also_unfit:
@@ -179,7 +179,7 @@ def _folder(kept: KeptFolder, dashboard: Dashboard) -> StateFolder | None:
 def _kept_from_now(kept: KeptFolder, runner: Runner, dashboard: Dashboard) -> Autosave | None:
     """Autosave of a session that has begun without a folder."""
     folder = _folder(kept, dashboard)
-    return None if folder is None else Autosave(folder, lambda: runner.latest, dashboard.fail, begun=True)
+    return None if folder is None else Autosave(folder, lambda: runner.unrefreshed, dashboard.fail, begun=True)
 
 
 def _autosave(
@@ -189,7 +189,7 @@ def _autosave(
     restored from the folder. Runs that cannot be restored are shown or offered."""
     if (folder := _folder(kept, dashboard)) is None:
         return None, ()
-    autosave = Autosave(folder, lambda: runner.latest, dashboard.fail)
+    autosave = Autosave(folder, lambda: runner.unrefreshed, dashboard.fail)
     left = left_by(folder, autosave, scenario)
     if left is None:
         return autosave, ()
@@ -210,7 +210,7 @@ def _report(gateway: GatewayConnection, runner: Runner, reported: Scenario) -> N
     pause, pinned, due = threading.Event(), 0, time.monotonic() + IN_USE
     with contextlib.suppress(OSError):
         while not pause.wait(LOOK):
-            now = runner.latest
+            now = runner.unrefreshed
             scenario = now.latest.scenario  # also while somebody looks back
             if time.monotonic() > due:
                 uploaded_urdfs.note_use(scenario.robot.urdf)

@@ -11,7 +11,7 @@ import structlog
 
 from app.process import slots
 from app.process.log import configure_as_parent
-from app.process.priority import step_back
+from app.process.priority import lower_priority
 from app.sweep import background
 from app.sweep.background import Begun, SweepDone, SweepFailed, Waiting, Work
 from app.tune import background as tuning_background
@@ -46,7 +46,7 @@ def _wait(asker: Connection) -> None:
 
 def main() -> None:
     configure_as_parent()
-    step_back(NICENESS)
+    lower_priority(NICENESS)
     with Connection(int(sys.argv[1])) as asker:
         try:
             serve(asker)

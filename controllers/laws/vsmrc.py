@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from controllers.bounds import sum_of
+from controllers.bounds import required_d
 from controllers.control_law import ControlLaw
 from controllers.switching import unit_factor
 from kernels import inline
@@ -21,7 +21,7 @@ def torque(given, out):
     copy(eq.q_ddot, out.q_ddot)
     out.d = gains.d
     if gains.by_theorem:
-        out.d = sum_of(out.needed)  # (17)
+        out.d = required_d(out.needed)  # (17)
     switched = out.d * unit_factor(out.s_norm, gains.switching, gains.layer)  # d sigma(s) is s times this
     times(gains.K_s, out.s, reached)
     for j in range(out.tau.shape[0]):

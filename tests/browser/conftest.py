@@ -91,7 +91,7 @@ class Pages:
             self.contexts.pop().close()
 
     def require_no_errors(self) -> None:
-        """None since this was asked last."""
+        """Fail if a console has shown an error since the last call."""
         errors, self.errors = self.errors, []
         assert not errors, "the browser's console shows errors"
 

@@ -58,7 +58,10 @@ _SHOWS = """([title, phase, t]) => {
 
 
 class SharedPage:
-    """open_page: opens one of the runner's loop; close: closes what it has opened."""
+    """Page that tests use one after another.
+
+    open_page: opens a page of the runner's loop.
+    close: closes what it has opened."""
 
     def __init__(self, runner: Runner, open_page: Callable[[], Page], close: Callable[[], None]) -> None:
         self._runner, self._open_page, self._close = runner, open_page, close
@@ -75,7 +78,7 @@ class SharedPage:
             raise
 
     def discard(self) -> None:
-        """Close it; the next test gets another one."""
+        """Close the page; the next test gets another one."""
         self._page, self._first = None, {}
         self._close()
 
@@ -115,7 +118,8 @@ class SharedPage:
         return session.now.scenario == SCENARIO and not session.now.pinned
 
     def _put_back(self, page: Page) -> bool:
-        """Nothing held or pressed, the first tabs open; True once the page shows the loop at its beginning."""
+        """Put the page back in order: nothing held or pressed, the first tabs open. Returns whether it then shows the
+        loop at its beginning."""
         if page.is_closed() or page.url != self._address:
             return False
         page.mouse.move(0, 0)

@@ -14,7 +14,7 @@ import pytest
 from app.simulation.system import System
 from controllers.bounds import Equivalent, InertiaRange, Uncertainty, coriolis_rate, required_gain
 from controllers.controller import Controller
-from controllers.estimate_rates import SYMMETRIC_BASIS, LinkRates, Steepness
+from controllers.estimate_rates import SYMMETRIC_BASIS, LinkRates, LocalRates
 from controllers.nominal_model import ON_LINE, Estimate
 from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
@@ -42,7 +42,7 @@ def law_for(system: System, u: Uncertainty, bounds: Bounds) -> Controller:
 def rates_of(robot: str) -> LinkRates:
     """Largest rates that a few postures around the working one have, with half as much again for the others."""
     system, random = charted(robot, CHART), np.random.default_rng(8)
-    steepness = Steepness(system.robot.model)
+    steepness = LocalRates(system.robot.model)
     seen = steepness.links(np.array([draw_state(system, random).q for _ in range(30)]))
     return LinkRates(*(1.5 * np.max(seen, axis=0)).tolist())
 
@@ -200,7 +200,7 @@ def test_errors_of_the_links_change_the_christoffel_matrix_as_pinocchio_says(rob
     """What a shift of a centre of mass does, to first order, and a change of an inertia, link by link."""
     system, random = charted(robot, CHART), np.random.default_rng(9)
     model, q, n = system.robot.model, draw_state(system, random).q, system.robot.n
-    steepness, data = Steepness(model), model.createData()
+    steepness, data = LocalRates(model), model.createData()
     by_centre, by_inertia = steepness.by_centre(q), steepness.by_inertia(q)
     pin.forwardKinematics(model, data, q)
     for link in range(n):
@@ -227,7 +227,7 @@ def test_christoffel_matrix_of_centres_that_are_far_away_is_within_its_bound(rob
     """Centres moved by metres, as no arm's are: there what grows with the square of the shift counts, which nothing
     shows where they move by centimetres."""
     system, random = charted(robot, CHART), np.random.default_rng(10)
-    model, steepness, shares, by_square = system.robot.model, Steepness(system.robot.model), [], 0
+    model, steepness, shares, by_square = system.robot.model, LocalRates(system.robot.model), [], 0
     for _ in range(30):
         q, q_dot, _ = draw_state(system, random)
         u = CERTAIN._replace(rho_centre=10.0, rates=LinkRates(*steepness.links(q[None])[0]))

@@ -159,7 +159,7 @@ def test_whatever_is_uploaded_is_a_urdf_or_is_refused(content: bytes) -> None:
 def in_use(path: Path) -> Robot:
     """The arm of an uploaded file, held as a run holds its own."""
     robot = robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(path)}))
-    uploaded_urdfs.hold(robot, str(path))
+    uploaded_urdfs.lock_while_used(robot, str(path))
     return robot
 
 

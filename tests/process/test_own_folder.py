@@ -131,7 +131,7 @@ def test_a_user_without_a_home_has_a_session_that_is_not_kept_and_no_uploads(
     (file := tmp_path / "arm.urdf").touch()
     before = file.stat().st_mtime_ns
     uploaded_urdfs.note_use(str(file))
-    uploaded_urdfs.hold(load("ur5-motion").robot, str(file))  # pyright: ignore[reportArgumentType]
+    uploaded_urdfs.lock_while_used(load("ur5-motion").robot, str(file))  # pyright: ignore[reportArgumentType]
     assert file.stat().st_mtime_ns == before
 
 

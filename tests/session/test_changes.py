@@ -17,7 +17,7 @@ from app.session.commands import (
     Command,
     Edit,
     EditAll,
-    Push,
+    HoldTool,
     PushNow,
     Seek,
     ShowAgain,
@@ -194,7 +194,7 @@ def test_a_time_that_is_refused_leaves_the_tool_in_the_hand() -> None:
     runner, hand = Runner(shipped()["ur5-hybrid"]), Grip((0.5, 0.0, 0.3))
     for _ in range(20):
         runner._commanded.step()
-    runner._obey([Push(hand), Seek(float("nan")), ShowAgain(99.0, 100.0, 0.1)])
+    runner._obey([HoldTool(hand), Seek(float("nan")), ShowAgain(99.0, 100.0, 0.1)])
     assert runner._publish().refusal_number == 2
     assert runner._loop.grip == hand
     runner._obey([Seek(0.01)])
@@ -246,7 +246,7 @@ def test_what_may_have_to_be_compiled_is_said_while_it_is(
 
     def slow(_: Command) -> bool:
         monkeypatch.setattr(runner, "_came_round", runner._came_round - SILENCE - 1.0)
-        said.append(runner.latest.notice)
+        said.append(runner.unrefreshed.notice)
         return True
 
     monkeypatch.setattr(runner._commanded, "execute", slow)

@@ -11,7 +11,7 @@ import pytest
 
 from app.dashboard.widgets.status import status_html
 from app.scenario.data import edited, shipped
-from app.session.commands import Edit, Pause, Push, Reset, Seek, SetSpeed, ShowAgain, ToEnd
+from app.session.commands import Edit, HoldTool, Pause, Reset, Seek, SetSpeed, ShowAgain, ToEnd
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -125,7 +125,7 @@ def test_a_slider_of_time_is_followed_to_where_it_is_now(runner: Runner, monkeyp
     runner.post(Pause())
     end = wait(runner, lambda now: now.phase == "paused").end
     sought: list[float] = []
-    line = runner._commanded.line
+    line = runner._commanded.timeline
     seek = line.seek
 
     def slow(t: float) -> None:
@@ -142,10 +142,10 @@ def test_a_slider_of_time_is_followed_to_where_it_is_now(runner: Runner, monkeyp
 
 def test_a_hand_lets_go_when_one_looks_back(runner: Runner):
     now = wait(runner, lambda now: now.t > 0.3)
-    runner.post(Push(Grip(tuple(now.tool + np.array([0.02, 0.0, 0.0])))))
+    runner.post(HoldTool(Grip(tuple(now.tool + np.array([0.02, 0.0, 0.0])))))
     wait(runner, lambda now: now.state.grip is not None)
     runner.post(Seek(0.1))
-    runner.post(Push(None))
+    runner.post(HoldTool(None))
     runner.post(ToEnd())
     wait(runner, lambda now: now.state.grip is None and not now.looking_back)
 

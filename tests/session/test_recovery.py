@@ -68,7 +68,7 @@ def test_what_was_saved_is_offered_to_the_next_server_bit_for_bit(tmp_path: Path
     offer = second.offer()
     assert offer is not None
     assert offer.scenario == changed(0.03)
-    runs, problem = second.taken_up(offer)
+    runs, problem = second.read_offer(offer)
     assert (problem, [run.number for run in runs]) == ("", [2, 3])
     assert [run.title for run in runs] == ["run 2", "stiff"]
     for run, known in zip(runs, pinned[1:], strict=True):
@@ -88,7 +88,7 @@ def test_an_offer_stays_until_the_loop_goes_on_with_it(tmp_path: Path, pinned: t
     folder = StateFolder(tmp_path)
     offer = folder.offer()
     assert offer is not None
-    runs, _ = folder.taken_up(offer)
+    runs, _ = folder.read_offer(offer)
     files = left(folder.path)
     folder.save(changed(0.02), ())
     assert folder.offer() == offer
@@ -207,7 +207,7 @@ def test_runs_that_cannot_be_read_are_said_and_the_rest_is_continued(
     folder = StateFolder(tmp_path)
     offer = folder.offer()
     assert offer is not None
-    runs, problem = folder.taken_up(offer)
+    runs, problem = folder.read_offer(offer)
     assert [run.number for run in runs] == [3]
     assert "run 1 cannot be shown again" in problem
     assert "run 2 cannot be shown again: '../../etc/passwd' is no name of a run's file" in problem
@@ -229,10 +229,10 @@ def test_what_cannot_be_continued_now_is_kept_for_later(tmp_path: Path, pinned: 
     offer = folder.offer()
     assert offer is not None
     with pytest.raises(ScenarioError, match="cannot read"):
-        folder.taken_up(offer)
+        folder.read_offer(offer)
     folder.save(changed(), ())  # the session that runs instead has changed
     arm.write_bytes(content)
-    runs, problem = folder.taken_up(offer)
+    runs, problem = folder.read_offer(offer)
     assert ([run.number for run in runs], problem) == ([1], "")
     folder.close()
 

@@ -192,7 +192,7 @@ STATED = {
     [
         ({}, None),
         ({"declared.delta_M": 0.02}, "‖ΔM‖"),
-        ({"declared.least_inertia": 1.0}, "largest share f with M ≥ f M̂"),
+        ({"declared.least_inertia": 1.0}, "largest share c with M ≥ c M̂"),
         ({"declared.delta_C": "0.001*speed"}, "‖ΔC‖"),
         ({"declared.delta_G": 0.1}, "‖ΔG‖"),
         ({"declared.delta_f": 0.01}, "‖f̃‖"),

@@ -27,7 +27,7 @@ from app.simulation.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import KEPT, ConstantsStore
 from controllers.bounds import InertiaRange
-from controllers.estimate_rates import Steepness
+from controllers.estimate_rates import LocalRates
 from environments.robots import CATALOGUE
 from environments.step_resolution import Mobility, mobilities
 from tests.support.arms import lipschitz_of
@@ -220,7 +220,7 @@ def test_the_mobility_of_an_arm_with_other_centres_and_shapes_is_bounded_by_the_
 
 def test_a_harder_search_finds_nothing_beyond_the_rates_of_the_links_errors() -> None:
     system = assemble(edited(system_of("planar3r on a plane").scenario, "declared.link_centre", 0.01))
-    steepness = Steepness(system.robot.model)
+    steepness = LocalRates(system.robot.model)
     for k, known in enumerate(system.constants.rates):
         found = Walk(system.constants.omega, lambda q, _, k=k: steepness.links(q[None])[0, k], 7).highest(30, 1, 100)
         assert known / (MARGIN * 1.05) <= found <= known / HARDER

@@ -10,7 +10,7 @@ import pytest
 from app.scenario.data import edited, from_toml, shipped, to_toml
 from app.scenario.schema import Scenario
 from app.session.changes import PUSH, PUSH_LASTS
-from app.session.commands import Edit, Pause, Push, PushNow
+from app.session.commands import Edit, HoldTool, Pause, PushNow
 from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.signals import SIGNALS
@@ -158,7 +158,7 @@ def test_pause_and_a_new_run_let_go() -> None:
     grip = Grip((0.0, 0.0, 1.0))
     loop = runner._loop
     for command in (Pause(),):
-        runner.post(Push(grip))
+        runner.post(HoldTool(grip))
         runner._obey(runner._queued())
         assert loop.grip == grip
         runner.post(command)

@@ -14,7 +14,8 @@ from drivers.waiting import PATIENCE
 
 @contextmanager
 def drawn(dashboard: Dashboard) -> Iterator[Dashboard]:
-    """Meanwhile; then it is closed, and its thread has ended. Whoever is attached is the caller's."""
+    """Context in which the dashboard draws in a thread of its own. At its end the dashboard is closed and the thread
+    has ended; the runner is the caller's to close."""
     drawing = threading.Thread(target=dashboard.run_forever, daemon=True)
     drawing.start()
     try:

@@ -1,4 +1,4 @@
-"""How anything is refused."""
+"""Check that a refusal is one sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sessions of a gateway without processes: workers that are none, and a clock that is turned by hand."""
+"""Gateway sessions for tests: fake workers instead of processes, and a clock that the test sets."""
 
 from __future__ import annotations
 

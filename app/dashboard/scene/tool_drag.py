@@ -16,7 +16,7 @@ from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.transport.viser_private import move
 from app.dashboard.view_options import NEWTON_METRES
 from app.dashboard.widgets.controls import Desk
-from app.session.commands import Edit, Push
+from app.session.commands import Edit, HoldTool
 from app.session.snapshot import Snapshot
 from environments.push import Grip
 
@@ -144,9 +144,9 @@ class Hand:
             self._held = replace(held, moved=moved)
 
     def _pull(self, grip: Grip) -> None:
-        if self._desk.post(Push(grip)) is None:  # a lesson's goal has begun meanwhile
+        if self._desk.post(HoldTool(grip)) is None:  # a lesson's goal has begun meanwhile
             self._held = None
-            self._desk.post(Push(None))
+            self._desk.post(HoldTool(None))
 
     def _taken(self, snapshot: Snapshot, event: viser.SceneNodeDragEvent, drag: str) -> HeldHandle | None:
         grab, client = np.array(event.start_position), event.client_id
@@ -171,7 +171,7 @@ class Hand:
 
     def _let_go(self, snapshot: Snapshot, held: HeldHandle) -> None:
         if held.drag != "target":
-            self._desk.post(Push(None))
+            self._desk.post(HoldTool(None))
             return
         moved = np.abs(held.moved[shift_coordinates(snapshot)]).max() >= 10.0**-RESOLUTION
         if moved and self._connected(held.client):

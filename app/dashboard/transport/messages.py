@@ -164,7 +164,7 @@ class PageVisitor:
         return set(self._uploads)
 
     def admit(self, raw: bytes | str) -> Message:
-        """The decoded message, if the page may send it now. Raises Refused."""
+        """The decoded message, if the page may send it now. Raises RefusedMessage."""
         if isinstance(raw, str):
             raise RefusedMessage(f"message: text of {len(raw)} characters; allowed: messages in binary form")
         try:

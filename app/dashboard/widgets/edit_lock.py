@@ -13,8 +13,8 @@ from app.session.commands import (
     Edit,
     EditAll,
     EditModel,
+    HoldTool,
     Load,
-    Push,
     PushNow,
     TakeWayOut,
 )
@@ -64,7 +64,7 @@ class EditLock:
                 names = dict.fromkeys(name for each in entries for name in CHANGED_BY.get(each, (each,)))
                 paths = [f"target_model.{name}" for name in names]
                 return ", ".join(called(path) for path in paths if path not in self.fields)
-            case Push(grip):
+            case HoldTool(grip):
                 return "" if grip is None else "a push by hand"
             case _:
                 return _OTHERS.get(type(command), "")

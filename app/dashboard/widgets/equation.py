@@ -177,14 +177,14 @@ def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> s
     if _scalar(matrix):
         return _number(matrix, (0,), fixed)
     rows = "".join(
-        "<mtr>" + "".join(_entry(value, grey) for value, grey in zip(*row, strict=True)) + "</mtr>"
+        "<mtr>" + "".join(_entry(value, grey=grey) for value, grey in zip(*row, strict=True)) + "</mtr>"
         for row in zip(matrix, fixed, strict=True)
     )
     # the brackets are the table's borders: not every machine has a font whose brackets grow
     return f'<mtable class="vs-block" columnspacing="0.35em" rowspacing="0.1em">{rows}</mtable>'
 
 
-def _entry(value: float, grey: bool) -> str:
+def _entry(value: float, *, grey: bool) -> str:
     look = ' class="fixed"' if grey else ""
     return f"<mtd{look}><mn>{_formatted(value) if value else '·'}</mn></mtd>"
 

@@ -15,7 +15,7 @@ from app.dashboard.widgets.field_place import FieldPlace
 from app.dashboard.widgets.matrix_text import written
 from app.scenario.units import Units
 from app.session.commands import Blend, Edit, EditAll, EditModel
-from app.session.model_entries import plain, pressed_on
+from app.session.model_entries import diagonal_or_rows, pressed_on
 from app.session.snapshot import Snapshot
 from controllers.second_order import Oscillators, oscillators
 
@@ -23,12 +23,12 @@ from controllers.second_order import Oscillators, oscillators
 def model_edit(snapshot: Snapshot, matrices: Mapping[str, np.ndarray]) -> Edit:
     """Edit to the model that these matrices and the others of the snapshot make, to judge it or to blend to it."""
     given = {name: value for name, value in to_builtins(snapshot.scenario.target_model).items() if value is not None}
-    return Edit("target_model", given | {name: plain(matrix) for name, matrix in matrices.items()})
+    return Edit("target_model", given | {name: diagonal_or_rows(matrix) for name, matrix in matrices.items()})
 
 
 def only(matrices: Mapping[str, np.ndarray]) -> EditAll:
     """Command that sets these matrices together at once; others stay, also those that were changed a moment before."""
-    return EditAll({f"target_model.{name}": plain(matrix) for name, matrix in matrices.items()})
+    return EditAll({f"target_model.{name}": diagonal_or_rows(matrix) for name, matrix in matrices.items()})
 
 
 def blending(edit: Edit, over: float) -> Blend:
@@ -78,7 +78,7 @@ class DiagonalPlace(FieldPlace):
         return [i for i in places if i == self.index or not is_fixed(snapshot, self._name, i)]
 
     def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
-        matrix, place = plain(self._matrix(snapshot)), str(self.index + 1)
+        matrix, place = diagonal_or_rows(self._matrix(snapshot)), str(self.index + 1)
         path = f"{self.path}.{place}.{place}" if isinstance(matrix[0], list) else f"{self.path}.{place}"
         return path, {self.path: matrix}
 
