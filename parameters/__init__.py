@@ -10,9 +10,9 @@ from typing import Annotated, Any
 
 from msgspec import Meta, Struct
 
-_ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]*\Z"  # others do not fit into an SVG, or steer a terminal
-Name = Annotated[str, Meta(max_length=200, pattern=_ONE_LINE)]  # shown on the page
-Text = Annotated[str, Meta(max_length=1000, pattern=_ONE_LINE)]  # a path; a formula has at most 500 characters
+ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]*\Z"  # others do not fit into an SVG, or steer a terminal
+Name = Annotated[str, Meta(max_length=200, pattern=ONE_LINE)]  # shown on the page
+Text = Annotated[str, Meta(max_length=1000, pattern=ONE_LINE)]  # a path; a formula has at most 500 characters
 Vector = Annotated[tuple[float, ...], Meta(max_length=32)]  # an arm has at most eight joints
 Vector3 = tuple[float, float, float]
 Matrix = Annotated[tuple[float | Vector, ...], Meta(max_length=32)]

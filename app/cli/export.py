@@ -95,6 +95,9 @@ def export(
     _require_kinds(kinds, (*ON_PAPER, "html"), {"--plots": plots, "--series": series})
     _require_kinds(kinds, ON_PAPER, printed)
     _require_kinds(kinds, tuple(kind for kind in KINDS_OF_FILES if kind != "toml"), {"--start": start, "--end": end})
+    for option, instant in (("--start", start), ("--end", end)):
+        if instant is not None and math.isnan(instant):
+            raise ScenarioError(f"{option}: nan; allowed: an instant of the run in s")
     chosen = PLOTS.unless(tuple(ALL_PLOTS if each == "all" else each for each in plots))
     plots_of(chosen)  # before the simulation, which would be in vain
     with scenario_errors():

@@ -56,7 +56,7 @@ def lesson(
         raise ScenarioError("lesson run: no lesson; allowed: one or more (see `vsmrc lesson list`)")
     memory, problems, stopped = kept_memory(), 0, False
     for each in [load_lesson(name) for name in lessons or shipped_lessons()]:
-        print(f"{each.name}: {each.head.title}")
+        print(printable(f"{each.name}: {each.head.title}"))
         if doing == "check":
             checked = check(each, memory)
             problems += len(checked.problems)

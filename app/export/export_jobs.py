@@ -96,9 +96,15 @@ class Failure:
 def file_name(scenario_name: str, t: float, extension: str, content: str = "", start: float = 0.0) -> str:
     """File name such as "vsmrc-ur5-hybrid-torques-12.34s.svg", with letters, digits, dots and dashes only. t: instant,
     s; content: what is in it, where that is not all of the run; start: s, of the stretch that ends at t."""
-    times = f"{start:.2f}-{t:.2f}s" if start > 0.0 else f"{t:.2f}s"
+    times = f"{_seconds(start)}-{_seconds(t)}s" if start > 0.0 else f"{_seconds(t)}s"
     parts = ("vsmrc", plain_name(scenario_name) or "run", plain_name(content, LONGEST_CONTENT), times)
     return f"{'-'.join(filter(None, parts))}.{extension}"
+
+
+def _seconds(t: float) -> str:
+    """Number of seconds with at least two decimals, and as many as a control period may need."""
+    whole, _, decimals = f"{t:.6f}".partition(".")
+    return f"{whole}.{decimals.rstrip('0').ljust(2, '0')}"
 
 
 def plain_name(text: str, longest: int = LONGEST_NAME) -> str:

@@ -87,6 +87,13 @@ class Sheet:
         charts = _lettered(figure.charts) if options.letters else figure.charts
         self._width, self._column = width, width / columns
         self._inside = self._column - factor * (LEFT + RIGHT)
+        widest = max(self._widest(chart) for chart in charts) if charts else 0.0
+        if widest > self._inside + factor * RIGHT:
+            least = columns * (widest + factor * LEFT)
+            raise ValueError(
+                f"width: {width / MM:.4g} mm; allowed: at least {np.ceil(least / MM):.0f} mm for these plots with type "
+                f"of {options.type_size:g} pt"
+            )
         self._stacks = [charts[rows * c : rows * (c + 1)] for c in range(columns)]
         caption = figure.caption if options.caption else ""
         self._caption = wrapped(caption, width - 2 * MARGIN, factor * SMALL * TYPE)
@@ -140,6 +147,12 @@ class Sheet:
 
     def _title(self, chart: FigureChart) -> list[str]:
         return wrapped(chart.title, self._inside, self._factor * TITLE * TYPE, "bold")
+
+    def _widest(self, chart: FigureChart) -> float:
+        """Width of the widest word of a chart's title, or of an entry of its legend, in."""
+        words = [width_of(word, self._factor * TITLE * TYPE, "bold") for word in chart.title.split()]
+        entries = [self._handle(each) + width_of(each.name, self._small) for each in chart.curves if each.listed]
+        return max([*words, *entries], default=0.0)
 
     def _legend(self, chart: FigureChart) -> list[_Entry]:
         """Entries of a chart's legend, beside each other in as many rows as they need."""

@@ -138,7 +138,14 @@ def csv_of(progress: Mapping[str, LessonProgress]) -> str:
 
 
 def _plain(given: Given) -> str:
-    return f"{given:g}" if isinstance(given, int | float) else " ".join(f"{t:g},{value:g}" for t, value in given)
+    if isinstance(given, int | float):
+        return exact(given)
+    return " ".join(f"{exact(t)},{exact(value)}" for t, value in given)
+
+
+def exact(number: float) -> str:
+    """All digits of a number, without a point where it is whole."""
+    return repr(int(number)) if float(number).is_integer() else repr(float(number))
 
 
 def json_of(progress: Mapping[str, LessonProgress]) -> str:

@@ -7,8 +7,12 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
+from parameters import ONE_LINE
+
 Name = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]{0,39}$")]
-Text = Annotated[str, Meta(min_length=1, max_length=600)]
+# a control character does not fit into an SVG, and would steer a terminal
+Text = Annotated[str, Meta(min_length=1, max_length=600, pattern=r"^[^\x00-\x09\x0b-\x1f\x7f-\x9f\ufffe\uffff]*\Z")]
+Title = Annotated[str, Meta(min_length=1, max_length=600, pattern=ONE_LINE)]
 Statistic = Literal["mean", "largest", "least", "peak", "rms", "last", "span", "variation", "settles", "below"]
 
 
@@ -22,7 +26,7 @@ class Head(Block, frozen=True):
     knows: things that one knows after the lesson, a sentence each.
     language: code as in HTML, such as en or de."""
 
-    title: Text
+    title: Title
     minutes: Annotated[float, Meta(gt=0, le=120)]
     knows: Annotated[tuple[Text, ...], Meta(min_length=1)]
     language: Annotated[str, Meta(pattern="^[a-z]{2}$")] = "en"
@@ -60,7 +64,7 @@ class Measure(Block, frozen=True):
     end: Annotated[float, Meta(gt=0)] | None = None
     last: Annotated[float, Meta(gt=0)] | None = None
     level: float | None = None
-    title: Text | None = None
+    title: Title | None = None
 
 
 class Condition(Block, frozen=True):
@@ -91,7 +95,7 @@ class PictureLine(Block, frozen=True):
 
     signal: str
     unit: str
-    title: Text
+    title: Title
 
     def shows(self, other: PictureLine) -> bool:
         """Whether both lines show the same signal in the same unit, under any title."""
@@ -112,7 +116,7 @@ class LessonRun(Block, frozen=True):
     stops: part of the reason for which the run must stop early.
     """
 
-    title: Text
+    title: Title
     seconds: Annotated[float, Meta(gt=0, le=60)]
     show: Annotated[tuple[PictureLine, ...], Meta(min_length=1, max_length=3)]
     measures: dict[Name, Measure] = msgspec.field(default_factory=dict)
@@ -130,7 +134,7 @@ class ChoiceQuestion(Block, frozen=True, tag_field="kind", tag="choice"):
     because: conditions that hold for the measured numbers if this option is right."""
 
     ask: Text
-    options: Annotated[tuple[Text, ...], Meta(min_length=2, max_length=5)]
+    options: Annotated[tuple[Title, ...], Meta(min_length=2, max_length=5)]
     right: Annotated[int, Meta(ge=1)]
     because: tuple[Condition, ...] = ()
 
@@ -175,6 +179,10 @@ class CurveQuestion(Block, frozen=True, tag_field="kind", tag="curve"):
     def __post_init__(self) -> None:
         if not (self.start < self.end and self.low < self.high):
             raise ValueError("start, end, low, high: allowed: start before end, low below high")
+        for points in self.wrong:
+            t = [at for at, _ in points]
+            if len(t) < 2 or t != sorted(t):
+                raise ValueError(f"wrong: {len(t)} points; allowed: at least 2 in each curve, from left to right")
 
 
 Question = ChoiceQuestion | NumberQuestion | CurveQuestion
@@ -195,7 +203,7 @@ class GoalSlider(Block, frozen=True):
     wrong: value with which the goal is not reached."""
 
     path: str
-    label: Text
+    label: Title
     low: float
     high: float
     reference: float

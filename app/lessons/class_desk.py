@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from app.access.classroom import ClassQuestion, Given
+from app.lessons.answers import exact
 from app.lessons.blocks import ChoiceQuestion, CurveQuestion, NumberQuestion
 from app.lessons.kept_file import KeptFile
 from app.lessons.lesson import LessonStep
@@ -133,7 +134,7 @@ class ClassDesk:
         rows.writerow(["lesson", "step", "asked", "kind", "answer"])
         for each in self.asked:
             for given in each.answers:
-                answer = " ".join(f"{value:g}" for value in given) if isinstance(given, list) else f"{given:g}"
+                answer = " ".join(map(exact, given)) if isinstance(given, list) else exact(given)
                 rows.writerow([each.lesson, each.step, each.question.number, each.question.kind, answer])
         return file.getvalue()
 

@@ -105,8 +105,10 @@ class LessonCourse:
 
     @property
     def open(self) -> bool:
-        """Whether the question of the shown step can still be answered: it was not, and no later run has been seen."""
-        return self.answer is None and self.step.number > self.progress.seen
+        """Whether the question of the shown step can still be answered: it was not, and no run that it predicts has
+        been seen."""
+        predicts = self.step.kind == "predict"
+        return self.answer is None and not (predicts and self.step.number <= self.progress.seen)
 
     def traces(self, run: LessonStep) -> list[Trace]:
         """Lines of a run's picture, those of the earlier runs that it is compared with first."""
@@ -173,6 +175,8 @@ class LessonCourse:
                 return
             self._take(run, play(run, memory))
         with self._lock:
+            if self._left:
+                return
             if isinstance(self.step.block, Explain):
                 self._score()
         self._notebook.save()

@@ -204,6 +204,12 @@ def taken(system: System, recording: Recording, now: float, each: Measure) -> Me
     elif each.statistic == "variation":
         si, of = PER_SECOND.get(si, f"{si}/s"), f"the variation of the signal {name}"
     factor = factor_for(each.unit, si, of)
+    if np.isnan(values).any():
+        unknown = record["t"][np.isnan(values)]
+        raise ScenarioError(
+            f"measure of {each.signal}: it has no value at t = {unknown[0]:.4g} s; allowed: a start and end between "
+            "which it always has one"
+        )
     return MeasuredNumber(factor * _statistic(record["t"], values, each), each.unit)
 
 
@@ -246,6 +252,11 @@ def unmet(conditions: Iterable[Condition], known: Mapping[str, MeasuredNumber]) 
         for word, limit in (("above", condition.above), ("below", condition.below)):
             if limit is None:
                 continue
+            if isinstance(limit, str) and (unit := _known(limit, known).unit) != value.unit:
+                raise ScenarioError(
+                    f"condition on {condition.measure}: it is in {value.unit or 'no unit'}, and {limit} in "
+                    f"{unit or 'no unit'}; allowed: two measures in the same unit"
+                )
             bound = condition.times * (_known(limit, known).value if isinstance(limit, str) else float(limit))
             holds = value.value > bound if word == "above" else value.value < bound
             if not holds:

@@ -57,7 +57,11 @@ def performance(step: LessonStep) -> Perform:
     changes, so_far = [], scenario
     for edit in sorted(run.edits, key=lambda each: each.at):
         field = field_of(edit.set)
-        so_far = with_value(so_far, edit.set, edit.value)
+        try:
+            so_far = with_value(so_far, edit.set, edit.value)
+        except ScenarioError:  # the run refuses it at its instant, and says so
+            changes.append(TimedChange(edit.at, edit.set, edit.value))
+            continue
         changes.append(TimedChange(edit.at, field, _plain(so_far, field) if field != edit.set else edit.value))
     return Perform(scenario, tuple(changes), run.seconds)
 
@@ -78,6 +82,9 @@ def play(step: LessonStep, memory: Memory | None = None) -> LessonOutcome:
             if loop.recording is not before:
                 raise ScenarioError(f"edits: {change.path} begins a run anew; allowed: fields that change within a run")
         loop.advance()
+    if not len(loop.recording):
+        reason = loop.stopped or f"seconds: {performed.end:g}; allowed: at least a control period, {loop.period:g} s"
+        raise ScenarioError(f"nothing is recorded: {reason}")
     run, _ = _run_of(step)
     measurements = {name: measured(loop, each) for name, each in run.measures.items()}
     lines = tuple(_trace(loop.system, loop.recording, line, run.title) for line in run.show)

@@ -12,6 +12,8 @@ from app.lessons.blocks import CurveQuestion, LessonRun, NumberQuestion, Picture
 from app.lessons.lesson import LessonStep
 from app.lessons.measures import OVER_TIME, factor_of
 
+LEVELS = ("mean", "largest", "least", "peak", "rms", "last")  # statistics that are values of the signal
+
 
 @dataclass(frozen=True)
 class Predicted:
@@ -40,7 +42,9 @@ def predicted(run: LessonRun, line: PictureLine, answers: Sequence[tuple[LessonS
         ):
             measure = run.measures[question.measure]
             if measure.signal == line.signal and measure.statistic in OVER_TIME:
-                instants.append(measure.start + given / factor_of(measure.unit))
-            elif measure.signal == line.signal and measure.unit == line.unit:
+                end = run.seconds if measure.end is None else measure.end
+                begin = measure.start if measure.last is None else max(end - measure.last, 0.0)
+                instants.append(begin + given / factor_of(measure.unit))
+            elif measure.signal == line.signal and measure.unit == line.unit and measure.statistic in LEVELS:
                 levels.append(float(given))
     return Predicted(tuple(courses), tuple(levels), tuple(instants))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import zipfile
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
@@ -20,6 +19,7 @@ from app.process.atomic_write import write_whole
 from app.process.kernel_cache import cache_folder
 from app.storage.cache_eviction import evict
 from app.storage.link_meshes import Rgb
+from app.storage.unreadable import UNREADABLE
 from environments.robots import Robot
 
 KEPT = 100  # files, of a few hundred kB each
@@ -53,7 +53,7 @@ class PartStore:
                 return None
             with np.load(path, allow_pickle=False) as file:
                 return _parts(file, robot.model.njoints)
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        except (OSError, *UNREADABLE):
             return None
 
     def write(self, robot: Robot, cell: float, coat: float, parts: list[ArmPart]) -> None:

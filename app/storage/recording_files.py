@@ -4,12 +4,8 @@ during the run, which one held from when."""
 from __future__ import annotations
 
 import io
-import lzma
 import math
-import struct
-import tokenize
 import zipfile
-import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,6 +23,7 @@ from app.simulation.signals import SIGNALS, columns_of
 from app.storage.epoch_bytes import from_bytes, to_bytes
 from app.storage.joint_kinds import slides_of
 from app.storage.scenario_changes import ScenarioChange, changes_of
+from app.storage.unreadable import UNREADABLE
 
 LINES = 512  # of a CSV, between two looks at how far it has got
 LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 14 min at 1 kHz with six joints; the page keeps ten in full
@@ -36,12 +33,6 @@ LARGEST_HEADER = 70_000  # bytes of the header that numpy writes before an array
 MOST_JOINTS = 8
 # signals that files from before there were several surfaces, or moments, do not have; there they were 0
 LATER = ("multiplier_2", "phi_2", "multiplier_3", "phi_3", "moment", "moment_push", "moment_true")
-# exceptions of zipfile, its decompressors and numpy for archives that are broken, encrypted or compressed by an unknown
-# method, and for headers that are no Python literals
-_UNREADABLE = (
-    *(ValueError, TypeError, SyntaxError, ArithmeticError, LookupError, EOFError, RuntimeError),
-    *(tokenize.TokenError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
-)
 
 ProgressCallback = Callable[[float], object]  # called with the fraction that is done, 0 to 1
 
@@ -232,7 +223,7 @@ def read_npz(path: Path) -> tuple[Scenario, Recording]:
         raise ScenarioError(f"recording {str(path)!r:.200}: cannot be read: {error.strerror or error}") from error
     except ScenarioError:
         raise
-    except (*_UNREADABLE, MemoryError) as error:
+    except (*UNREADABLE, MemoryError) as error:
         raise refuse(error or type(error).__name__) from error
 
 

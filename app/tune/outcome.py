@@ -18,6 +18,7 @@ from app.export.printing import file_of
 from app.export.ticks import plain_decades
 from app.process.atomic_write import write_whole
 from app.scenario import data
+from app.scenario.schema import Scenario
 from app.storage.joint_kinds import units_of
 from app.sweep.charts import sheet, wide
 from app.sweep.folder import packed
@@ -274,13 +275,18 @@ def _short(tuning: Tuning, found: Found) -> str:
     aims = [metric_title(aim) for aim in tuning.aims if COLUMNS[aim].at_the_end]
     length, times = tuning.length, [run.get("settling_time") for run in found.runs.get(0, [])]
     known = [float(each) for each in times if each is not None]
-    unsettled = len(known) < len(times) and "force_error" in tuning.aims
+    unsettled = len(known) < len(times) and ("force_error" in tuning.aims or _comes_to_rest(tuning.scenario))
     if not aims or not (unsettled or max(known, default=0.0) > SOON * length):
         return ""
     settles = "does not settle" if unsettled else f"needs up to {max(known):.2g} s to settle"
     what = f"a run of {length:g} s {settles} with the {OWN}"
     judged = f"Only the last fifth of a run is judged ({', '.join(aims)})."
     return f"{what}. {judged} Gains that look better there may be worse later; use longer runs (--duration)"
+
+
+def _comes_to_rest(scenario: Scenario) -> bool:
+    """Whether the path error comes to rest: nothing moves the arm again and again."""
+    return scenario.motion.comes_to_rest and scenario.truth.push_every == 0.0
 
 
 def _beats(tuning: Tuning, compared: Comparison) -> bool:

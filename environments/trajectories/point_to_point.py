@@ -23,6 +23,7 @@ class Hold(Trajectory, frozen=True, forbid_unknown_fields=True, tag="hold"):
 
     title = "hold"
     move = _move
+    comes_to_rest = True
 
     def course(self, n: int, free: range) -> Course:
         del free
@@ -54,6 +55,7 @@ class PointToPoint(Displaced, frozen=True, forbid_unknown_fields=True, tag="poin
 
     title = "point to point"
     move = _move
+    comes_to_rest = True
 
     duration: Annotated[float, field("duration", "s", decades("duration", 0.2, 20), gt=0, le=3600)] = 2.0
 

@@ -38,12 +38,15 @@ class Course(NamedTuple):
 class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     """Section `motion` or `rotation` of a scenario.
 
-    title: name on the page; move: its kernel `move(course, t, value, rate, acceleration)`, which adds the
-    displacement (n,) and its derivatives at time t (s).
+    title: name on the page.
+    move: its kernel `move(course, t, value, rate, acceleration)`, which adds the displacement (n,) and its derivatives
+    at time t (s).
+    comes_to_rest: whether the path ends at a point.
     """
 
     title: ClassVar[str]
     move: ClassVar[Any]
+    comes_to_rest: ClassVar[bool] = False
 
     def course(self, n: int, free: range) -> Course:
         """The path as a displacement of n coordinates, of which it may move those in `free`; the table sets `kind`.
