@@ -96,7 +96,7 @@ class Failure:
 def file_name(scenario_name: str, t: float, extension: str, content: str = "", start: float = 0.0) -> str:
     """File name such as "vsmrc-ur5-hybrid-torques-12.34s.svg", with letters, digits, dots and dashes only. t: instant,
     s; content: what is in it, where that is not all of the run; start: s, of the stretch that ends at t."""
-    times = f"{_seconds(start)}-{_seconds(t)}s" if start > 0.0 else f"{_seconds(t)}s"
+    times = f"{_seconds(start)}-{t:.2f}s" if start > 0.0 else f"{t:.2f}s"
     parts = ("vsmrc", plain_name(scenario_name) or "run", plain_name(content, LONGEST_CONTENT), times)
     return f"{'-'.join(filter(None, parts))}.{extension}"
 

@@ -45,16 +45,13 @@ def check(lesson: Lesson, memory: Memory | None = None) -> Checked:
     memory = memory or Memory()
     waiting: list[LessonStep] = []
     for step in lesson.steps:
-        try:
-            if step.kind == "observe" or isinstance(step.block, Explain):
-                for question in waiting:
-                    checked.problems += [_at(lesson, question, problem) for problem in _scored(question, checked)]
-                waiting.clear()
-            checked.problems += [_at(lesson, step, problem) for problem in _problems(step, checked, memory)]
-            if step.kind == "predict":
-                waiting.append(step)
-        except (ScenarioError, ValueError) as error:
-            checked.problems.append(_at(lesson, step, str(error)))
+        if step.kind == "observe" or isinstance(step.block, Explain):
+            for question in waiting:
+                checked.problems += _found(lesson, question, _scored(question, checked))
+            waiting.clear()
+        checked.problems += _found(lesson, step, _problems(step, checked, memory))
+        if step.kind == "predict":
+            waiting.append(step)
     checked.problems += [_at(lesson, step, "the question is never answered by a run") for step in waiting]
     checked.minutes = _minutes(lesson)
     if abs(checked.minutes / lesson.head.minutes - 1.0) > NEAR:
@@ -62,6 +59,16 @@ def check(lesson: Lesson, memory: Memory | None = None) -> Checked:
             f"{lesson.source}: it takes about {checked.minutes:.0f} minutes, and says {lesson.head.minutes:g}"
         )
     return checked
+
+
+def _found(lesson: Lesson, step: LessonStep, problems: Iterator[str]) -> list[str]:
+    """Problems of a step with its place, up to one that is an exception."""
+    found: list[str] = []
+    try:
+        found.extend(_at(lesson, step, problem) for problem in problems)
+    except (ScenarioError, ValueError) as error:
+        found.append(_at(lesson, step, str(error)))
+    return found
 
 
 def _at(lesson: Lesson, step: LessonStep, problem: str) -> str:

@@ -244,7 +244,8 @@ def _refuse_unfit(value: object, path: str, depth: int) -> None:
         raise WrongKind(f"{path:.200}: {value}, a date or a time; allowed: a number, or a text in quotes")
     if isinstance(value, dict):
         for key, item in value.items():
-            _refuse_unfit(item, f"{path}.{key}" if path else str(key), depth + 1)
+            name = key if str(key).isprintable() else repr(key)
+            _refuse_unfit(item, f"{path}.{name}" if path else str(name), depth + 1)
     elif isinstance(value, list | tuple):
         for index, item in enumerate(value):
             _refuse_unfit(item, f"{path}[{index}]", depth + 1)

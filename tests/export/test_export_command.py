@@ -18,6 +18,7 @@ pytestmark = pytest.mark.slow  # processes of its own
 
 def test_file_names_are_tame() -> None:
     assert file_name("ur5-hybrid", 12.3456, "svg") == "vsmrc-ur5-hybrid-12.35s.svg"
+    assert file_name("ur5-hybrid", 0.2, "csv", start=0.101) == "vsmrc-ur5-hybrid-0.101-0.20s.csv"
     assert file_name("ur5-hybrid", 2.0, "svg", "normal force tau_1") == "vsmrc-ur5-hybrid-normal-force-tau_1-2.00s.svg"
     assert file_name("../../etc/<pass wd>\n", 0.0, "csv") == "vsmrc-etc-pass-wd-0.00s.csv"
     assert file_name("ur5-hybrid", 2.0, "svg", start=0.5) == "vsmrc-ur5-hybrid-0.50-2.00s.svg"

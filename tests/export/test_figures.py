@@ -55,12 +55,17 @@ def test_a_figure_has_the_size_letters_and_type_that_were_asked_for(snapshot: Sn
     assert {round(float(size), 2) for size in sizes} >= {round(9.0 * SMALL, 2), round(9.0 * TITLE, 2)}
     with pytest.raises(ValueError, match=r"^height: 50 mm; allowed: at least \d+ mm"):
         render(figure, "svg", FigureOptions(height=inches_of("50")))
+    with pytest.raises(ValueError, match=r"^width: 40 mm; allowed: at least \d+ mm for these plots with type of 16 pt"):
+        render(figure, "svg", FigureOptions(width=inches_of("40"), type_size=16.0))
 
 
 @pytest.mark.slow
 def test_nothing_of_a_figure_leaves_the_paper_or_another_text(snapshot: Snapshot) -> None:
     figure = figure_of(plots_of([ALL_PLOTS]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.9)
-    for width, type_size in ((SINGLE, 6.0), (SINGLE, 10.0), (DOUBLE, 8.0)):
+    with pytest.raises(ValueError, match="width: 40 mm") as refused:
+        drawn(figure, FigureOptions(inches_of("40"), type_size=14.0))
+    least = inches_of(str(refused.value).split("at least ")[1].split(" mm")[0])
+    for width, type_size in ((SINGLE, 6.0), (SINGLE, 10.0), (DOUBLE, 8.0), (least, 14.0)):
         canvas = drawn(figure, FigureOptions(width, type_size=type_size, letters=True))
         canvas.dpi = 600  # the letters' widths are rounded to pixels
         renderer = FigureCanvasAgg(canvas).get_renderer()

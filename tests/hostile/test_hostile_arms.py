@@ -168,7 +168,7 @@ def test_a_run_holds_the_file_of_its_arm(tmp_path: Path, monkeypatch: pytest.Mon
     for scenario in (one, two):
         Path(scenario.robot.urdf or "").write_text(BENT)
     held: list[tuple[Robot, str | None]] = []
-    monkeypatch.setattr(commanded_run, "hold", lambda robot, path: held.append((robot, path)))
+    monkeypatch.setattr(commanded_run, "lock_while_used", lambda robot, path: held.append((robot, path)))
     running = Runner(one)
     running.post(Load(two))
     assert running._obey(running._queued())

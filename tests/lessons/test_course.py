@@ -19,6 +19,7 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from app.dashboard.panels.lessons import LessonsPanel
 from app.dashboard.plots.lesson_figures import run_colors
@@ -55,7 +56,9 @@ from tests.lessons.test_lessons import lesson
 
 NUMBER = NumberQuestion(ask="?", measure="way", tolerance=1.0, wrong=(0.0,))
 LINE = PictureLine(signal="e_r.2", unit="mm", title="way")
-CURVE = CurveQuestion(ask="?", line=LINE, start=0.0, end=1.0, low=-1.0, high=1.0, tolerance=0.1, wrong=(((0.0, 0.0),),))
+CURVE = CurveQuestion(
+    ask="?", line=LINE, start=0.0, end=1.0, low=-1.0, high=1.0, tolerance=0.1, wrong=(((0.0, 0.0), (1.0, 0.0)),)
+)
 CHOICE = ChoiceQuestion(ask="?", options=("a", "b"), right=2)
 
 
@@ -124,6 +127,29 @@ def test_progress_survives_a_restart_and_the_runs_are_played_again(tmp_path: Pat
     assert rows[1][:4] == ["test", "2", "3", "0"]
     assert rows[2][:3] == ["test", "3", "0,0 1,30"]
     assert json.loads(json_of(later.progress))["test"]["answers"]["2"]["given"] == 3.0
+
+
+def test_a_table_of_answers_has_all_their_digits() -> None:
+    given = (1234567.0, 0.12345678, [(0.1234567, 7.0)])
+    answers = {number: Answer(each) for number, each in enumerate(given)}
+    rows = list(csv.reader(io.StringIO(csv_of({"test": LessonProgress(answers=answers)}))))
+    assert [row[2] for row in rows[1:]] == ["1234567", "0.12345678", "0.1234567,7"]
+
+
+def test_an_observation_that_was_skipped_can_be_made_after_a_later_run() -> None:
+    """Only a prediction is locked by the run that it predicts."""
+    again = '```run\ntitle = "again"\nseconds = 0.1\nshow = [{ signal = "e_r.2", unit = "mm", title = "way" }]\n```\n'
+    course = LessonCourse(lesson(("```explain", f"{again}```explain")), Notebook())
+    for _ in range(2):
+        through(course, "run")
+        course.take(course.step, play(course.step))
+    course.go(-1)
+    assert course.step.kind == "observe"
+    course.give(1)
+    course.go(-2)
+    assert course.step.kind == "predict"
+    with pytest.raises(ScenarioError, match="locked, as the run has been seen"):
+        course.give(1)
 
 
 def test_a_run_that_is_computed_for_a_lesson_that_was_left_has_not_been_seen() -> None:
@@ -289,9 +315,24 @@ def test_a_time_is_measured_and_predicted_in_its_own_unit_and_no_length_is_a_tim
         with pytest.raises(ScenarioError, match=f"unit: 'mm' of the statistic {statistic}; allowed: s, ms"):
             number(statistic, "mm")
 
+    recording.stretch = lambda *_: {"t": t, "phi": np.where(t < 0.8, np.nan, 0.0)}
+    with pytest.raises(ScenarioError, match="measure of phi: it has no value at t = 0 s; allowed: a start and end"):
+        number("largest", "mm")
+
     run = LessonRun("run", 2.0, (LINE,), {"way": Measure("ms", signal=LINE.signal, statistic="settles", start=0.5)})
     step = LessonStep(1, 1, "predict", "", NUMBER, None)
     assert predicted(run, LINE, [(step, Answer(250.0))]).instants == (0.75,)
+    late = Measure("ms", signal=LINE.signal, statistic="settles", last=0.5)
+    assert predicted(replace(run, measures={"way": late}), LINE, [(step, Answer(250.0))]).instants == (1.75,)
+    levels = {
+        statistic: predicted(
+            replace(run, measures={"way": Measure("mm", signal=LINE.signal, statistic=statistic)}),
+            LINE,
+            [(step, Answer(5.0))],
+        ).levels
+        for statistic in ("largest", "span", "variation")
+    }
+    assert levels == {"largest": (5.0,), "span": (), "variation": ()}
 
 
 def test_a_lesson_that_was_left_does_not_unlock_the_one_that_computes_now() -> None:

@@ -150,6 +150,8 @@ def test_a_lesson_with_every_kind_of_step_is_checked_without_a_problem() -> None
         ("reference = 8000.0", "reference = 2000.0", "with the reference, way is"),
         ("below = 8.0", "below = 80.0", "the goal is reached before anything is done"),
         ("minutes = 4", "minutes = 60", "minutes, and says 60"),
+        ("seconds = 1.0", "seconds = 0.0004", "run: nothing is recorded: seconds: 0.0004; allowed: at least a control"),
+        ("value = 900.0 }]", 'value = 0.0 }]\nrefused = "B_m"', "refused: B_m; what happened: target_model.K_m"),
         (
             'edits = [{ at = 0.5, set = "target_model.K_m.2", value = 900.0 }]',
             'edits = [{ at = 0.5, set = "mode", value = "motion" }]',
@@ -200,6 +202,25 @@ def test_a_lesson_on_what_its_run_does_not_have_or_in_another_unit_is_not_fit(
     assert any(f": run: {sentence}" in problem for problem in problems), problems
 
 
+def test_two_measures_in_different_units_are_not_compared() -> None:
+    """In numbers alone 27.9 mm would be above 0.0279 m."""
+    far = WAY.replace("measures.way", "measures.far").replace('"mm"', '"m"')
+    problems = check(lesson((WAY, f"{WAY}\n{far}"), ("above = 20.0", 'above = "far"'))).problems
+    assert [problem.partition(": ")[2] for problem in problems] == [
+        "predict: condition on way: it is in mm, and far in m; allowed: two measures in the same unit"
+    ]
+
+
+@pytest.mark.parametrize("value", [-1.0, 0.0])
+def test_an_edit_beyond_what_its_field_allows_can_be_the_one_that_must_be_refused(value: float) -> None:
+    """The edits after it are made of the values before it."""
+    edits = (
+        f'edits = [{{ at = 0.3, set = "controller.layer", value = {value} }}, '
+        '{ at = 0.5, set = "target_model.K_m.2", value = 900.0 }]\nrefused = "controller.layer"'
+    )
+    assert not check(lesson((EDIT, edits))).problems
+
+
 def test_an_edit_of_an_entry_of_a_matrix_is_made() -> None:
     rows = [[float(1000 * (i == k)) for k in range(6)] for i in range(6)]
     matrix = lesson(
@@ -225,6 +246,13 @@ def test_an_edit_of_an_entry_of_a_matrix_is_made() -> None:
         ('kind = "number"', 'kind = "guess"', "line 15: predict: kind: 'guess'; allowed: "),
         ("right = 1", "right = 3", "line 33: predict: right: 3; allowed: 1 to 2"),
         ("end = 1.0", "end = -1.0", "line 22: predict: "),
+        (
+            "[[[0.0, 0.0], [1.0, 0.0]]]",
+            "[[]]",
+            "wrong: 0 points; allowed: at least 2 in each curve, from left to right",
+        ),
+        ("[[[0.0, 0.0], [1.0, 0.0]]]", "[[[1.0, 0.0], [0.0, 0.0]]]", "wrong: 2 points; allowed: at least 2 in each"),
+        ('title = "A test"', 'title = "A \\u001b[31mtest"', "line 1: lesson: title: "),
         ("low = 500.0", "low = 9500.0", "low, high: 9500 to 9000; allowed: low below high"),
         ("below = 8.0 }]\n```", "below = 8.0 }]\n", "it has no end"),
         ("below = 8.0 }]\n```", "below = 8.0 }]\n```\nAnd then?", "text below the last block"),

@@ -131,16 +131,16 @@ def test_a_look_back_computes_few_periods_and_the_states_take_little_room(
         line.seek(line.end - back * 1e-5)
         assert computed[0] <= (600 if delay else 250)
         np.testing.assert_array_equal(q_of(line), line.recording.at(line.loop.t + 1e-8)["q"])
-    assert sum(len(key.state.reader.memory) for key in line._keys) <= 4000 + 600
-    assert 4000 / len(line._keys) > 200
+    assert sum(len(key.state.reader.memory) for key in line._keyframes) <= 4000 + 600
+    assert 4000 / len(line._keyframes) > 200
 
 
 def test_changes_of_one_instant_take_no_more_room_than_one(noisy: Timeline) -> None:
-    keys = len(noisy._keys)
+    keys = len(noisy._keyframes)
     for value in range(50):
         noisy.edit(edited(noisy.loop.system.scenario, "force.value", 20.0 + value))
         noisy.hold(Grip((0.5, 0.0, 1e-3 * value)))
-    assert len(noisy._keys) <= keys + 1
+    assert len(noisy._keyframes) <= keys + 1
 
 
 def test_an_edit_of_a_run_that_has_stopped_begins_anew_and_pins_it() -> None:

@@ -55,7 +55,7 @@ def test_an_exception_in_any_stage_ends_the_run_and_not_its_thread(
     runner: Runner, of: str, part: str, stage: str
 ) -> None:
     begun(runner, load("ur5-hybrid"))
-    loop = runner._commanded.line.loop
+    loop = runner._commanded.timeline.loop
     broken = loop if of == "loop" else loop.controlled_arm
     setattr(broken, part, boom)
     stopped = ended(runner)
@@ -68,7 +68,7 @@ def test_an_exception_in_any_stage_ends_the_run_and_not_its_thread(
 def test_a_plant_that_fails_ends_the_run(runner: Runner, monkeypatch: pytest.MonkeyPatch) -> None:
     begun(runner, load("ur5-hybrid"))
     with monkeypatch.context() as patched:
-        patched.setattr(type(runner._commanded.line.loop.system.plant), "advance", boom)
+        patched.setattr(type(runner._commanded.timeline.loop.system.plant), "advance", boom)
         stopped = ended(runner)
     assert "the plant failed (KeyError: 'boom')" in stopped.reason
     assert_kept_and_reset_works(runner, stopped)
@@ -88,7 +88,7 @@ def test_the_loop_itself_failing_ends_the_run_and_not_its_thread(
 
 def test_a_law_that_gives_no_number_ends_the_run(runner: Runner) -> None:
     begun(runner, load("ur5-hybrid"))
-    loop = runner._commanded.line.loop
+    loop = runner._commanded.timeline.loop
     law = loop.controlled_arm._control_period
 
     def failing(*arguments: object) -> None:

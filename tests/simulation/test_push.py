@@ -202,7 +202,7 @@ def test_a_push_acts_in_as_many_periods_as_it_lasts(duration: float, every: floa
 
 def test_push_now_begins_the_scenarios_push_or_one_sideways_and_the_run_goes_on() -> None:
     runner = Runner(shipped()["ur5-hybrid"])
-    loop = runner._commanded.line.loop
+    loop = runner._commanded.timeline.loop
     run(loop, 0.2)
     runner.post(PushNow())
     runner._obey(runner._queued())

@@ -9,10 +9,12 @@ import msgspec
 import pyarrow.parquet as pq
 import pytest
 
+from app.scenario.schema import Scenario
 from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate, front, judged
 from app.tune.outcome import FIGURE, TABLE, summary_rows, verdict, write
 from app.tune.running import Found
+from environments.trajectories.point_to_point import Hold
 from tests.tune.test_plan import TUNING
 
 BOTH = msgspec.structs.replace(TUNING, aims=("force_error", "torque_variation"))
@@ -108,8 +110,8 @@ def test_own_gains_are_beaten_where_the_worst_arm_and_most_arms_are_better() -> 
 def test_runs_that_are_too_short_for_metrics_of_their_end_are_said() -> None:
     """The transient is judged then: what is best there may be worse in the long run."""
 
-    def sentences(aims: tuple[str, ...], *times: float | None) -> list[str]:
-        tuning = msgspec.structs.replace(TUNING, aims=aims)
+    def sentences(aims: tuple[str, ...], *times: float | None, of: Scenario = TUNING.scenario) -> list[str]:
+        tuning = msgspec.structs.replace(TUNING, aims=aims, scenario=of)
         length = tuning.scenario.simulation.duration
         own = [SOUND | {"settling_time": None if each is None else each * length} for each in times]
         runs = {0: own, 1: [SOUND for _ in times]}
@@ -125,6 +127,11 @@ def test_runs_that_are_too_short_for_metrics_of_their_end_are_said() -> None:
     )
     assert "does not settle" in sentences(("force_error",), 0.1, None)[0]
     assert sentences(("torque_variation",), 0.6, 0.9) == []
+    assert sentences(("motion_error",), 0.1, None) == []  # along a circle the error never comes to rest
+    still = msgspec.structs.replace(TUNING.scenario, motion=Hold())
+    assert "does not settle" in sentences(("motion_error",), 0.1, None, of=still)[0]
+    pushed = msgspec.structs.replace(still, truth=msgspec.structs.replace(still.truth, push_every=2.0))
+    assert sentences(("motion_error",), 0.1, None, of=pushed) == []
 
 
 def test_a_row_of_the_front_that_another_one_beats_on_the_arms_not_seen_is_marked() -> None:
