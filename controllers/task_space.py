@@ -28,7 +28,9 @@ class TaskSpace(NamedTuple):
     J_q_inv: (n, n) 1/m.
     J_q_inv_norm: 1/m, an upper bound of the norm of J_q_inv (see `spectral_norm`).
     v_t, v_t_dot: (n,) m/s and m/s^2, of (3): rate of r with the arm at rest, and its derivative.
-    normals: (3, 3), gradients of the first three coordinates in the world frame: of phi, or of each phi, first."""
+    normals: (3, 3), gradients of the first three coordinates in the world frame: of phi, or of each phi, first.
+    turn: (n,) m, the length after which a coordinate is at the same place again, as an angle; 0 for one that never
+    is."""
 
     r: np.ndarray
     r_dot: np.ndarray
@@ -39,12 +41,13 @@ class TaskSpace(NamedTuple):
     v_t: np.ndarray
     v_t_dot: np.ndarray
     normals: np.ndarray
+    turn: np.ndarray
 
     @classmethod
     def zeros(cls, n: int) -> TaskSpace:
         """Task coordinates of an arm with n joints."""
         vector, square = np.zeros(n), np.zeros((n, n))
-        return cls(vector, vector, square, square, square, 0.0, vector, vector, np.zeros((3, 3)))
+        return cls(vector, vector, square, square, square, 0.0, vector, vector, np.zeros((3, 3)), vector)
 
 
 class TaskLayout(NamedTuple):
@@ -156,7 +159,7 @@ def _positions(layout, chart, estimate, task):
     p_dot = estimate.p_dot
     for c in range(layout.positions):
         i = c + layout.tilts if c > 0 else 0
-        task.r[i], task.v_t[i], task.v_t_dot[i] = chart.g[c], chart.g_t[c], chart.g_tt[c]
+        task.r[i], task.v_t[i], task.v_t_dot[i], task.turn[i] = chart.g[c], chart.g_t[c], chart.g_tt[c], chart.turn[c]
         for k in range(3):
             task.v_t_dot[i] += chart.G_t[c, k] * p_dot[k]
         for j in range(task.r.shape[0]):
@@ -229,7 +232,7 @@ def _face(layout, chart, estimate, q_dot, task):
         (a_dot * across[2] + a * moved[2] - b_dot * along[2] - b * moving[2]) / square - growth * about[2],
     )
     _turning_row(i, l, about, about_dot, estimate, task)
-    task.r[i] = l * np.arctan2(b, a)
+    task.r[i], task.turn[i] = l * np.arctan2(b, a), 2.0 * np.pi * l
 
 
 @inline
@@ -239,13 +242,14 @@ def _angles(layout, estimate, q_dot, task):
     if layout.angles == 1:
         cos = row_times(layout.R_ref, 0, estimate.R[0])  # of R R_ref^T, a rotation about the world's y axis, however
         sin = row_times(layout.R_ref, 2, estimate.R[0])  # the frame of the tool lies on it
-        task.r[i] = l * np.arctan2(sin, cos)
+        task.r[i], task.turn[i] = l * np.arctan2(sin, cos), 2.0 * np.pi * l
         for j in range(n):
             task.J_q[i, j] = l * estimate.J_w[1, j]
             task.J_q_dot[i, j] = l * estimate.J_w_dot[1, j]
         return
     alpha, beta, gamma = euler_angles(layout.R_ref, estimate.R)
     task.r[i], task.r[i + 1], task.r[i + 2] = l * alpha, l * beta, l * gamma
+    task.turn[i] = task.turn[i + 2] = 2.0 * np.pi * l  # beta stays within a quarter of a turn
     sb, cb, sc, cc = np.sin(beta), np.cos(beta), np.sin(gamma), np.cos(gamma)
     b_dot, c_dot = 0.0, 0.0
     for j in range(n):
@@ -305,6 +309,15 @@ def _joint(q, q_dot, task):
             task.J_q[i, j] = task.J_q_inv[i, j] = 1.0 if i == j else 0.0
             task.J_q_dot[i, j] = 0.0
     task.J_q_inv_norm = 1.0
+
+
+@inline
+def turn_towards(r_d, task):
+    """Move each angle in r by whole turns to the value that is nearest to that in r_d (n,): an angle of (3) is known up
+    to whole turns only, and e_r must not jump by one."""
+    for i in range(task.r.shape[0]):
+        if task.turn[i] > 0.0:
+            task.r[i] += task.turn[i] * np.floor((r_d[i] - task.r[i]) / task.turn[i] + 0.5)
 
 
 @inline

@@ -190,7 +190,9 @@ class World(NamedTuple):
     lever: (3,) m, the tool point in the frame of the joint that carries the tool.
     face: of the tool.
     shapes, contacts: of the surfaces; all of them are rigid, or none.
-    environment: the matrices of (28)."""
+    environment: the matrices of (28).
+    unloaded: (3,) m, the phi of each spring at which it carries no force; not 0 only where the contact is linearised
+    off the surface (`Plant.unload`)."""
 
     lever: np.ndarray
     face: Face
@@ -198,6 +200,7 @@ class World(NamedTuple):
     contacts: Contacts
     rigid: bool
     environment: EnvironmentMatrices
+    unloaded: np.ndarray
 
 
 @inline
@@ -223,6 +226,7 @@ def touch_at(world, J, rotation, translation, q_dot, t, touch):
             p_dot[a] += J_v[a, j] * q_dot[j]
     for i in range(world.shapes.number):
         _meet(one_of(world.shapes, i), one_of(world.contacts, i), touch.tool, t, one_of(touch, i))
+        one_of(touch, i).phi -= world.unloaded[i]
     if world.face.flat:
         _turn_face(world.face, J, rotation, q_dot, touch.face)
 

@@ -90,7 +90,7 @@ class Plant:
         self.data = self.model.createData()
         self._lever = np.array(robot.tool_placement.translation)
         shapes = Shapes.of(tuple(each.shape for each in surfaces))
-        world = World(self._lever, self.face, shapes, Contacts.of(contacts), kind.rigid, environment)
+        world = World(self._lever, self.face, shapes, Contacts.of(contacts), kind.rigid, environment, np.zeros(3))
         workspace = Record(PlantWorkspace.of(world, truth.resistance, robot.n))
         self._workspace, self._torque = workspace.data, workspace.views.torque
         # live views: Pinocchio fills them at every call
@@ -142,6 +142,16 @@ class Plant:
             )
         rest = (self._integrator, self.substeps, self.face, environment)
         return Plant(self.robot, truth, self.surfaces, self.kind, contacts, *rest)
+
+    def unload(self, p: np.ndarray, t: float, unilateral: Sequence[bool]) -> None:
+        """Let the springs of surfaces that only push carry no force where the tool is off them.
+
+        p: (3,) m, of the tool at t (s). unilateral: which of the surfaces only push, also if those of this plant, a
+        smooth one, also pull.
+        """
+        for i, surface in enumerate(self.surfaces):
+            phi = float(surface.chart(p, t).g[0])
+            self._workspace["world"]["unloaded"][0, i] = min(phi, 0.0) if unilateral[i] and self.kind.springs else 0.0
 
     def _resolve_kernels(self, n: int) -> None:
         workspace, arm, tau = self._workspace, Record.zeros(Arm, n).data, np.zeros(n)

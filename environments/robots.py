@@ -249,7 +249,7 @@ def load(
     else:
         home = tool.working_posture(path.name)
     rotor = own.rotor_inertia if own else (ROTOR_INERTIA,) * model.nv
-    model.armature = _vector("robot.rotor_inertia", rotor_inertia or rotor, model.nv)
+    model.armature = _vector("robot.rotor_inertia", rotor if rotor_inertia is None else rotor_inertia, model.nv)
     if (model.armature < 0).any():
         raise RobotError(f"robot.rotor_inertia: {model.armature.tolist()} has a negative entry; allowed: >= 0 kg m^2")
     return Robot(

@@ -95,5 +95,10 @@ class FaceSection(Section, frozen=True, forbid_unknown_fields=True):
         float, field("estimated rotational stiffness (33)", "N·m/rad", decades("K̂_t", 1, 1e3), gt=0, le=1e6)
     ] = 15.0
     moment: Annotated[
-        tuple[float, float], field("desired moments about the axes of the face", "N·m", Widget("moments"))
+        tuple[float, float],
+        field(
+            "desired moments about e_1 x n and e_2 x n, with e_1, e_2 the axes of the face",
+            "N·m",
+            Widget("moments"),
+        ),
     ] = (0.0, 0.0)

@@ -18,6 +18,7 @@ from app.simulation.observation import Observer
 from app.simulation.recording import Recording
 from controllers.blend import ModelBlend
 from controllers.nominal_model import NominalModel
+from controllers.task_space import turn_towards
 
 DRAWN = ("t", "q", "r_d", "e_r", "e_r_dot", "F_c", "F_cd", "tool")
 REACH_BACK = 5.0  # s: a ghost that is switched on later begins at most so long ago
@@ -123,13 +124,14 @@ class Ghost:
                 estimate, task = run.observer.at(q, rest, t)
             except ValueError:  # J_q exactly singular
                 return NoShade.NO_POSTURE
-            away = task.J_q_inv @ (r - task.r)
+            turn_towards.py_func(r, task)
+            step = task.J_q_inv @ (r - task.r)
             if not np.linalg.norm(q - run.q) < FAR:
                 return NoShade.NO_POSTURE
             if np.abs(r - task.r).max() < CLOSE:
                 run.q = q
                 return Shade(t, q, estimate.p.copy(), float(np.linalg.norm(tool - estimate.p)))
-            q = q + away
+            q = q + step
         return NoShade.NO_POSTURE
 
 

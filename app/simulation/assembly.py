@@ -56,7 +56,7 @@ from app.simulation.environment_checks import (
 from app.simulation.error_model import ErrorModel
 from app.simulation.extremes import Omega
 from app.simulation.observation import Observer
-from app.simulation.own_path_check import require_derivatives
+from app.simulation.own_path_check import require_path
 from app.simulation.planned_reference import Forces, Planned, ReferencePlan
 from app.simulation.reference_postures import ReferencePostures, postures_along
 from app.simulation.reuse_keys import (
@@ -244,7 +244,7 @@ def _constants(
         unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
         if mode.on_surface:
             require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
-        require_derivatives(scenario, unshifted)
+        require_path(scenario, unshifted, on_it.start[on_it.m :])
         paths = repr((plan.motion, plan.rotation))  # tells apart those of a user's own that have one name
         key = key_of("postures", nominal.fingerprint, observer.fingerprint, repr(omega_key(scenario)), paths, q_0)
         return memory.recall_here(

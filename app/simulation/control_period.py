@@ -45,6 +45,7 @@ from controllers.premises import (
 from controllers.reference_estimates import FeedforwardModel, take_estimates
 from controllers.sliding import measure
 from controllers.switching import SAMPLING_SHARE
+from controllers.task_space import turn_towards
 from environments.truth import limited
 from kernels import inline, kernel
 from kernels.algebra import copy, norm, row_times
@@ -198,6 +199,7 @@ def _see(setting, evaluation, momenta, C, J, J_dot, placements, arm, F, t):
     copy(F, evaluation.F)
     observe(setting.observation_model, momenta, C, J, J_dot, placements, t, seen)
     reference_at(setting.plan, t, evaluation.reference)
+    turn_towards(evaluation.reference.r_d, seen.task)
     if setting.online:
         take_estimates(seen.estimate, evaluation.feedforward)
     _measure(setting, evaluation, no_parameters(setting.gains))

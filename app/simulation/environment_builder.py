@@ -220,6 +220,8 @@ def task_axes(scenario: Scenario, robot: robots.Robot) -> np.ndarray:
     """Cartesian axes in the order of their coordinates, as rows in the world; a planar arm uses the first two, x and z.
     Raises ScenarioError."""
     turn = scenario.task_space.axes
+    if max(map(abs, turn)) > 2 * np.pi:
+        raise ScenarioError(f"task_space.axes: {list(turn)} rad; allowed: from -6.28 to 6.28")
     if robot.geometry == "planar" and (turn[0] or turn[2]):
         raise ScenarioError(f"task_space.axes: {list(turn)} rad; allowed for a planar arm: 0, a number, 0")
     axes = pin.exp3(np.asarray(turn)).T

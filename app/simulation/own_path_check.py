@@ -1,4 +1,5 @@
-"""Check of a path of the user's own (`--use`): finite, with a rate and an acceleration that are its derivatives."""
+"""Check of a path of the user's own (`--use`): finite, from the start on, with a rate and an acceleration that are its
+derivatives."""
 
 from __future__ import annotations
 
@@ -11,11 +12,15 @@ from environments.surfaces.regular import AGREEMENT, STEP
 from environments.trajectories.own import OwnPath
 
 INSTANTS = 40
+AT_START = 1e-9  # m or rad
 
 
-def require_derivatives(scenario: Scenario, reference: Planned) -> None:
-    """Raise ScenarioError where a path of the user's own is not finite, or where differences of it are not its
-    derivatives, at some instant of the run."""
+def require_path(scenario: Scenario, reference: Planned, start: np.ndarray) -> None:
+    """Raise ScenarioError where a path of the user's own does not begin at the start, is not finite, or where
+    differences of it are not its derivatives, at some instant of the run.
+
+    start: (k,), the last k coordinates of r_d without the path.
+    """
     own = [name for name in ("motion", "rotation") if isinstance(getattr(scenario, name), OwnPath)]
     if not own:
         return
@@ -31,6 +36,9 @@ def require_derivatives(scenario: Scenario, reference: Planned) -> None:
             f"{path}: at t = {instants[~finite][0]:.3g} s the path is not finite; allowed: one that is finite for all "
             f"of the run, {duration:g} s (simulation.duration)"
         )
+    first = np.abs(np.array(reference.at(0.0).r_d)[len(now[0, 0]) - len(start) :] - start).max(initial=0.0)
+    if not first <= AT_START:
+        raise ScenarioError(f"{path}: at t = 0 the path is {first:.3g} away from the start; allowed: 0")
     for k, name in enumerate(("rate", "acceleration")):
         differences = (after[:, k] - before[:, k]) / (2 * STEP)
         away = np.abs(now[:, k + 1] - differences).max(axis=1)

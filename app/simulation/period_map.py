@@ -107,6 +107,7 @@ class PeriodMap:
     ) -> None:
         self._felt = 6 if moments or system.plant.face.flat else 3  # entries of a reading
         self._observer = system.observer
+        self._unilateral = [each.unilateral for each in system.plant.contacts]
         self._still = still = replace(
             system,
             plant=system.plant.smooth(range(len(system.surfaces)) if touched is None else touched),
@@ -135,6 +136,8 @@ class PeriodMap:
         system, state, controller, n = self._still, self._state, self._still.controller, len(at.q)
         task, basis = at.task, free_directions(system, at)
         q_dot = -task.J_q_inv @ task.v_t
+        # a surface that only pushes is judged as just touched: a pull has a stiffness of its own on a curved surface
+        system.plant.unload(at.estimate.p, at.t, self._unilateral)
         state.arm.take(system.plant.start(at.q, q_dot, at.t))
         load = state.arm.read().load
         met = load.multiplier.copy()

@@ -64,7 +64,8 @@ class PremiseWatch:
         self.share = 0.0
         stated_in_time = isinstance(system.scenario.declared.delta_f, str)
         self._changing = stated_in_time or any(each.changing for each in system.surfaces)
-        self._known_until = np.inf if recurring(system.surfaces) else system.constants.omega.span
+        come_back = not system.mode.on_surface or recurring(system.surfaces)  # the surfaces that r is about
+        self._known_until = np.inf if come_back else system.constants.omega.span
 
     def follow(self, system: System, share: float) -> None:
         """Follow a blend of the target model: the system with the model in force, and the share of the blend."""

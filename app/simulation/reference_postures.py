@@ -12,7 +12,7 @@ from app.scenario.errors import PathOutOfReach
 from app.simulation.observation import Observation
 from app.simulation.planned_reference import Planned
 from controllers.control_law import Reference
-from controllers.task_space import TaskSpace
+from controllers.task_space import TaskSpace, turn_towards
 
 if TYPE_CHECKING:
     from kernels.records import Record
@@ -66,12 +66,13 @@ def _solved(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> 
     still = np.zeros_like(q)
     task = observe(q, still, t).views.task
     for _ in range(8):
-        left = reference.r_d - task.r
-        away = task.J_q_inv @ left
-        if np.abs(away).max() < 1e-9:
+        turn_towards.py_func(reference.r_d, task)
+        step = task.J_q_inv @ (reference.r_d - task.r)
+        if np.abs(step).max() < 1e-9:
             return _Solution(q, task, reached=True)
-        q = q + away
+        q = q + step
         task = observe(q, still, t).views.task
+    turn_towards.py_func(reference.r_d, task)
     return _Solution(q, task, reached=bool(np.abs(reference.r_d - task.r).max() < REACHED))
 
 

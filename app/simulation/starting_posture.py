@@ -12,6 +12,7 @@ from app.simulation.reference_postures import NEAR, posture_at
 from controllers.control_law import Reference
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
+from controllers.task_space import turn_towards
 from environments import robots
 from environments.plant import Plant
 
@@ -42,7 +43,9 @@ def require_within_reach(
     estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
     try:
         q = posture_at(observer.record_at, q_0, reference, 0.0).q
-        away = float(np.abs(observer.at(q, np.zeros_like(q), 0.0).task.r - reference.r_d).max())
+        there = observer.at(q, np.zeros_like(q), 0.0).task
+        turn_towards.py_func(reference.r_d, there)
+        away = float(np.abs(there.r - reference.r_d).max())
         turn = float(np.linalg.norm(q - q_0))
     except ValueError:  # J_q exactly singular on the way
         away = turn = np.inf

@@ -17,7 +17,7 @@ from controllers.nominal_model import Estimate
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import Start
 from controllers.switching import SAMPLING_SHARE
-from controllers.task_space import TaskSpace
+from controllers.task_space import TaskSpace, turn_towards
 from environments.acceleration import PlantState
 from environments.push import Grip
 from environments.sensors import ForceReader
@@ -125,6 +125,7 @@ def tracking_state(system: System, t: float, arm: PlantState) -> TrackingState:
     """Tracking state of an arm at t (s)."""
     estimate, task = system.observe(arm.views.q, arm.views.q_dot, t)
     reference = system.reference(t)
+    turn_towards.py_func(reference.r_d, task)
     return TrackingState(estimate, task, task.r - reference.r_d, task.r_dot - reference.r_d_dot)
 
 

@@ -20,6 +20,7 @@ class Chart(NamedTuple):
     g_t, G_t, g_tt: (3,), (3, 3), (3,), partial derivatives in time of g and G, and the second one of g.
     normal_tt: (3,) 1/s^2, second partial derivative in time of the gradient of phi; only a plane computes it.
     deforming: m/s^2, the part of g_tt[0] of a surface that changes its shape, not only its place.
+    turn: (3,) m, the length after which a coordinate is at the same place again; 0 for one that never is.
     """
 
     g: np.ndarray
@@ -30,12 +31,13 @@ class Chart(NamedTuple):
     g_tt: np.ndarray
     normal_tt: np.ndarray
     deforming: float
+    turn: np.ndarray
 
     @classmethod
     def zeros(cls) -> Chart:
         """Chart of zeros, before it is computed."""
         v, square = np.zeros(3), np.zeros((3, 3))
-        return cls(v, square, np.zeros((3, 3, 3)), v, square, v, v, 0.0)
+        return cls(v, square, np.zeros((3, 3, 3)), v, square, v, v, 0.0, v)
 
 
 class Turning(NamedTuple):
@@ -96,6 +98,7 @@ class Shapes(NamedTuple):
 
 # terms that a form that does not change adds to the derivatives of phi: to g_t, g_tt, the three of G_t and `deforming`
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+MIDDLE = 1e-9  # m from the axis of a cylinder or the centre of a sphere, where its normal has no direction
 
 
 @inline
@@ -130,9 +133,12 @@ def flat(zeta, shape, _t, chart):
 
 @inline
 def polar(zeta, u, v):
-    """Radius and angle of zeta in the plane of the unit vectors u, v, with their unit directions e_rho, e_theta."""
+    """Radius and angle of zeta in the plane of the unit vectors u, v, with their unit directions e_rho, e_theta. In the
+    middle, where there is no angle, those of a point beside it along u."""
     x, y = dot(u, zeta), dot(v, zeta)
     rho = np.hypot(x, y)
+    if rho < MIDDLE:
+        x, y, rho = MIDDLE, 0.0, MIDDLE
     c, s = x / rho, y / rho
     e_rho = (c * u[0] + s * v[0], c * u[1] + s * v[1], c * u[2] + s * v[2])
     e_theta = (c * v[0] - s * u[0], c * v[1] - s * u[1], c * v[2] - s * u[2])
@@ -142,7 +148,7 @@ def polar(zeta, u, v):
 @inline
 def arc(i, radius, rho, theta, e_rho, e_theta, chart):
     """Set coordinate i to radius * theta."""
-    chart.g[i] = radius * theta
+    chart.g[i], chart.turn[i] = radius * theta, 2.0 * np.pi * radius
     for k in range(3):
         chart.G[i, k] = radius * e_theta[k] / rho
         for a in range(3):

@@ -61,13 +61,13 @@ def task_chart(shapes, p, t, spare, chart):
     surface_chart(shapes.first, p, t, chart)
     for i in range(1, shapes.number):
         surface_chart(one_of(shapes, i), p, t, spare)
-        chart.g[i], chart.g_t[i], chart.g_tt[i] = spare.g[0], spare.g_t[0], spare.g_tt[0]
+        chart.g[i], chart.g_t[i], chart.g_tt[i], chart.turn[i] = spare.g[0], spare.g_t[0], spare.g_tt[0], 0.0
         for k in range(3):
             chart.G[i, k], chart.G_t[i, k] = spare.G[0, k], spare.G_t[0, k]
             for a in range(3):
                 chart.G_p[i, k, a] = spare.G_p[0, k, a]
     if shapes.number == 2:
-        chart.g[2], chart.g_t[2], chart.g_tt[2] = 0.0, 0.0, 0.0
+        chart.g[2], chart.g_t[2], chart.g_tt[2], chart.turn[2] = 0.0, 0.0, 0.0, 0.0
         for k in range(3):
             chart.g[2] += shapes.edge[k] * (p[k] - shapes.base[k])
             chart.G[2, k], chart.G_t[2, k] = shapes.edge[k], 0.0

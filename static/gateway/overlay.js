@@ -34,6 +34,14 @@ let viewers = null;
 const begin = (about) => {
   if (watching) {
     document.body.classList.add("vg-watching");
+    // by key no more than by mouse (overlay.css)
+    for (const kind of ["keydown", "beforeinput"])
+      window.addEventListener(kind, (e) => {
+        const control = e.target instanceof Element && e.target.closest(".mantine-Paper-root :is(input, textarea, [role=slider])");
+        if (!control || e.key === "Tab") return;
+        e.preventDefault();
+        e.stopImmediatePropagation();
+      }, true);
     const text = bar.appendChild(make("span"));
     text.append(make("i", "vg-dot"), "Watching live", make("span", "vg-long vg-dim", " · only the presenter steers"));
     if (about.copy) {
@@ -92,6 +100,7 @@ const replace = history.replaceState.bind(history);
 history.replaceState = (state, title) => replace(state, title, location.pathname);
 history.replaceState(null, "");
 
+let gone = false;
 const ask = async () => {
   try {
     const answer = await fetch("about", { cache: "no-store" });
@@ -106,7 +115,10 @@ const ask = async () => {
         sessionStorage.setItem(noted, crashes);
       }
       if (viewers) viewers.textContent = about.viewers > 1 ? `${about.viewers} pages open` : "";
-    } else if (answer.status === 404 || answer.status === 403) showNotice("This link leads nowhere any more: it was taken back, or the server has begun anew. Ask for a new one.");
+    } else if ((answer.status === 404 || answer.status === 403) && !gone) {
+      gone = true; // said once
+      showNotice("This link leads nowhere any more: it was taken back, or the server has begun anew. Ask for a new one.");
+    }
   } catch { /* the server is away: viser's own page says so, and connects again */ }
   setTimeout(ask, 2000);
 };

@@ -4,7 +4,7 @@ const closest = (e, selector) => e.target instanceof Element && e.target.closest
 const press = (key) => document.documentElement.dispatchEvent(
   new KeyboardEvent("keydown", { key, code: key.length > 1 ? key : `Key${key.toUpperCase()}`, bubbles: true }));
 const belongsToControl = (e) =>
-  /^(Arrow|Home|End|Page)/.test(e.key) ? closest(e, ".mantine-Slider-root, [role=tab]")
+  /^(Arrow|Home|End)/.test(e.key) ? closest(e, ".mantine-Slider-root, [role=tab]")
     : e.repeat || (/^( |Enter)$/.test(e.key) && closest(e, "button, a, summary, [role=button], [role=tab]"));
 // A browser opens its dialog for a file only while a key or a button is being pressed, so not from the server.
 const upload = () => {

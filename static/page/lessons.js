@@ -1,8 +1,9 @@
 // Pads on which a course is drawn (app/dashboard/widgets/outcome_chart.py): by mouse or finger, or with the arrow keys.
 // What is drawn is written into the hidden text field behind the pad.
 const COUNT = 25;
+const OPEN = ".vs-pad:not([data-locked='1']) svg";
 const padOf = (e) => {
-  const svg = e.target instanceof Element && e.target.closest(".vs-pad:not([data-locked='1']) svg");
+  const svg = e.target instanceof Element && e.target.closest(OPEN);
   if (svg && !svg.vsmrcDrawn) svg.vsmrcDrawn = { values: Array(COUNT).fill(null), at: 0 };
   return svg;
 };
@@ -30,13 +31,34 @@ const show = (svg) => {
   pen.setAttribute("cy", yAt(svg, drawn[at] ?? (number(svg, "low") + number(svg, "high")) / 2));
   pen.setAttribute("visibility", document.activeElement === svg ? "visible" : "hidden");
 };
+const textOf = (svg) => svg.closest("div:has(> .vs-pad)")?.nextElementSibling?.querySelector("input");
 const send = (svg) => {
-  const input = svg.closest("div:has(> .vs-pad)")?.nextElementSibling?.querySelector("input");
+  const input = textOf(svg);
   if (!input) return;
   const from = number(svg, "from"), to = number(svg, "to");
   const points = course(svg.vsmrcDrawn.values).map((value, k) => [from + ((to - from) * k) / (COUNT - 1), value]);
-  window.vsmrcEnter(input, JSON.stringify(points));
+  svg.vsmrcSent = JSON.stringify(points);
+  window.vsmrcEnter(input, svg.vsmrcSent);
 };
+// what was drawn before the page was loaded again, or on another page, is what would be locked
+setInterval(() => {
+  for (const svg of document.querySelectorAll(OPEN)) {
+    const text = textOf(svg)?.value;
+    if (text === undefined || svg === drawing || text === (svg.vsmrcSent ?? "")) continue;
+    svg.vsmrcSent = text;
+    if (!text) { // the server has other axes
+      svg.vsmrcDrawn = { values: Array(COUNT).fill(null), at: 0 };
+      show(svg);
+      continue;
+    }
+    try {
+      const values = JSON.parse(text).map(([, value]) => value);
+      if (values.length !== COUNT) continue;
+      svg.vsmrcDrawn = { values, at: svg.vsmrcDrawn?.at ?? 0 };
+      show(svg);
+    } catch { /* not written by a pad */ }
+  }
+}, 300);
 const clamp = (svg, value) => Math.min(Math.max(value, number(svg, "low")), number(svg, "high"));
 let drawing = null, lastPlace = null;
 const draw = (svg, e) => {

@@ -226,7 +226,11 @@ document.addEventListener("click", (e) => {
   shrink();
   if (button && !again) grow(box);
 }, true);
-document.addEventListener("keydown", (e) => { if (e.key === "Escape") shrink(); }, true);
+document.addEventListener("keydown", (e) => {
+  if (e.key !== "Escape" || !large()) return;
+  shrink();
+  e.preventDefault(); // one Esc ends one thing (stage.js)
+}, true);
 
 const read = new WeakSet();
 setInterval(() => {

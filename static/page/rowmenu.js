@@ -64,7 +64,7 @@ document.addEventListener("keydown", (e) => {
     else if (e.key === "ArrowDown" || e.key === "ArrowUp")
       items[(at + (e.key === "ArrowDown" ? 1 : items.length - 1)) % items.length].focus();
     else if (e.key === "Enter" || e.key === " ") items[at]?.click();
-    else return;
+    else if (e.ctrlKey || e.metaKey || e.altKey) return; // no other key commands the run behind the menu
   }
   e.preventDefault();
   e.stopPropagation();

@@ -1,7 +1,8 @@
 // Numbers: a text field reports when the user is done with it, and a slider when it is let go.
 // The marks are those of app/dashboard/theme/style.py.
 const mark = "\u200b";
-const field = (e) => e.target instanceof HTMLInputElement && e.target.type === "text" && e.target.closest("form")
+// the menus in a form search with a text field of their own
+const field = (e) => e.target instanceof HTMLInputElement && e.target.matches("form .mantine-TextInput-input")
   ? e.target : null;
 let writing = false;
 const write = (input, text) => {
@@ -33,6 +34,11 @@ document.addEventListener("beforeinput", (e) => {
   const input = field(e);
   if (input && input.dataset.pending !== undefined && input.value !== input.vsmrcDraft) write(input, input.vsmrcDraft);
 }, true);
+// Nor does the field show another value than the one that leaving it applies.
+setInterval(() => {
+  const input = field({ target: document.activeElement });
+  if (input && input.dataset.pending !== undefined && input.value !== input.vsmrcDraft) write(input, input.vsmrcDraft);
+}, 300);
 document.addEventListener("input", (e) => {
   const input = field(e);
   if (!input || writing) return;
@@ -44,7 +50,7 @@ document.addEventListener("keydown", (e) => {
   if (!input || (e.key !== "Enter" && e.key !== "Escape")) return;
   e.preventDefault();
   commit(input, e.key === "Enter" ? input.vsmrcDraft : "");
-  if (input.matches(".mantine-TextInput-input")) input.blur(); // keys are commands again
+  input.blur(); // keys are commands again
 }, true);
 // A tick of the timeline is looked at: its instant is typed into the field of the time, which stands behind the ticks.
 document.addEventListener("pointerdown", (e) => {
@@ -74,7 +80,7 @@ const letGo = (mark) => {
     delete row.dataset.held;
   }, SLOT), SLOT));
 };
-const moves = (e) => /^(Arrow|Home|End|Page)/.test(e.key);
+const moves = (e) => /^(Arrow|Home|End)/.test(e.key);
 // A slider's step is a fine one (FINE_STEP in app/dashboard/widgets/field_place.py). Ten of them are a step by mouse or
 // key, and one with Shift, when the mouse also moves it a tenth as far. Between two pixels an event gets a place of its
 // own.
@@ -108,15 +114,31 @@ document.addEventListener("keydown", (e) => {
 }, true);
 for (const kind of ["mousedown", "touchstart"])
   document.addEventListener(kind, (e) => { const s = slider(e); if (s && e.isTrusted) hold(s.closest("form"), false); }, true);
-for (const kind of ["mouseup", "touchend", "touchcancel"])
+for (const kind of ["mouseup", "touchend"])
   document.addEventListener(kind, (e) => { if (e.isTrusted) letGo("\u200c"); }, true);
+document.addEventListener("touchcancel", (e) => { if (e.isTrusted) letGo("\u200d"); }, true);
+// A finger that goes up or down from a slider scrolls (page.css lets it), and the slider gets its value back.
+const NEAR = 10; // px that a finger goes before it is known which way
+let finger = null; // where it began, null once it is known
+window.addEventListener("touchstart", (e) => {
+  finger = slider(e) && e.touches.length === 1 ? { x: e.touches[0].clientX, y: e.touches[0].clientY } : null;
+}, { capture: true, passive: true });
+window.addEventListener("touchmove", (e) => {
+  if (!finger || !held) return;
+  const x = Math.abs(e.touches[0].clientX - finger.x), y = Math.abs(e.touches[0].clientY - finger.y);
+  if (Math.max(x, y) < NEAR) e.stopPropagation();
+  else if (y > x) takeBack();
+  if (Math.max(x, y) >= NEAR) finger = null;
+}, { capture: true, passive: true });
+const takeBack = () => {
+  letGo("\u200d");
+  document.dispatchEvent(new MouseEvent("mouseup", { bubbles: true }));
+  document.dispatchEvent(new Event("touchend", { bubbles: true }));
+};
 document.addEventListener("keydown", (e) => {
   const s = slider(e);
-  if (e.key === "Escape" && held) {
-    letGo("\u200d");
-    document.dispatchEvent(new MouseEvent("mouseup", { bubbles: true }));
-    document.dispatchEvent(new Event("touchend", { bubbles: true }));
-  } else if (s && moves(e)) hold(s.closest("form"), true);
+  if (e.key === "Escape" && held) takeBack();
+  else if (s && moves(e)) hold(s.closest("form"), true);
 }, true);
 document.addEventListener("keyup", (e) => { if (moves(e)) letGo("\u200c"); }, true);
 // the keyup goes elsewhere then; a mouse stays with the page that it was pressed on

@@ -95,7 +95,7 @@ const turns = Object.assign(document.createElement("nav"), { className: "vs-turn
 turns.append(button("", "‹", "The plot before (,)", () => turn(-1)), shown, button("", "›", "The next plot (.)", () => turn(1)));
 document.body.append(turns);
 document.body.addEventListener("keydown", (e) => {
-  if (e.ctrlKey || e.metaKey || e.altKey || e.repeat || document.querySelector(".vs-help") || window.vsmrcTyping(e)) return;
+  if (e.ctrlKey || e.metaKey || e.altKey || e.repeat || e.defaultPrevented || document.querySelector(".vs-help") || window.vsmrcTyping(e)) return;
   if (/^v$/i.test(e.key) || (e.key === "Escape" && onStage())) toggle();
   else if (onStage() && (e.key === "," || e.key === ".")) turn(e.key === "," ? -1 : 1);
 });

@@ -182,7 +182,9 @@ document.addEventListener("click", (e) => {
 }, true);
 document.addEventListener("keydown", (e) => {
   keyed = e.key === "Tab" || (keyed && /^Arrow/.test(e.key));
-  if (e.key === "Escape") hide();
+  if (e.key !== "Escape" || !shown) return;
+  hide();
+  e.preventDefault(); // one Esc ends one thing (stage.js)
 }, true);
 document.addEventListener("focusin", (e) => {
   if (!keyed) return;

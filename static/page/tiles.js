@@ -64,8 +64,11 @@ document.addEventListener("pointerdown", (e) => { // a click may lose its tile, 
 }, true);
 document.addEventListener("keydown", (e) => {
   const tile = tileOf(e.target);
-  if (e.key === "Escape" && document.querySelector(".vs-tiles[data-previewed]"))
-    writeTo(document.querySelector(".vs-tiles[data-previewed]").dataset.field, "left");
+  const previewed = e.key === "Escape" && document.querySelector(".vs-tiles[data-previewed]");
+  if (previewed) {
+    writeTo(previewed.dataset.field, "left");
+    e.preventDefault(); // one Esc ends one thing (stage.js)
+  }
   if (!tile) return;
   const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[e.key];
   if (step) {

@@ -12,11 +12,23 @@ document.addEventListener("pointerdown", (e) => {
   from = { x: e.clientX - moved.x, y: e.clientY - moved.y, left: left - moved.x, top: top - moved.y, width, height };
   grip.setPointerCapture(e.pointerId);
 }, true);
+const moveTo = (x, y, { left, top, width, height }) => {
+  moved.x = keep(x, -left, innerWidth - left - width);
+  moved.y = keep(y, -top, innerHeight - top - height);
+  for (const side of ["x", "y"]) document.documentElement.style.setProperty(`--vs-moved-${side}`, `${moved[side]}px`);
+};
 document.addEventListener("pointermove", (e) => {
   if (!from) return;
   e.stopPropagation();
-  moved.x = keep(e.clientX - from.x, -from.left, innerWidth - from.left - from.width);
-  moved.y = keep(e.clientY - from.y, -from.top, innerHeight - from.top - from.height);
-  for (const side of ["x", "y"]) document.documentElement.style.setProperty(`--vs-moved-${side}`, `${moved[side]}px`);
+  moveTo(e.clientX - from.x, e.clientY - from.y, from);
 }, true);
+// the page may have become smaller since the window was dragged
+setInterval(() => {
+  const box = (moved.x || moved.y) && !from && !document.documentElement.matches("[data-stage]")
+    && document.querySelector("[data-floating-window]:has(.vs-held)");
+  if (!box) return;
+  const { left, top, width, height } = box.getBoundingClientRect();
+  if (left < 0 || top < 0 || left + width > innerWidth || top + height > innerHeight)
+    moveTo(moved.x, moved.y, { left: left - moved.x, top: top - moved.y, width, height });
+}, 300);
 for (const kind of ["pointerup", "pointercancel"]) document.addEventListener(kind, () => { from = null; }, true);

@@ -133,7 +133,7 @@ def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.
     u, v = random.standard_normal((2, 3))
     contacts = Contacts.of((Contact(0.0, 0.0, 1.0, False, 0.0, 0.0),))
     environment = EnvironmentMatrices.apart(*np.zeros((3, shapes.number)))
-    world = World(np.zeros(3), Face.point(), shapes, contacts, False, environment)
+    world = World(np.zeros(3), Face.point(), shapes, contacts, False, environment, np.zeros(3))
     workspace = Record(PlantWorkspace.of(world, charted("ur5", chart).plant.truth.resistance, 3))
     M = turned = np.eye(3, order="F")  # as Pinocchio has them, for which the kernel is compiled already
     state, still = Record.zeros(Arm, 3), np.zeros(3)

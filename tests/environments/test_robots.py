@@ -201,6 +201,7 @@ def test_another_arm_brings_what_depends_on_it_and_can_be_saved() -> None:
         ({"tool_frame": "fore"}, "in no posture can its joints move the tool in all directions"),
         ({"tool_frame": "base"}, "robot.tool_frame: 'base' is moved by 0 joints"),
         ({"rotor_inertia": [0.1, -0.1, 0.1]}, "robot.rotor_inertia: [0.1, -0.1, 0.1] has a negative entry"),
+        ({"rotor_inertia": []}, "robot.rotor_inertia: 0 "),
         ({"legs": 2}, "robot.legs: no such field; allowed: name, urdf"),
         ({"tool_offset": [1.0]}, "robot.tool_offset"),
     ],

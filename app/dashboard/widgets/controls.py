@@ -131,6 +131,8 @@ class NumberField:
         self._desk, self._place, self._label, self._scale = desk, place, label, scale
         self._plain_label, self._units = label, CARTESIAN
         self._answer = AwaitedAnswer()
+        self._held: float | None = None  # value of the slider that a page holds, which another page may hide
+        self._held_until = -math.inf  # on the monotonic clock, s; the page may have gone
         self._form = desk.gui.add_form(None)
         with self._form:
             self._text = desk.gui.add_text(label, "", hint=place.hint)
@@ -189,7 +191,9 @@ class NumberField:
         self._text.value = written(value)
         self._desk.choose(self.row)
         edit = self._place.edit(snapshot, value)
+        self._held = value
         if self._desk.whatif.on:
+            self._held_until = time.monotonic() + LONGEST
             value_text, client = f"{written(value)} {self._unit_beside(snapshot)}".rstrip(), event.client.client_id
             held = HeldControl(edit, self._label, value_text, self, client, moved=self._moved(snapshot, value))
             self._desk.whatif.hold(held)
@@ -210,7 +214,8 @@ class NumberField:
         if running is None:
             self._desk.whatif.let_go(self)
             return
-        value = running if self._slider is None or self._scale is None else self._scale.value(self._slider.value)
+        held, self._held, self._held_until = self._held, None, -math.inf
+        value = running if held is None else held  # a slider that was not moved shows its value only roughly
         self._text.value = written(value)  # removes the mark
         changed = apply and written(value) != written(running)
         if changed:  # before the slider counts as let go, since the page may be drawn in between
@@ -239,6 +244,8 @@ class NumberField:
         if self._form.visible != (value is not None):
             self._form.visible = value is not None
         if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
+            return
+        if time.monotonic() < self._held_until:
             return
         if snapshot.system.units != self._units:
             self._show_units(snapshot.system.units)
