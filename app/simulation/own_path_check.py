@@ -38,7 +38,7 @@ def require_path(scenario: Scenario, reference: Planned, start: np.ndarray) -> N
         )
     first = np.abs(np.array(reference.at(0.0).r_d)[len(now[0, 0]) - len(start) :] - start).max(initial=0.0)
     if not first <= AT_START:
-        raise ScenarioError(f"{path}: at t = 0 the path is {first:.3g} away from the start; allowed: 0")
+        raise ScenarioError(f"{path}: at t = 0 s the path is {first:.3g} away from the start; allowed: 0")
     for k, name in enumerate(("rate", "acceleration")):
         differences = (after[:, k] - before[:, k]) / (2 * STEP)
         away = np.abs(now[:, k + 1] - differences).max(axis=1)
