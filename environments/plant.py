@@ -46,6 +46,7 @@ from kernels.records import Record
 from kernels.rigid_body import Chain
 
 WORLD = pin.Convention.WORLD
+PRESSED = 1e-7  # m: there is friction along a surface only where there is a force on it
 
 
 class PlantAddresses(NamedTuple):
@@ -144,14 +145,15 @@ class Plant:
         return Plant(self.robot, truth, self.surfaces, self.kind, contacts, *rest)
 
     def unload(self, p: np.ndarray, t: float, unilateral: Sequence[bool]) -> None:
-        """Let the springs of surfaces that only push carry no force where the tool is off them.
+        """Let the springs of surfaces that only push be just pressed, by `PRESSED`, where the tool is off them.
 
         p: (3,) m, of the tool at t (s). unilateral: which of the surfaces only push, also if those of this plant, a
         smooth one, also pull.
         """
         for i, surface in enumerate(self.surfaces):
             phi = float(surface.chart(p, t).g[0])
-            self._workspace["world"]["unloaded"][0, i] = min(phi, 0.0) if unilateral[i] and self.kind.springs else 0.0
+            off = unilateral[i] and self.kind.springs and phi < PRESSED
+            self._workspace["world"]["unloaded"][0, i] = phi - PRESSED if off else 0.0
 
     def _resolve_kernels(self, n: int) -> None:
         workspace, arm, tau = self._workspace, Record.zeros(Arm, n).data, np.zeros(n)

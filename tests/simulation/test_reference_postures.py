@@ -54,6 +54,7 @@ class _Plain(NamedTuple):
 
     r: np.ndarray
     J_q_inv: np.ndarray = np.eye(1)
+    turn: np.ndarray = np.zeros(1)
 
     @property
     def views(self) -> SimpleNamespace:
