@@ -286,3 +286,17 @@ def test_a_map_that_makes_no_sense_is_refused_in_the_words_of_its_controls(
     with pytest.raises(ScenarioError) as refused:
         robustness._request(page.snapshot())
     assert str(refused.value) == sentence
+
+
+def test_a_map_beyond_what_its_field_allows_is_refused_and_a_limit_that_is_none_is_said(
+    viser_server: viser.ViserServer,
+) -> None:
+    page = BareDesk(viser_server, SWEEP.scenario)
+    robustness = RobustnessMap(page.desk)
+    robustness._up.leave()
+    robustness._across._range.value = "-5, 100"
+    with pytest.raises(ScenarioError, match=r"^stiffness of the surface: -5(\.0)?; allowed: a number >"):
+        robustness._request(page.snapshot())
+    robustness._within.value = "abc"
+    assert robustness._limit == "Limit: 'abc'; allowed: a number"
+    assert robustness._view.within is None

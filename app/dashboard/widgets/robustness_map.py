@@ -4,6 +4,7 @@ opens its run."""
 from __future__ import annotations
 
 from dataclasses import replace
+from html import escape
 
 import msgspec
 import viser
@@ -26,6 +27,7 @@ from app.dashboard.widgets.swept_fields import (
 )
 from app.export.export_jobs import MadeJob, file_name
 from app.export.formats import Format
+from app.scenario.data import with_value
 from app.scenario.departures import DRAWN
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -35,6 +37,7 @@ from app.session.snapshot import Snapshot
 from app.storage.joint_kinds import units_of
 from app.storage.recording_files import ProgressCallback
 from app.sweep import charts
+from app.sweep.axes import Axis
 from app.sweep.background import BackgroundSweep
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import Points, SweepView, points_of
@@ -138,6 +141,8 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
                 raise ScenarioError(f"{field.name}: it is drawn for each true arm; allowed: the scenario's own arm")
         scenario, count = prepared(snapshot, fields), SIZES[self._size.value]
         vary = tuple(side.axis(scenario, count) for side in sides)
+        for field, axis in zip(fields, vary, strict=True):
+            _require_ends(scenario, field.name, axis)
         request = Sweep(lasting(scenario, seconds), vary, draw=arms, until=seconds, engine="pinocchio")
         require_arms(request, f"True arms: {self._arms.value}", "the scenario's own")
         self._fields |= {field.path: field for field in fields}
@@ -165,13 +170,19 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._desk.post(Perform(named, (), end))
 
     @property
-    def _view(self) -> SweepView:
-        name, factor = METRICS[self._metric.value]
+    def _limit(self) -> float | str | None:
+        """The limit as it is typed, or why it is none; None where no limit is typed."""
         limit = typed(self._within)
         try:
-            return SweepView(name, within=number_of("Limit", limit) / factor if limit else None)
-        except ScenarioError:
-            return SweepView(name)
+            return number_of("Limit", limit) if limit else None
+        except ScenarioError as error:
+            return str(error)
+
+    @property
+    def _view(self) -> SweepView:
+        name, factor = METRICS[self._metric.value]
+        limit = self._limit
+        return SweepView(name, within=limit / factor if isinstance(limit, float) else None)
 
     def _unit(self, units: Units) -> str:
         """Unit in which the figure is shown."""
@@ -205,7 +216,18 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         if self._files.visible != bool(work.rows):
             self._files.visible = bool(work.rows)
         present = {axis.path: self._fields[axis.path].value(snapshot) for axis in work.plan.sweep.vary}
-        return map_html(work, self._points(work), self._naming(units_of(work.plan.sweep.scenario)), present)
+        problem = self._limit if isinstance(self._limit, str) else ""
+        note = f'<div class="vs-note">{escape(problem)}. The map shows the worst arm.</div>' if problem else ""
+        return note + map_html(work, self._points(work), self._naming(units_of(work.plan.sweep.scenario)), present)
+
+
+def _require_ends(scenario: Scenario, name: str, axis: Axis) -> None:
+    """Raise ScenarioError where the field of an axis, which the page calls `name`, does not allow an end of it."""
+    for end in (0.0, 1.0):
+        try:
+            with_value(scenario, axis.path, axis.at(end))
+        except ScenarioError as error:
+            raise ScenarioError(f"{name}: {str(error).removeprefix(f'{axis.path}: ')}") from error
 
 
 def shown_by(sweep: Sweep, view: SweepView) -> str:
