@@ -194,7 +194,7 @@ def page(readings: list[Reading], failures: list[str], errors: list[str], client
     ]
     latenesses = ("late p50, ms", "p99, ms", "max, ms")
     header = ("minute", "visits so far", "resident, MB", "threads", "files", "steps per s", *latenesses)
-    growth = "; ".join(grown(readings) + halted(readings)) or "nothing grew"
+    growth = "; ".join(grown(readings) + halted(readings)) or f"nothing grew by more than {100 * (GROWTH - 1):.0f} %"
     broken = failures_in_words(failures, errors)
     return f"""## In company
 

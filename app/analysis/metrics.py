@@ -15,6 +15,7 @@ from app.simulation.engines import Engine
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
 from app.simulation.verdict import Finding, PromiseVerdict
+from controllers.switching import Switching
 from environments.surfaces.table import Surface
 
 # signals of each surface
@@ -42,7 +43,7 @@ class Metrics(Struct, frozen=True):
     premises: tuple[Finding, ...]
     reaching_time: (
         float | None
-    )  # s, of the run's beginning until ||s|| is within the boundary layer; None while it is not
+    )  # s, until ||s|| is within the boundary layer; None while it is not, and for a law that has none
     reaching_time_bound: float | None  # s, (18): until s = 0 in continuous time, and so until the layer
     layer_time_bound: float | None  # s, until the boundary layer; None for a law that has none
     band_time: float | None  # s, until ||s|| is within its band
@@ -69,6 +70,7 @@ def metrics_of(loop: ClosedLoop, realtime_factor: float | None = None, engine: E
     last = {name: record[name][tail] for name in ("t", "e_r", "tool", "F_c", "F_cd", *MULTIPLIERS)}
     system, begun = loop.system, loop.recording.epochs[0]
     rigid, robust = system.plant.kind.rigid, system.controller.law.robust
+    layered = robust and system.controller.switching is not Switching.DISCONTINUOUS
     excess = record["s_norm"] - record["s_bound"] - record["s_band"]
     promised = excess[np.isfinite(excess)]
     standing = loop.standing
@@ -81,9 +83,9 @@ def metrics_of(loop: ClosedLoop, realtime_factor: float | None = None, engine: E
         settling_time=None if loop.stopped else _settling(system, record),
         promise=standing.run,
         premises=standing.findings_of_run,
-        reaching_time=since(begun, begun.layer_reached) if robust else None,
+        reaching_time=since(begun, begun.layer_reached) if layered else None,
         reaching_time_bound=begun.certificate.t_r if robust else None,
-        layer_time_bound=since(begun, begun.layer_reached_by),
+        layer_time_bound=since(begun, begun.layer_reached_by) if layered else None,
         band_time=since(begun, begun.band_reached),
         band_time_bound=since(begun, begun.band_reached_by),
         envelope_violation=max(float(promised.max()), 0.0) if len(promised) else None,

@@ -15,6 +15,7 @@ from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
+from controllers.switching import Switching
 
 RIGID = "constrained"
 PLANTS = 5  # in each situation
@@ -172,24 +173,32 @@ def _reaching(loop: ClosedLoop, about: DrawnPlant) -> Reaching:
     early = _before_band(record, promised)
     until = np.inf if first is None or first.failed is None else first.failed
     epoch = loop.recording.epochs[0]
+    layerless = loop.system.controller.switching is Switching.DISCONTINUOUS
     found = replace(
         found,
-        excess=float((s - limit)[promised].max()),
+        excess=float((s - limit)[later].max()) if (later := _later(promised)).any() else np.nan,
         early_excess=float((s - record["s_bound"])[early].max()) if early.any() else np.nan,
         tightness=largest_ratio(record),
-        layer=_deadline(epoch.layer_reached_by, epoch.layer_reached, until, loop.t),
+        layer=None if layerless else _deadline(epoch.layer_reached_by, epoch.layer_reached, until, loop.t),
         band=_deadline(epoch.band_reached_by, epoch.band_reached, until, loop.t),
     )
     return _with_true_perturbation(found, loop, record, promised, early)
 
 
 def _before_band(record: Mapping[str, np.ndarray], promised: np.ndarray) -> np.ndarray:
-    """Mask (N,) of the rows with a promise that come before ||s|| is first within the band since that promise began."""
+    """Mask (N,) of the rows with a promise, but for the first row of each, that come before ||s|| is first within the
+    band since that promise began."""
     early, reached = promised.copy(), False
     for i in range(len(promised)):
         reached = promised[i] and (reached or record["s_norm"][i] <= record["s_band"][i])
         early[i] &= not reached
-    return early
+    return early & _later(promised)
+
+
+def _later(promised: np.ndarray) -> np.ndarray:
+    """Mask (N,) of the rows with a promise but for the first row of each, where bounds follow from ||s|| itself, so
+    that no arm can be over them."""
+    return promised & np.append(False, promised[:-1])
 
 
 def _deadline(promised: float | None, measured: float | None, until: float, end: float) -> Deadline | None:

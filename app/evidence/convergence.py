@@ -46,7 +46,8 @@ SUBJECTS: Mapping[Subject, str] = {
 }
 CAPTION = (
     "Dots: measured; of one colour the upper ones are semi-implicit Euler's, the lower ones RK4's, and the leapfrog's "
-    "between them, in contact with a rigid surface on those of Euler. Dashed: the slope "
+    "between them: on a rigid surface on those of Euler in the plant's chart, near those of RK4 in the loop's. The "
+    "sliding band is the leapfrog's. Dashed: the slope "
     "that theory gives, 4 for the plant under RK4 and 1 everywhere else, through the shortest step."
 )
 

@@ -74,11 +74,17 @@ class MapSweep:
 
 
 FORCE_WAVE = {"kind": "sinusoid", "value": 20.0, "amplitude": 5.0, "frequency": 0.5}
+# Hz, 0 for none, which comes last
 CUTOFFS = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 0.0)
 
 
 def _milliseconds(value: float) -> str:
     return f"{1e3 * value:g}"
+
+
+def _divided(values: np.ndarray, cutoff: float) -> str:
+    """Median number by which a low-pass of this cutoff divides the values, (cutoffs, N)."""
+    return f"{np.nanmedian(values[-1] / values[CUTOFFS.index(cutoff)]):.2g}"
 
 
 def _cutoff(value: float) -> str:
@@ -245,6 +251,8 @@ def _numbers(delay: MapCells, noise: MapCells, period: MapCells, drives: MapCell
         "delay_agreement": agreement(delay["growth"] > 1.0, swinging),
         "delay_kept": f"{1e3 * max(good):g}" if good else "no",
         "noise_share": f"{np.nanmedian(noise['force'][-1] / np.array(noise.xs)):.2g}",
+        "noise_50": _divided(noise["variation"], 50.0),
+        "noise_20": _divided(noise["variation"], 20.0),
         "noise_variation": f"{np.nanmedian(noise['variation'][-1] / np.array(noise.xs)):.3g}",
         "period_agreement": agreement(period["layer_factor"] > 2.0, chattering),
         "drives_agreement": agreement(load > 1.0, ~(drives["saturated"] <= 0.0)),

@@ -128,6 +128,7 @@ def _of_hunts(hunts: Sequence[Hunt]) -> dict[str, str]:
     return {
         "tries": f"{sum(one.tries for one in hunts):,}",
         "hunts": f"{len(hunts)}",
+        "hunts_refused": f"{sum(one.refused == one.tries for one in hunts)}",
         "tries_promised": f"{sum(one.promised for one in hunts):,}",
         "tries_refused": f"{sum(one.refused for one in hunts):,}",
         "tries_broken": f"{sum(one.broken for one in hunts)}",

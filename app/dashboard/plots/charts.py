@@ -145,7 +145,7 @@ class Drawing:
     title: with the unit.
     lines: from back to front.
     areas: between lines.
-    floor: value that a logarithmic axis shows for an exact zero, None for a linear axis.
+    floor: least value that a logarithmic axis shows, also in place of smaller ones; None for a linear axis.
     at_least: a range that is always in view, so that noise does not fill the plot."""
 
     title: str
