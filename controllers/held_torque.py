@@ -15,12 +15,14 @@ class Held(NamedTuple):
     """Quantities of the previous period.
     model: (n,) N m, the terms of (25) without the robust ones.
     z_dot: (n,) m/s^2.
+    r: (n,) m, of the arm.
     push: (6,), a wrench.
     r_d, r_d_dot, r_d_ddot: (n,), of the reference, m, m/s, m/s^2.
     known: whether there is a period before under the same law."""
 
     model: np.ndarray
     z_dot: np.ndarray
+    r: np.ndarray
     push: np.ndarray
     r_d: np.ndarray
     r_d_dot: np.ndarray
@@ -31,7 +33,7 @@ class Held(NamedTuple):
     def zeros(cls, n: int) -> Held:
         """Quantities for n coordinates, before the first period."""
         v = np.zeros(n)
-        return cls(model=v, z_dot=v, push=np.zeros(6), r_d=v, r_d_dot=v, r_d_ddot=v, known=False)
+        return cls(model=v, z_dot=v, r=v, push=np.zeros(6), r_d=v, r_d_dot=v, r_d_ddot=v, known=False)
 
 
 @inline

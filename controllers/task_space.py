@@ -312,12 +312,12 @@ def _joint(q, q_dot, task):
 
 
 @inline
-def turn_towards(r_d, task):
-    """Move each angle in r by whole turns to the value that is nearest to that in r_d (n,): an angle of (3) is known up
-    to whole turns only, and e_r must not jump by one."""
+def turn_towards(near, task):
+    """Move each angle in r by whole turns to the value that is nearest to that in `near` (n,): an angle of (3) is known
+    up to whole turns only, and e_r must not jump by one."""
     for i in range(task.r.shape[0]):
         if task.turn[i] > 0.0:
-            task.r[i] += task.turn[i] * np.floor((r_d[i] - task.r[i]) / task.turn[i] + 0.5)
+            task.r[i] += task.turn[i] * np.floor((near[i] - task.r[i]) / task.turn[i] + 0.5)
 
 
 @inline

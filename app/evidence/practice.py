@@ -82,9 +82,13 @@ def _milliseconds(value: float) -> str:
     return f"{1e3 * value:g}"
 
 
-def _divided(values: np.ndarray, cutoff: float) -> str:
-    """Median number by which a low-pass of this cutoff divides the values, (cutoffs, N)."""
-    return f"{np.nanmedian(values[-1] / values[CUTOFFS.index(cutoff)]):.2g}"
+def _divided(noise: MapCells, cutoff: float) -> str:
+    """Median number by which a low-pass of this cutoff (Hz) divides the torque variation; a dash where the map has no
+    such row."""
+    if cutoff not in noise.ys:
+        return "—"
+    values = noise["variation"]
+    return f"{np.nanmedian(values[-1] / values[list(noise.ys).index(cutoff)]):.2g}"
 
 
 def _cutoff(value: float) -> str:
@@ -251,8 +255,8 @@ def _numbers(delay: MapCells, noise: MapCells, period: MapCells, drives: MapCell
         "delay_agreement": agreement(delay["growth"] > 1.0, swinging),
         "delay_kept": f"{1e3 * max(good):g}" if good else "no",
         "noise_share": f"{np.nanmedian(noise['force'][-1] / np.array(noise.xs)):.2g}",
-        "noise_50": _divided(noise["variation"], 50.0),
-        "noise_20": _divided(noise["variation"], 20.0),
+        "noise_50": _divided(noise, 50.0),
+        "noise_20": _divided(noise, 20.0),
         "noise_variation": f"{np.nanmedian(noise['variation'][-1] / np.array(noise.xs)):.3g}",
         "period_agreement": agreement(period["layer_factor"] > 2.0, chattering),
         "drives_agreement": agreement(load > 1.0, ~(drives["saturated"] <= 0.0)),

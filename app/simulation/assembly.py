@@ -163,7 +163,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     )
     constants = _constants(scenario, robot, mode, nominal, observer, plan, surfaces, q_0, memory, previous)
     mobility = _mobility(scenario, plant, constants, nominal, memory, previous)
-    stations = _stations(constants, previous)
+    stations = _stations(constants, surfaces, observer, previous)
     controller = _controller(scenario, robot, mode, layout, constants, previous)
     return System(
         scenario=scenario,
@@ -344,13 +344,20 @@ def _mobility(
     return mobility
 
 
-def _stations(constants: Constants, previous: System | None) -> Stations:
-    return _reused(
-        previous,
-        lambda p: p.constants is constants,
-        lambda p: p.stations,
-        lambda: Stations.along(constants.centres, constants.instants),
-    )
+def _stations(
+    constants: Constants, surfaces: tuple[Surface, ...], observer: Observer, previous: System | None
+) -> Stations:
+    def build() -> Stations:
+        curved = [each for each in surfaces if not each.form.normal_fixed]
+        normals = np.zeros((len(constants.centres), len(curved), 3))
+        if curved:
+            tools = observer.at_rest(constants.centres, constants.instants)["estimate"]["p"]
+            for k, (p, t) in enumerate(zip(tools, constants.instants, strict=True)):
+                normals[k] = [each.chart(p, t).G[0] for each in curved]
+            normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+        return Stations.along(constants.centres, constants.instants, normals)
+
+    return _reused(previous, lambda p: p.constants is constants, lambda p: p.stations, build)
 
 
 def _sampled_loops(

@@ -15,7 +15,6 @@ import numpy as np
 from app.simulation.alarms import Alarm
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_period import RunData, run_periods
-from app.simulation.stations import APART
 from controllers.control_law import ControlLaw
 from controllers.laws.table import LAWS
 from environments.integrators import Integrator
@@ -59,7 +58,7 @@ class PostureChecks(NamedTuple):
     @classmethod
     def of(cls, loop: ClosedLoop) -> PostureChecks:
         """Checks as `ClosedLoop.step` makes them."""
-        close = min(APART, loop.system.constants.radius)
+        close = min(loop.premise_watch.near, loop.system.constants.radius)
         return cls(close, loop.system.stations.of, lambda: loop.premise_watch.judged_station)  # its watch can change
 
     @classmethod

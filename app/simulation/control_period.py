@@ -199,7 +199,8 @@ def _see(setting, evaluation, momenta, C, J, J_dot, placements, arm, F, t):
     copy(F, evaluation.F)
     observe(setting.observation_model, momenta, C, J, J_dot, placements, t, seen)
     reference_at(setting.plan, t, evaluation.reference)
-    turn_towards(evaluation.reference.r_d, seen.task)
+    # an error may grow beyond half a turn, and must not jump there: later r goes on from where it was
+    turn_towards(evaluation.held.r if evaluation.held.known else evaluation.reference.r_d, seen.task)
     if setting.online:
         take_estimates(seen.estimate, evaluation.feedforward)
     _measure(setting, evaluation, no_parameters(setting.gains))
@@ -270,6 +271,7 @@ def _remember(evaluation, held):
     for i in range(held.model.shape[0]):
         held.model[i] = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
     copy(output.z_dot, held.z_dot)
+    copy(evaluation.seen.task.r, held.r)
     copy(evaluation.push, held.push)
     copy(reference.r_d, held.r_d)
     copy(reference.r_d_dot, held.r_d_dot)

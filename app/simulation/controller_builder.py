@@ -184,8 +184,8 @@ def matrices_of(scenario: Scenario, n: int) -> dict[str, np.ndarray]:
 
 
 def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceRange | None:
-    """Range of surfaces on which the target model has to be stable: as stiff as the scenario's or as believed; None for
-    none."""
+    """Range of surfaces on which the target model has to be stable: as stiff as the scenario's, with any normal; None
+    for none."""
     contact, m, others = scenario.contact, mode.force_directions, scenario.surfaces[1:]
     if not contact.nature.springs or mode.feedback != "all":
         return None
@@ -201,7 +201,7 @@ def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceR
             normal=False,
         )
     return SurfaceRange(
-        K_e=max(contact.K_e, scenario.controller.K_e_hat),
+        K_e=contact.K_e,
         B_e=contact.B_e,
         M_e=contact.M_e if contact.nature.massive else 0.0,
         friction=contact.friction_viscous,

@@ -19,7 +19,7 @@ from app.simulation.recording import Epoch
 from app.simulation.sampled_force_loop import worst_gain_by_force
 from app.simulation.sampled_stability import RespondingLoop, SampledLoop, SampledLoops
 from app.simulation.state import Flag, Judged, State, epoch_at
-from app.simulation.stations import APART
+from app.simulation.stations import APART, NEAR
 from app.simulation.system import System
 from app.simulation.verdict import sentence
 from controllers.blend import ModelBlend, blended
@@ -51,6 +51,7 @@ class PremiseWatch:
 
     system: follows the target model in force during a blend; share: of that blend, 0 without one.
     every: control periods from one posture check to the next.
+    near: rad, distance from a centre of Omega within which its station stands for the arm's posture.
     """
 
     def __init__(self, system: System, state: State, arm: ControlledArm) -> None:
@@ -63,7 +64,8 @@ class PremiseWatch:
         self._loops = SampledLoops(system)
         self.share = 0.0
         stated_in_time = isinstance(system.scenario.declared.delta_f, str)
-        self._changing = stated_in_time or any(each.changing for each in system.surfaces)
+        self._changing = stated_in_time or any(each.turning for each in system.surfaces)
+        self.near = APART if all(each.form.normal_fixed for each in system.surfaces) else NEAR
         come_back = not system.mode.on_surface or recurring(system.surfaces)  # the surfaces that r is about
         self._known_until = np.inf if come_back else system.constants.omega.span
 
@@ -153,8 +155,8 @@ class PremiseWatch:
             self._table.value[Premise.DOMAIN] = np.inf
             self.leave_domain("flag", sentence(Premise.DOMAIN, np.inf, self.system.constants.radius, self.system.units))
         station, judged, q = int(self._stations.of[nearest]), state.judged, state.arm.views.q
-        if distance > APART or self._changing:
-            moved = judged.station is not None or not np.abs(q - judged.q).max() <= APART
+        if distance > self.near or self._changing:
+            moved = judged.station is not None or not np.abs(q - judged.q).max() <= self.near
             if not (moved or self.model_has_moved or self._changed_since(judged)):
                 return
             state.judged = Judged(None, q.copy(), state.t, self.share)

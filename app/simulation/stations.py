@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 APART = 0.1  # rad, largest change of a joint from one station to the next
+TURNED = 0.1  # rad, the same of a surface's normal at the tool
+NEAR = 0.02  # rad, largest change of a joint from a station, beside which a curved surface has much the same normal
 
 
 @dataclass(frozen=True)
 class Stations:
-    """Postures along the reference, `APART` from each other.
+    """Postures along the reference, `APART` from each other, or on curved surfaces with normals that differ by
+    `TURNED`.
     q: (S, n) rad.
     t: (S,) s.
     of: (N,), number of the station that stands for each centre of Omega."""
@@ -22,12 +25,15 @@ class Stations:
     of: np.ndarray
 
     @classmethod
-    def along(cls, centres: np.ndarray, instants: np.ndarray) -> Stations:
-        """Stations among the centres (N, n) of Omega, at which the reference is at the instants (N,) s."""
+    def along(cls, centres: np.ndarray, instants: np.ndarray, normals: np.ndarray) -> Stations:
+        """Stations among the centres (N, n) of Omega, at which the reference is at the instants (N,) s.
+        normals: (N, S, 3), unit normals of S curved surfaces at the tool."""
         chosen, of = [0], np.zeros(len(centres), dtype=int)
         for k, q in enumerate(centres):
-            apart = np.abs(centres[chosen] - q).max(axis=1)
-            if apart.min() > APART:
+            joints = np.abs(centres[chosen] - q).max(axis=1) / APART
+            turned = np.linalg.norm(normals[chosen] - normals[k], axis=2).max(axis=1, initial=0.0) / TURNED
+            apart = np.maximum(joints, turned)
+            if not apart.min() <= 1.0:
                 chosen.append(k)
                 of[k] = len(chosen) - 1
             else:

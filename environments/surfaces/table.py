@@ -131,6 +131,11 @@ class Surface:
         return self.form.changing
 
     @property
+    def turning(self) -> bool:
+        """Whether its normal at a fixed point changes in time: its form does, or a curved one moves."""
+        return self.form.changing or (not self.form.normal_fixed and self.motion.amplitude > 0.0)
+
+    @property
     def resolution(self) -> int:
         """Number of points of its mesh on a side."""
         return self.form.resolution

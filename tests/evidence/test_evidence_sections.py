@@ -51,5 +51,8 @@ def test_a_run_beyond_its_bound_counts_also_where_nothing_is_promised_in_some_pe
     others = [kept] * 6 + [[kept]] * (6 * len(baselines.NOISES))
     text = baselines.SECTION.text(baselines.conclude([*lots, *others]), "evidence")
     words = " ".join(text.split())
-    assert "Of the 4 runs of the robust laws, 3 have a bound (20) on ‖s‖: with the layer in 75 % of the" in words
-    assert "discontinuous law in 25 %, since a premise fails in the others. There ‖s‖ left it 2 times" in words
+    assert "Of the 4 runs of the robust laws, 3 have a promise: with the layer in 75 % of the" in words
+    assert (
+        "discontinuous law in 25 %, since a premise fails in the others. There ‖s‖ was over (20) with its band" in words
+    )
+    assert "where s(0) = 0, in 2 of the runs" in words

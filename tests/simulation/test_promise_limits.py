@@ -354,3 +354,40 @@ def test_coulomb_friction_lets_a_model_with_coupled_stiffness_flutter_and_that_i
         assert np.log(growth) / loop.period == pytest.approx(np.log(swing[1] / swing[0]) / 1.5, rel=0.35)
     else:
         assert swing[1] < swing[0] < 0.02
+
+
+def in_a_pipe(displacement: float, **motion: Any) -> Scenario:
+    """A tool held in a pipe of 6 cm, with a light model along x and a late reading: stable at the lowest place only."""
+    tool = ClosedLoop.from_scenario(load("ur5-impedance")).view().tool
+    path = {"kind": "point-to-point", "displacement": [displacement, 0.0, 0.0], "duration": 2.0}
+    centre = [float(tool[0]), float(tool[1]), float(tool[2]) + 0.06]
+    return changed(
+        "ur5-impedance",
+        surface={"kind": "cylinder", "side": "inside", "radius": 0.06, "origin": centre, "motion": motion},
+        contact={"kind": "elastic", "K_e": 2e4},
+        motion=path if displacement else {"kind": "hold"},
+        sensor={"delay": 0.003},
+        target_model={"M_m": [0.8] + 5 * [10.0], "B_m": [10.0] + 5 * [300.0], "K_m": 3 * [1000.0] + 3 * [2000.0]},
+        controller={"epsilon": 600.0, "layer": 0.8, "K_e_hat": 2e4},
+        truth={"push": [0.0, 0.0, 0.0], "push_every": 0.0},
+        simulation={"domain_radius": 0.4, "duration": 4.0},
+    )
+
+
+@pytest.mark.parametrize(
+    ("scenario", "sound"),
+    [
+        (in_a_pipe(0.0), True),
+        (in_a_pipe(-0.035), False),
+        (in_a_pipe(0.0, direction=[1.0, 0.0, 0.0], amplitude=0.04, frequency=0.08), False),
+    ],
+    ids=["at the lowest place", "along the wall", "the pipe moves"],
+)
+def test_the_loop_is_judged_where_the_normal_of_a_curved_surface_has_turned_to(scenario: Scenario, sound: bool) -> None:
+    """Between two postures that are near to each other in the joints, the normal turns by 40°; there the arm rattled
+    under "holds"."""
+    loop = run(scenario, 3.5)
+    speed = np.abs(loop.recording.signals(("e_r_dot",), 2.5)["e_r_dot"]).max()
+    assert (speed < 0.02) == sound
+    assert (loop.standing.run.verdict == "holds") == sound
+    assert (value(loop, Premise.SAMPLED_LOOP) < 1.0) == sound

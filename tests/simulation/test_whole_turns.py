@@ -90,6 +90,33 @@ def test_a_turn_of_more_than_half_a_turn_is_followed() -> None:
     assert rows["r"][-1, 5] - rows["r"][0, 5] == pytest.approx(3.3 * loop.system.layout.l, abs=2e-3)
 
 
+def test_an_error_that_grows_beyond_half_a_turn_does_not_jump() -> None:
+    """A moment turns the tool away from its path, slowly, while everything holds."""
+    loop, rows = run(
+        changed(
+            "ur5-impedance-6d",
+            contact={"kind": "free"},
+            motion={"kind": "hold"},
+            target_model__B_m=[100.0] * 6,
+            target_model__K_m=[400.0] * 5 + [60.0],
+            rotation={"kind": "line", "displacement": [0.0, 0.0, 1.2], "period": 4.0, "ramp": 0.5},
+            declared__link_scaling=0.0,
+            truth__link_scaling=1.0,
+            truth__push=[0.0, 0.0, 0.0],
+            truth__push_moment=[0.0, 0.0, 6.0],
+            truth__push_start=0.5,
+            truth__push_duration=20.0,
+            truth__push_every=0.0,
+            simulation__domain_radius=2.5,
+        ),
+        2.6,
+    )
+    assert np.abs(rows["e_r"][:, 5]).max() > np.pi * loop.system.layout.l
+    assert np.abs(np.diff(rows["e_r"], axis=0)).max() < 1e-2
+    assert rows["s_norm"].max() < 0.1
+    assert loop.standing.run.verdict != "broken"
+
+
 @pytest.mark.parametrize("kind", ["cylinder", "sphere"])
 @pytest.mark.parametrize("name", ["ur5-motion", "ur5-impedance"])
 def test_a_tool_in_the_middle_of_a_surface_is_an_arm_like_others(name: str, kind: str) -> None:
