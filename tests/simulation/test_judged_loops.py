@@ -10,8 +10,13 @@ from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.sampled_stability import sampled_loop
-from app.simulation.stations import APART
+from app.simulation.stations import APART, Stations
 from controllers.premises import Premise
+from environments.surfaces.cylinder import Cylinder
+from environments.surfaces.form import SurfaceMotion
+from environments.surfaces.plane import Plane
+from environments.surfaces.sphere import Sphere
+from environments.surfaces.table import Surface
 from tests.support.cases import short
 
 pytestmark = pytest.mark.slow  # long or many simulations
@@ -122,3 +127,19 @@ def test_a_run_taken_up_before_a_blend_knows_nothing_of_the_model_within_it() ->
     alone = sampled_loop(assemble(begun.scenario), begun.judged.q, begun.judged.t)
     np.testing.assert_array_equal(again.sampled.sampled, alone.sampled)
     assert np.abs(within.sampled - alone.sampled).max() > 0.1
+
+
+def test_normals_that_turn_make_stations_of_their_own() -> None:
+    """At five postures with the same joints."""
+    angles = np.array([0.0, 0.05, 0.12, 0.2, 0.25])
+    normals = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)[:, None, :]
+    found = Stations.along(np.zeros((5, 3)), np.arange(5.0), normals)
+    assert found.t.tolist() == [0.0, 2.0, 4.0]
+    assert found.of.tolist() == [0, 0, 1, 1, 2]
+    assert len(Stations.along(np.zeros((5, 3)), np.arange(5.0), normals[:, :0]).t) == 1
+
+
+def test_a_curved_surface_that_moves_turns_its_normal_at_a_fixed_point() -> None:
+    moving = SurfaceMotion(amplitude=0.02)
+    assert [Surface.of(form).turning for form in (Plane(motion=moving), Cylinder(), Sphere())] == 3 * [False]
+    assert all(Surface.of(form).turning for form in (Cylinder(motion=moving), Sphere(motion=moving)))
