@@ -47,6 +47,7 @@ LONGEST_VISIT = 90.0  # s
 OFTEN = {"drag": 8, "type": 4, "mode": 2, "arm": 1, "pause": 1, "reset": 2, "pin": 1}
 VANISHING = 0.04  # share of the acts in which a visitor vanishes in the middle of a drag
 GROWTH = 1.15  # factor of memory, threads and files over the second half, above which they count as leaks
+NOTHING_GREW = f"nothing grew by more than {100 * (GROWTH - 1):.0f} %"
 BLUE, ORANGE, GREEN, GREY = (66, 135, 245), (230, 159, 0), (0, 158, 115), (120, 120, 120)
 
 
@@ -194,7 +195,7 @@ def page(readings: list[Reading], failures: list[str], errors: list[str], client
     ]
     latenesses = ("late p50, ms", "p99, ms", "max, ms")
     header = ("minute", "visits so far", "resident, MB", "threads", "files", "steps per s", *latenesses)
-    growth = "; ".join(grown(readings) + halted(readings)) or f"nothing grew by more than {100 * (GROWTH - 1):.0f} %"
+    growth = "; ".join(grown(readings) + halted(readings)) or NOTHING_GREW
     broken = failures_in_words(failures, errors)
     return f"""## In company
 

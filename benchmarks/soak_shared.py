@@ -28,7 +28,7 @@ from app.process.markdown import Table
 from benchmarks import machine, processes
 from benchmarks.logged import failures_in_words, server_log
 from benchmarks.sessions import arrived, late
-from benchmarks.soak import GROWTH, PAGE, PLACE, Crowd, grown
+from benchmarks.soak import NOTHING_GREW, PAGE, PLACE, Crowd, grown
 from drivers.visitors import VisitingPage, serving, visiting
 
 SHARED = "<!-- soak shared -->"
@@ -127,7 +127,7 @@ def page(
     ]
     sizes = ("gateway, MB", "sessions, MB", "processes", "threads", "files")
     header = ("minute", "visits so far", *sizes, "late p50, ms, worst")
-    growth = "; ".join(grown(readings, RESOURCES)) or f"nothing grew by more than {100 * (GROWTH - 1):.0f} %"
+    growth = "; ".join(grown(readings, RESOURCES)) or NOTHING_GREW
     broken = failures_in_words(failures, errors)
     return f"""## In company, through the gateway
 

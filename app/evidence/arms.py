@@ -9,7 +9,17 @@ import msgspec
 import numpy as np
 
 from app.analysis.perturbation import PerturbationAnalysis
-from app.evidence.plants import built, drawn, largest_ratio, random_of, run, situation, with_arm_of, with_gains
+from app.evidence.plants import (
+    built,
+    drawn,
+    largest_ratio,
+    later_rows,
+    random_of,
+    run,
+    situation,
+    with_arm_of,
+    with_gains,
+)
 from app.scenario.data import edited
 from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
@@ -176,7 +186,7 @@ def _reaching(loop: ClosedLoop, about: DrawnPlant) -> Reaching:
     layerless = loop.system.controller.switching is Switching.DISCONTINUOUS
     found = replace(
         found,
-        excess=float((s - limit)[later].max()) if (later := _later(promised)).any() else np.nan,
+        excess=float((s - limit)[later].max()) if (later := later_rows(promised)).any() else np.nan,
         early_excess=float((s - record["s_bound"])[early].max()) if early.any() else np.nan,
         tightness=largest_ratio(record),
         layer=None if layerless else _deadline(epoch.layer_reached_by, epoch.layer_reached, until, loop.t),
@@ -192,13 +202,7 @@ def _before_band(record: Mapping[str, np.ndarray], promised: np.ndarray) -> np.n
     for i in range(len(promised)):
         reached = promised[i] and (reached or record["s_norm"][i] <= record["s_band"][i])
         early[i] &= not reached
-    return early & _later(promised)
-
-
-def _later(promised: np.ndarray) -> np.ndarray:
-    """Mask (N,) of the rows with a promise but for the first row of each, where bounds follow from ||s|| itself, so
-    that no arm can be over them."""
-    return promised & np.append(False, promised[:-1])
+    return early & later_rows(promised)
 
 
 def _deadline(promised: float | None, measured: float | None, until: float, end: float) -> Deadline | None:

@@ -138,10 +138,14 @@ def drawn(robot: str, mode: str, seed: int, number: int) -> Scenario:
     return with_gains(msgspec.structs.replace(here, truth=truth, name=f"{robot}-{mode}-{seed}-{number}"), random)
 
 
+def later_rows(promised: np.ndarray) -> np.ndarray:
+    """Mask (N,) of the rows with a promise but for the first row of each, where bounds follow from ||s|| itself, so
+    that no arm can be over them."""
+    return promised & np.append(False, promised[:-1])
+
+
 def largest_ratio(record: Mapping[str, np.ndarray]) -> float:
-    """Largest ||s|| of a recording over (20) with its band, 0 where nothing is promised. The first row of each promise
-    does not count: there the bound follows from ||s|| itself, so that no arm can be over it."""
+    """Largest ||s|| of a recording over (20) with its band in its `later_rows`, 0 where there are none."""
     limit = record["s_bound"] + record["s_band"]
-    promised = np.isfinite(limit)
-    stands = promised & np.append(False, promised[:-1])
+    stands = later_rows(np.isfinite(limit))
     return float((record["s_norm"][stands] / limit[stands]).max(initial=0.0))

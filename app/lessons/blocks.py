@@ -66,6 +66,11 @@ class Measure(Block, frozen=True):
     level: float | None = None
     title: Title | None = None
 
+    def interval(self, now: float) -> tuple[float, float]:
+        """Interval that is measured, s of the run, which has come to `now`."""
+        end = now if self.end is None else min(self.end, now)
+        return self.start if self.last is None else max(end - self.last, 0.0), end
+
 
 class Condition(Block, frozen=True):
     """Condition on a measure.

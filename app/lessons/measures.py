@@ -192,8 +192,7 @@ def taken(system: System, recording: Recording, now: float, each: Measure) -> Me
     """Measured number of a signal, in a run that goes on. now: time of the run, s. Raises ScenarioError."""
     factor_of(each.unit)
     name, half = str(each.signal), 0.5 * system.scenario.controller.period
-    end = now if each.end is None else min(each.end, now)
-    start = each.start if each.last is None else max(end - each.last, 0.0)
+    start, end = each.interval(now)
     record = recording.stretch(start - half, end + half)
     if len(record["t"]) < 2:
         raise ScenarioError(f"measure of {each.signal}: nothing is recorded from {start:g} s to {end:g} s")

@@ -42,9 +42,8 @@ def predicted(run: LessonRun, line: PictureLine, answers: Sequence[tuple[LessonS
         ):
             measure = run.measures[question.measure]
             if measure.signal == line.signal and measure.statistic in OVER_TIME:
-                end = run.seconds if measure.end is None else measure.end
-                begin = measure.start if measure.last is None else max(end - measure.last, 0.0)
-                instants.append(begin + given / factor_of(measure.unit))
+                start, _ = measure.interval(run.seconds)
+                instants.append(start + given / factor_of(measure.unit))
             elif measure.signal == line.signal and measure.unit == line.unit and measure.statistic in LEVELS:
                 levels.append(float(given))
     return Predicted(tuple(courses), tuple(levels), tuple(instants))

@@ -69,7 +69,7 @@ from app.simulation.reuse_keys import (
 )
 from app.simulation.search_memory import Memory, key_of
 from app.simulation.starting_posture import require_within_reach, starting_posture
-from app.simulation.stations import Stations
+from app.simulation.stations import Stations, turning_normals
 from app.simulation.step_check import require_resolved, unresolved
 from app.simulation.system import System
 from app.simulation.task_layout import coordinates_of, layout_of
@@ -344,20 +344,14 @@ def _mobility(
     return mobility
 
 
-def _stations(
-    constants: Constants, surfaces: tuple[Surface, ...], observer: Observer, previous: System | None
-) -> Stations:
-    def build() -> Stations:
-        curved = [each for each in surfaces if not each.form.normal_fixed]
-        normals = np.zeros((len(constants.centres), len(curved), 3))
-        if curved:
-            tools = observer.at_rest(constants.centres, constants.instants)["estimate"]["p"]
-            for k, (p, t) in enumerate(zip(tools, constants.instants, strict=True)):
-                normals[k] = [each.chart(p, t).G[0] for each in curved]
-            normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-        return Stations.along(constants.centres, constants.instants, normals)
-
-    return _reused(previous, lambda p: p.constants is constants, lambda p: p.stations, build)
+def _stations(over: Constants, surfaces: tuple[Surface, ...], observer: Observer, previous: System | None) -> Stations:
+    places = over.centres, over.instants
+    return _reused(
+        previous,
+        lambda p: p.constants is over,
+        lambda p: p.stations,
+        lambda: Stations.along(*places, turning_normals(surfaces, observer, *places)),
+    )
 
 
 def _sampled_loops(

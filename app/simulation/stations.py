@@ -3,9 +3,13 @@ them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from app.simulation.observation import Observer
+from environments.surfaces.table import Surface
 
 APART = 0.1  # rad, largest change of a joint from one station to the next
 TURNED = 0.1  # rad, the same of a surface's normal at the tool
@@ -39,3 +43,18 @@ class Stations:
             else:
                 of[k] = apart.argmin()
         return cls(centres[chosen], instants[chosen], of)
+
+
+def turning_normals(
+    surfaces: Sequence[Surface], observer: Observer, centres: np.ndarray, instants: np.ndarray
+) -> np.ndarray:
+    """Unit normals (N, S, 3) at the tool of those S surfaces whose normal is not fixed, at the centres (N, n) of Omega
+    and their instants (N,) s."""
+    curved = [each for each in surfaces if not each.form.normal_fixed]
+    normals = np.zeros((len(centres), len(curved), 3))
+    if curved:
+        tools = observer.at_rest(centres, instants)["estimate"]["p"]
+        for k, (p, t) in enumerate(zip(tools, instants, strict=True)):
+            normals[k] = [each.chart(p, t).G[0] for each in curved]
+        normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    return normals

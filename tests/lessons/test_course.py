@@ -19,7 +19,6 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 
 from app.dashboard.panels.lessons import LessonsPanel
 from app.dashboard.plots.lesson_figures import run_colors
@@ -39,15 +38,13 @@ from app.lessons.answers import (
     score_curve,
     score_number,
 )
-from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Goal, LessonRun, Measure, NumberQuestion, PictureLine
+from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Goal, LessonRun, NumberQuestion, PictureLine
 from app.lessons.course import LessonCourse
 from app.lessons.lesson import LessonStep, shipped_lessons
-from app.lessons.measures import MeasuredNumber, taken
+from app.lessons.measures import MeasuredNumber
 from app.lessons.playing import Trace, performance, play, runs
-from app.lessons.predictions import predicted
 from app.scenario.data import shipped
 from app.scenario.errors import ScenarioError
-from app.scenario.units import Units
 from app.session.commands import SetSpeed
 from app.session.runner import Runner
 from app.storage.session_index import StateError
@@ -296,43 +293,6 @@ def test_a_lesson_whose_goal_was_not_met_says_so_when_it_is_done() -> None:
     assert ">done<" in _state(with_goal, LessonProgress(finished=True, goals=(goal,)))
     assert ">done<" in _state(shipped_lessons()["05-heavy-arm"], LessonProgress(finished=True))
     assert ">begun<" in _state(with_goal, LessonProgress(step=2))
-
-
-def test_a_time_is_measured_and_predicted_in_its_own_unit_and_no_length_is_a_time() -> None:
-    t = np.linspace(0.0, 2.0, 2001)
-    scenario = SimpleNamespace(controller=SimpleNamespace(period=1e-3))
-    robot = SimpleNamespace(slides=6 * (False,))
-    system: Any = SimpleNamespace(scenario=scenario, robot=robot, units=Units("cartesian", "revolute"))
-    recording: Any = SimpleNamespace(stretch=lambda *_: {"t": t, "phi": np.where(t < 0.8, 1.0, 0.0)})
-
-    def number(statistic: Any, unit: str) -> str:
-        return str(taken(system, recording, 2.0, Measure(unit, signal="phi", statistic=statistic, level=0.5)))
-
-    assert [number("below", unit) for unit in ("s", "ms")] == ["0.8 s", "800 ms"]
-    assert [number("settles", unit) for unit in ("s", "ms")] == ["0.8 s", "800 ms"]
-    assert number("peak", "mm") == "1000 mm"
-    for statistic in ("below", "settles"):
-        with pytest.raises(ScenarioError, match=f"unit: 'mm' of the statistic {statistic}; allowed: s, ms"):
-            number(statistic, "mm")
-
-    recording.stretch = lambda *_: {"t": t, "phi": np.where(t < 0.8, np.nan, 0.0)}
-    with pytest.raises(ScenarioError, match="measure of phi: it has no value at t = 0 s; allowed: a start and end"):
-        number("largest", "mm")
-
-    run = LessonRun("run", 2.0, (LINE,), {"way": Measure("ms", signal=LINE.signal, statistic="settles", start=0.5)})
-    step = LessonStep(1, 1, "predict", "", NUMBER, None)
-    assert predicted(run, LINE, [(step, Answer(250.0))]).instants == (0.75,)
-    late = Measure("ms", signal=LINE.signal, statistic="settles", last=0.5)
-    assert predicted(replace(run, measures={"way": late}), LINE, [(step, Answer(250.0))]).instants == (1.75,)
-    levels = {
-        statistic: predicted(
-            replace(run, measures={"way": Measure("mm", signal=LINE.signal, statistic=statistic)}),
-            LINE,
-            [(step, Answer(5.0))],
-        ).levels
-        for statistic in ("largest", "span", "variation")
-    }
-    assert levels == {"largest": (5.0,), "span": (), "variation": ()}
 
 
 def test_a_lesson_that_was_left_does_not_unlock_the_one_that_computes_now() -> None:

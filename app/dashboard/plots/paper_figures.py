@@ -170,7 +170,7 @@ def _chart(plot: Plot, drawing: Drawing, signals: Signals, pinned: Sequence[tupl
     areas = tuple(FilledArea(area.upper + shift, area.lower + shift, area.color) for area in drawing.areas)
     floor, logarithmic = drawing.floor, drawing.floor is not None
     if logarithmic and any((curve.y == floor).any() for curve in own):  # there the value is smaller
-        title = f"{title}, from {floor:g} {unit} on".replace("  ", " ")
+        title = f"{title}, from {f'{floor:g} {unit}'.rstrip()} on"
     x_label = FREQUENCY if plot.spectral else TIME
     return FigureChart(
         title, unit, (*behind, *own), areas, x_label, logarithmic, drawing.at_least, logarithmic_x=plot.spectral

@@ -191,9 +191,8 @@ class NumberField:
         self._text.value = written(value)
         self._desk.choose(self.row)
         edit = self._place.edit(snapshot, value)
-        self._held = value
+        self._held, self._held_until = value, time.monotonic() + LONGEST
         if self._desk.whatif.on:
-            self._held_until = time.monotonic() + LONGEST
             value_text, client = f"{written(value)} {self._unit_beside(snapshot)}".rstrip(), event.client.client_id
             held = HeldControl(edit, self._label, value_text, self, client, moved=self._moved(snapshot, value))
             self._desk.whatif.hold(held)
@@ -214,7 +213,8 @@ class NumberField:
         if running is None:
             self._desk.whatif.let_go(self)
             return
-        held, self._held, self._held_until = self._held, None, -math.inf
+        held = self._held if time.monotonic() < self._held_until else None
+        self._held, self._held_until = None, -math.inf
         value = running if held is None else held  # a slider that was not moved shows its value only roughly
         self._text.value = written(value)  # removes the mark
         changed = apply and written(value) != written(running)
@@ -245,7 +245,7 @@ class NumberField:
             self._form.visible = value is not None
         if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
             return
-        if time.monotonic() < self._held_until:
+        if self._desk.whatif.on and time.monotonic() < self._held_until:
             return
         if snapshot.system.units != self._units:
             self._show_units(snapshot.system.units)
