@@ -26,6 +26,7 @@ from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.whatif import HORIZON, HeldControl, WhatIf
 from app.process.markdown import Table
 from app.scenario.data import load
+from app.scenario.schema import Scenario
 from app.session.commands import Edit
 from app.session.preview_client import Previewer
 from app.session.preview_messages import Outlook
@@ -108,25 +109,33 @@ class Drawn(NamedTuple):
     t: s after the begin.
     span: length of the preview, s.
     delay: s since the slider had the preview's value.
+    scenario: that of the preview.
     arms: true arms behind the preview.
     band: length of their band, s."""
 
     t: float
     span: float
     delay: float
+    scenario: Scenario
     arms: int
     band: float
+
+    def of(self, slider: Slider, value: float) -> bool:
+        """Whether the preview is of this value of the slider."""
+        return attrgetter(slider.path)(self.scenario) == value
 
 
 @dataclass
 class _Page:
-    """Page of the benchmark: the work of the dashboard for a page, frame by frame, while the loop runs."""
+    """Page of the benchmark: the work of the dashboard for a page, frame by frame, while the loop runs.
+    value: the last one of the slider."""
 
     runner: Runner
     whatif: WhatIf
     plots: Plots
     viewing: Viewing
     awake: threading.Event
+    value: float = math.nan
 
     def watch(self, seconds: float, drag: Slider | None = None) -> tuple[Pace, list[Drawn]]:
         """Draw frames for `seconds`. Returns the loop's pace, and the drawn previews. drag: the slider that moves."""
@@ -139,7 +148,7 @@ class _Page:
             ages.append(now - len(recording) * period)
             if drag is not None and now >= moving:
                 moving += MOVEMENT
-                value = drag.at(now)
+                self.value = value = drag.at(now)
                 moves[value] = now
                 self.whatif.hold(HeldControl(Edit(drag.path, value), drag.label, f"{value:.3g}", self, CLIENT))
             if now - framed >= 1.0 / FPS or (self.awake.is_set() and now - framed >= SOONEST):
@@ -165,7 +174,7 @@ class _Page:
 def _drawn(t: float, outlook: Outlook, delay: float) -> Drawn:
     band = outlook.band
     reach = (0, 0.0) if band is None else (band.arms, band.reach)
-    return Drawn(t, outlook.metrics.span, delay, *reach)
+    return Drawn(t, outlook.metrics.span, delay, outlook.scenario, *reach)
 
 
 def measure(effort: Effort) -> Table:
@@ -211,14 +220,15 @@ def banded(scenario: str, seconds: float) -> BandMetrics:
         pace, drawn = page.watch(seconds, FORCE)
         page.whatif.arms = MANY
         page.watch(1.0, FORCE)
-        _, still = page.watch(RESTS)
+        _, later = page.watch(RESTS)
+        still = [each for each in later if each.arms == MANY and each.of(FORCE, page.value)]
         behind = [each for each in drawn if each.arms == FEW]
         return BandMetrics(
             redraws=len(drawn) / seconds,
             banded=len(behind) / seconds,
             reach=float(np.median([each.band for each in behind])) if behind else 0.0,
-            early=max((each.band for each in still if each.arms == MANY and each.t <= EARLY), default=0.0),
-            rested=next((each.t for each in still if each.arms == MANY and each.band >= HORIZON), math.inf),
+            early=max((each.band for each in still if each.t <= EARLY), default=0.0),
+            rested=next((each.t for each in still if each.band >= HORIZON), math.inf),
             dragging=pace,
         )
 
@@ -229,7 +239,8 @@ def dragged(scenario: str, slider: Slider, seconds: float, horizon: float = HORI
         page.whatif.horizon, page.whatif.arms = horizon, 0
         alone, _ = page.watch(seconds)
         dragging, drawn = page.watch(seconds, slider)
-        _, still = page.watch(2.0)
+        _, later = page.watch(2.0)
+        still = [each for each in later if each.of(slider, page.value)]
         times = [each.t for each in drawn]
         return DragMetrics(
             first=times[0],

@@ -79,6 +79,11 @@ class Controller:
         if self.switching is not Switching.DISCONTINUOUS and not (np.isfinite(self.layer) and self.layer > 0.0):
             raise InvalidGain(f"controller.layer: {self.layer}; allowed: a number > 0, or switching = 'discontinuous'")
 
+    @property
+    def has_layer(self) -> bool:
+        """Whether the law has a boundary layer: (25) with a switching function that is smooth across s = 0."""
+        return self.law.robust and self.switching is not Switching.DISCONTINUOUS
+
     @cached_property
     def gains(self) -> Gains:
         """Gains and settings in the form for kernels."""

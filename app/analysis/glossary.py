@@ -98,7 +98,7 @@ def _robust(system: System) -> bool:
 
 
 def _layered(system: System) -> bool:
-    return _robust(system) and system.scenario.controller.switching != "discontinuous"
+    return system.controller.has_layer
 
 
 def _meets(number: int, holds: Callable[[ContactKind], bool] = lambda kind: kind.touches) -> Where:

@@ -15,7 +15,6 @@ from app.simulation.engines import Engine
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
 from app.simulation.verdict import Finding, PromiseVerdict
-from controllers.switching import Switching
 from environments.surfaces.table import Surface
 
 # signals of each surface
@@ -70,7 +69,7 @@ def metrics_of(loop: ClosedLoop, realtime_factor: float | None = None, engine: E
     last = {name: record[name][tail] for name in ("t", "e_r", "tool", "F_c", "F_cd", *MULTIPLIERS)}
     system, begun = loop.system, loop.recording.epochs[0]
     rigid, robust = system.plant.kind.rigid, system.controller.law.robust
-    layered = robust and system.controller.switching is not Switching.DISCONTINUOUS
+    layered = system.controller.has_layer
     excess = record["s_norm"] - record["s_bound"] - record["s_band"]
     promised = excess[np.isfinite(excess)]
     standing = loop.standing

@@ -76,7 +76,7 @@ class Dashboard:
         with behind_doors(Names(host), key, tokens, self._fault):
             self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
         let_any_thread_send(self._server)
-        MessageFilter(self._server)
+        MessageFilter(self._server, self._refuse)
         self._tokens = tokens
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
@@ -152,6 +152,11 @@ class Dashboard:
         """Ask above the controls whether to continue the last session; does nothing before `attach`."""
         if self._content is not None:
             self._content.offer(last_session)
+
+    def _refuse(self, sentence: str) -> None:
+        """Show a refusal on every page."""
+        if self._content is not None:
+            self._content.refuse(sentence)
 
     def fail(self, sentence: str) -> None:
         """Show a failure of this program on every page."""

@@ -129,6 +129,10 @@ class PageContent:
         """Whether none of these clients has its page on its screen."""
         return self._visible_parts.all_away(clients)
 
+    def refuse(self, sentence: str) -> None:
+        """Show a refusal by the page."""
+        self._complaint.refuse(sentence)
+
     def fail(self, sentence: str) -> None:
         """Show a failure of this program."""
         self._complaint.fail(sentence)

@@ -25,7 +25,6 @@ from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
-from controllers.switching import Switching
 
 RIGID = "constrained"
 PLANTS = 5  # in each situation
@@ -183,13 +182,13 @@ def _reaching(loop: ClosedLoop, about: DrawnPlant) -> Reaching:
     early = _before_band(record, promised)
     until = np.inf if first is None or first.failed is None else first.failed
     epoch = loop.recording.epochs[0]
-    layerless = loop.system.controller.switching is Switching.DISCONTINUOUS
+    has_layer = loop.system.controller.has_layer
     found = replace(
         found,
         excess=float((s - limit)[later].max()) if (later := later_rows(promised)).any() else np.nan,
         early_excess=float((s - record["s_bound"])[early].max()) if early.any() else np.nan,
         tightness=largest_ratio(record),
-        layer=None if layerless else _deadline(epoch.layer_reached_by, epoch.layer_reached, until, loop.t),
+        layer=_deadline(epoch.layer_reached_by, epoch.layer_reached, until, loop.t) if has_layer else None,
         band=_deadline(epoch.band_reached_by, epoch.band_reached, until, loop.t),
     )
     return _with_true_perturbation(found, loop, record, promised, early)

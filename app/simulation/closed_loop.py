@@ -280,7 +280,7 @@ class ClosedLoop:
         self._stage = "the control law"
         if not arm.apply_law(F, row):
             self.stop_without_force()
-        if state.steps % self.premise_watch.every == 0 or arm.push_changed:
+        if state.steps % self.premise_watch.every == 0 or arm.check_due:
             self.premise_watch.check_posture()
         self._stage = "the plant"
         arm.move()

@@ -306,7 +306,7 @@ def run_periods(
             else:
                 _evaluate(data, setting, evaluation, arm, t[k], row)
             data.moving = True
-            if (data.steps + k) % periods_between_checks(data.period) == 0 or evaluation[0].push_changed:
+            if (data.steps + k) % periods_between_checks(data.period) == 0 or evaluation[0].check_due:
                 nearest = ask_integer(data.period_kernels.check, (setting, evaluation, centres))
                 if evaluation[0].table.value[DOMAIN] > data.close or stations[nearest] != data.station:
                     data.nearest = nearest

@@ -82,7 +82,9 @@ class Evaluation(NamedTuple):
     saturated: whether a drive's limit cut the torque in the previous period.
     touching: whether in the previous period there was a force on every surface that the tool should press, and no rigid
     one was left.
-    push_changed: whether the push differs from that of the previous period, so that the band must be recomputed.
+    centre: (n,) rad or m, the centre of Omega that was nearest at the last posture check.
+    check_due: whether a posture check is due in this period already: the push differs from that of the previous one, so
+    that the band must be recomputed, or q may have left Omega.
     promise_alarms: `Alarm` flags of the promise.
     errors: of the controller's model at this state, as far as bounds are stated for them.
     table: premises of the theorem's promise.
@@ -101,7 +103,8 @@ class Evaluation(NamedTuple):
     residual: np.ndarray
     saturated: bool
     touching: bool
-    push_changed: bool
+    centre: np.ndarray
+    check_due: bool
     promise_alarms: int
     errors: TrueErrors
     table: PremiseTable
@@ -127,7 +130,8 @@ class Evaluation(NamedTuple):
             residual=v,
             saturated=False,
             touching=False,
-            push_changed=False,
+            centre=v,
+            check_due=False,
             promise_alarms=0,
             errors=UNKNOWN,
             table=PremiseTable.fresh(),
@@ -216,12 +220,23 @@ def _conclude(setting, evaluation, arm, t, row):
     _prepare_residual(setting.gains.model, evaluation.seen, evaluation.reference, output, evaluation.residual)
     _fill_table(setting, evaluation, arm, t)
     held = evaluation.held
-    evaluation.push_changed = held.known and push_changed(evaluation.push, held, evaluation.posture_check.held_limit)
+    pushed = held.known and push_changed(evaluation.push, held, evaluation.posture_check.held_limit)
+    evaluation.check_due = pushed or _may_have_left(evaluation)
     if output.d > RISEN * evaluation.posture_check.d_now:
         _check_posture(setting, evaluation)
     _remember(evaluation, held)
     evaluation.promise_alarms = _promise_alarms(evaluation, t)
     write_row(row, t, arm, evaluation)
+
+
+@inline
+def _may_have_left(evaluation):
+    """Whether q is no longer within the radius of Omega around the centre that was nearest at the last posture check,
+    when q was inside."""
+    radius, square = evaluation.table.limit[DOMAIN], 0.0
+    for i in range(evaluation.centre.shape[0]):
+        square += (evaluation.seen.q[i] - evaluation.centre[i]) ** 2
+    return square > radius**2 and evaluation.table.value[DOMAIN] <= radius
 
 
 @inline
@@ -360,5 +375,6 @@ def check_present_posture(setting, evaluation, centres):
     Omega. Returns the number of the nearest centre."""
     setting, evaluation = setting[0], evaluation[0]
     nearest, evaluation.table.value[DOMAIN] = _nearest(centres, evaluation.seen.q)
+    copy(centres[nearest], evaluation.centre)
     _check_posture(setting, evaluation)
     return nearest

@@ -77,7 +77,7 @@ class ControlledArm:
         self.ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
         self.scripted = system.push if system.push.acts else None
         self._applied, self.push = evaluation.views.applied, evaluation.views.push
-        self._push_changed = evaluation.data["push_changed"]
+        self._check_due = evaluation.data["check_due"]
         self.push_torque, self._pushed = np.zeros(system.robot.n), True
         if settings is None:
             settings = Record(_setting_of(system, online=self.along is None))
@@ -146,9 +146,9 @@ class ControlledArm:
         return pushed
 
     @property
-    def push_changed(self) -> bool:
-        """Whether the push differs from that of the previous period."""
-        return bool(self._push_changed[0])
+    def check_due(self) -> bool:
+        """Whether a posture check is due in this period already."""
+        return bool(self._check_due[0])
 
     def resume(self) -> None:
         """Continue after periods that have been computed in the same memory without this object."""

@@ -10,7 +10,7 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.simulation.controller_builder import mode_of
-from app.simulation.environment_builder import positions_of, robot_of
+from app.simulation.environment_builder import positions_of, robot_of, task_joints
 from app.sweep.axes import Axis, axis_of
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Design, Sweep, SweepPlan, arms_differ
@@ -89,12 +89,12 @@ def is_gain(path: str) -> bool:
 def known_aims(scenario: Scenario) -> list[str]:
     """Aims that runs of the scenario have."""
     mode, robot = mode_of(scenario), robot_of(scenario)
-    joint, places = scenario.task_space.kind == "joint", positions_of(robot)
-    if scenario.face.flat and mode.on_surface:
-        places += 2  # its tilts
+    joint, tilts = scenario.task_space.kind == "joint", 2 if scenario.face.flat and mode.on_surface else 0
+    supplemental, angles = task_joints(scenario, robot)
+    turning = angles - tilts + sum(not robot.slides[each] for each in supplemental)
     without = {
-        "motion_error": not joint and mode.force_directions >= places,
-        "angle_error": joint or robot.n == places,
+        "motion_error": not joint and mode.force_directions >= positions_of(robot) + tilts,
+        "angle_error": joint or not turning,
         "force_error": not mode.on_surface,
         "constraint_violation": "rigid" not in mode.contacts,
     }

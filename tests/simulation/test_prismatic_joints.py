@@ -19,6 +19,7 @@ from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.joint_kinds import units_of
 from app.storage.recording_files import csv_header, table, write_npz
+from app.tune.plan import known_aims
 from environments import robots
 
 RAIL = str(Path(__file__).parents[1] / "support" / "robots" / "rail2r.urdf")
@@ -113,3 +114,10 @@ def test_units_of_a_scenario_are_those_of_its_arm(in_joints: ClosedLoop, tmp_pat
     assert units_of(load("ur5-motion")) == ("cartesian", "revolute")
     gone = edited(scenario, "robot.urdf", str(tmp_path / "gone.urdf"))
     assert units_of(gone) == ("joint", "revolute")
+
+
+@pytest.mark.parametrize(("joint", "turns"), [(1, False), (3, True)])
+def test_a_tuning_knows_an_error_of_angles_only_where_a_joint_beside_the_tool_turns(joint: int, turns: bool) -> None:
+    loop = ran(on_rail(task_space__supplemental=[joint]), 1)
+    found = angle_error(loop.system, loop.recording.signals(("e_r",)))
+    assert (found is not None) == ("angle_error" in known_aims(loop.system.scenario)) == turns

@@ -391,3 +391,22 @@ def test_the_loop_is_judged_where_the_normal_of_a_curved_surface_has_turned_to(s
     assert (speed < 0.02) == sound
     assert (loop.standing.run.verdict == "holds") == sound
     assert (value(loop, Premise.SAMPLED_LOOP) < 1.0) == sound
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "compiled"])
+def test_the_promise_ends_one_period_after_q_has_left_omega(engine: str) -> None:
+    """Regular posture checks are 40 periods apart; a push takes the arm out of Omega between two of them."""
+    pushed = {"push": (300.0, 0.0, 0.0), "push_start": 0.205, "push_duration": 0.3}
+    loop = ClosedLoop.from_scenario(changed("ur5-impedance", truth=pushed, simulation={"domain_radius": 0.1}))
+    if engine == "compiled":
+        CompiledRun(loop).advance(450)
+    else:
+        for _ in range(450):
+            loop.advance()
+    omega, rows = loop.system.constants.omega, loop.recording.signals(("t", "q"))
+    outside = [omega.centre_near(q).distance > omega.radius for q in rows["q"]]
+    left = outside.index(True)
+    assert left % loop.premise_watch.every > 1  # no regular check
+    failed = float(loop.state.evaluation.views.table.failed[Premise.DOMAIN])
+    assert failed == pytest.approx(rows["t"][left + 1], abs=1e-9)
+    assert str(loop.state.flagged).startswith(f"t = {rows['t'][left]:.3f} s: q has left Ω")

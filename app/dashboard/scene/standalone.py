@@ -101,7 +101,7 @@ def _server() -> Iterator[viser.ViserServer]:
     with contextlib.redirect_stdout(io.StringIO()):  # viser would print its address, which is of no use here
         with behind_doors(Names(), new_secret()):  # as nobody has the key, nobody can open the server's page
             server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        MessageFilter(server)
+        MessageFilter(server, complain=lambda _: None)  # nobody sees this page
         try:
             yield server
         finally:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,7 @@ from app.dashboard.transport.messages import (
     CommandTriggerMessage,
     FileTransferStartUpload,
     GuiUpdateMessage,
+    LongText,
     Page,
     PageVisitor,
     RefusedMessage,
@@ -60,11 +62,12 @@ class PageRateLimiter:
 class MessageFilter:
     """Filter of all messages to a server; each connection is guarded from its first message on.
 
+    complain: shows a user the sentence of a refusal.
     rate: messages per second that one page may send for long.
     """
 
-    def __init__(self, server: viser.ViserServer, rate: float = RATE) -> None:
-        self._server, self._rate = server, rate
+    def __init__(self, server: viser.ViserServer, complain: Callable[[str], None], rate: float = RATE) -> None:
+        self._server, self._complain, self._rate = server, complain, rate
         logging.getLogger("websockets.server").addFilter(_in_a_line)
         on_connection(server, self._stand_before)  # also for pages that were open before this program started
 
@@ -86,6 +89,8 @@ class MessageFilter:
                     message = visitor.admit(raw)
                 except RefusedMessage as refusal:
                     tally.note(refusal)
+                    if isinstance(refusal, LongText):
+                        self._complain(str(refusal))
                     continue
                 if isinstance(message, GuiUpdateMessage | CommandTriggerMessage):
                     meter.credit -= STEERING - 1.0  # makes the next message wait

@@ -26,7 +26,6 @@ SLACK = 1e-9  # of a range: a slider's steps do not add up exactly
 
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]  # neither nan nor inf
 Name = Annotated[str, Meta(max_length=200)]
-Text = Annotated[str, Meta(max_length=LONGEST_TEXT)]
 Point = tuple[Number, Number, Number]
 Pixel = tuple[Number, Number]
 Modifier = Name | None
@@ -37,12 +36,16 @@ class RefusedMessage(ValueError):
     allowed."""
 
 
+class LongText(RefusedMessage):
+    """Error of a text that is too long, which a user can paste into a field of the page."""
+
+
 class _Message(Struct, frozen=True, forbid_unknown_fields=True, tag=True):
     """Message of a page, tagged with viser's name of its kind."""
 
 
 class _Updates(Struct, frozen=True, forbid_unknown_fields=True):
-    value: bool | Annotated[int, Meta(ge=-(10**12), le=10**12)] | Number | Text | list[Number]
+    value: bool | Annotated[int, Meta(ge=-(10**12), le=10**12)] | Number | str | list[Number]
 
 
 class GuiUpdateMessage(_Message, frozen=True):
@@ -191,6 +194,10 @@ class PageVisitor:
         allowed, label = _allowed(widget), str(getattr(widget, "label", "") or type(widget).__name__)
         if getattr(widget, "disabled", False):
             raise RefusedMessage(f"{label}: {value!r:.60}; allowed: nothing, it is disabled")
+        if isinstance(value, str) and len(value) > LONGEST_TEXT:
+            raise LongText(
+                f"{label}: {value[:30]!r} and {len(value) - 30} more characters; allowed: at most {LONGEST_TEXT} in all"
+            )
         if not allowed.admits(value):
             raise RefusedMessage(f"{label}: {value!r:.60}; allowed: {allowed.sentence}")
 
