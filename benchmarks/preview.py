@@ -29,7 +29,7 @@ from app.scenario.data import load
 from app.scenario.schema import Scenario
 from app.session.commands import Edit
 from app.session.preview_client import Previewer
-from app.session.preview_messages import Outlook
+from app.session.preview_messages import Preview
 from app.session.runner import Runner
 from benchmarks.effort import Effort
 
@@ -158,23 +158,23 @@ class _Page:
                 foreseen = self.whatif.look(snapshot, {CLIENT})
                 if foreseen or now - refreshed >= REFRESH:
                     refreshed = now
-                    outlook, horizon = self.whatif.outlook, self.whatif.horizon
-                    shown = Shown(snapshot.t, self.viewing.window, outlook=outlook, horizon=horizon)
+                    preview, horizon = self.whatif.preview, self.whatif.horizon
+                    shown = Shown(snapshot.t, self.viewing.window, preview=preview, horizon=horizon)
                     self.plots.show(snapshot, shown, ("Overview",))
-                if foreseen and self.whatif.outlook is not None:
-                    outlook = self.whatif.outlook
-                    moved = math.nan if drag is None else moves.get(attrgetter(drag.path)(outlook.scenario), math.nan)
-                    previews.append(_drawn(now, outlook, now - moved))
+                if foreseen and self.whatif.preview is not None:
+                    preview = self.whatif.preview
+                    moved = math.nan if drag is None else moves.get(attrgetter(drag.path)(preview.scenario), math.nan)
+                    previews.append(_drawn(now, preview, now - moved))
             time.sleep(LOOK)
         late = 1e3 * (np.array(ages) - min(ages))
         rate = 1.0 - float(np.mean(ages[-20:]) - np.mean(ages[:20])) / seconds
         return Pace(rate, float(np.median(late)), float(np.quantile(late, 0.99)), float(late.max())), previews
 
 
-def _drawn(t: float, outlook: Outlook, delay: float) -> Drawn:
-    band = outlook.band
+def _drawn(t: float, preview: Preview, delay: float) -> Drawn:
+    band = preview.band
     reach = (0, 0.0) if band is None else (band.arms, band.reach)
-    return Drawn(t, outlook.metrics.span, delay, outlook.scenario, *reach)
+    return Drawn(t, preview.metrics.span, delay, preview.scenario, *reach)
 
 
 def measure(effort: Effort) -> Table:

@@ -189,7 +189,7 @@ class PageContent:
     def _plot(self, snapshot: Snapshot, now: float) -> None:
         whatif, looked_at = self._whatif, self._visible_parts.tabs(self._server.get_clients())
         pinned = tuple(map(PinnedChart.of, snapshot.pinned))
-        shown = Shown(snapshot.t, self._viewing.window, pinned, whatif.outlook, whatif.horizon)
+        shown = Shown(snapshot.t, self._viewing.window, pinned, whatif.preview, whatif.horizon)
         began = time.thread_time()
         self._plots.show(snapshot, shown, looked_at)
         self._plots_due = now + (time.thread_time() - began) / PLOTTING

@@ -27,7 +27,7 @@ from app.scenario.departures import undrawn
 from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import BandStretch
 from app.session.changes import sideways
-from app.session.preview_messages import Outlook, PreviewMetrics, PreviewRefusal, PreviewRequest
+from app.session.preview_messages import Preview, PreviewMetrics, PreviewRefusal, PreviewRequest
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
 from app.simulation.engines import Engine
@@ -45,8 +45,8 @@ SAME = 1e-4  # rad or m of a joint, within which a run is where it was foreseen;
 LOOKS = 50  # instants at which the reference is compared with the present one
 
 
-class Foresight:
-    """Foresight: a run of its own that answers a request, piece by piece.
+class PreviewRun:
+    """Run of a preview: it answers a request, piece by piece.
 
     previous: a system whose equal parts are used again; memory: results of searches.
     engine: "compiled" is used only where it can take the scenario; without its kernels in the cache it takes seconds.
@@ -163,8 +163,8 @@ class Foresight:
             for _ in range(left):
                 loop.advance()
 
-    def outlook(self, today: PreviewMetrics | None = None) -> Outlook | PreviewRefusal:
-        """Outlook of what has been computed so far. today: metrics of the running scenario."""
+    def preview(self, today: PreviewMetrics | None = None) -> Preview | PreviewRefusal:
+        """Preview of what has been computed so far. today: metrics of the running scenario."""
         number, recording = self.request.number, self._loop.recording
         points = self._points[self._points < len(recording)]
         if not len(points):  # also where the run has stopped in its first period, which is not drawn
@@ -172,7 +172,7 @@ class Foresight:
                 number, f"nothing lies ahead: {self._loop.stopped or 'no control period is computed yet'}"
             )
         signals = recording.picked(points)
-        return Outlook(
+        return Preview(
             number,
             self.request.scenario,
             self._start,

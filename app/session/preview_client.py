@@ -16,7 +16,7 @@ import structlog
 from app.process import launcher
 from app.process.launcher import ChildProcess
 from app.scenario.schema import Scenario
-from app.session.preview_messages import Hurry, Outlook, PreviewDone, PreviewRefusal, PreviewRequest
+from app.session.preview_messages import Hurry, Preview, PreviewDone, PreviewRefusal, PreviewRequest
 from app.simulation.state import State
 
 log = structlog.get_logger()
@@ -54,7 +54,7 @@ class Previewer:
         self._number = self._dropped = 0
         self._closed = False
         self._starter = ThreadPoolExecutor(1, "starter")  # the process ends with this thread
-        self.newest: Outlook | PreviewRefusal | None = None
+        self.newest: Preview | PreviewRefusal | None = None
         self.failure: str | None = None
         self.answered: Callable[[], None] = lambda: None
 
@@ -155,7 +155,7 @@ class Previewer:
             except (EOFError, OSError):
                 self._lost(worker)
 
-    def _take(self, message: Outlook | PreviewRefusal | PreviewDone, worker: _Worker) -> None:
+    def _take(self, message: Preview | PreviewRefusal | PreviewDone, worker: _Worker) -> None:
         with self._lock:
             if isinstance(message, PreviewDone):
                 worker.busy = False

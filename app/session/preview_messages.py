@@ -1,4 +1,4 @@
-"""Messages between the page and the process that computes previews: requests, outlooks with their metrics, refusals."""
+"""Messages between the page and the process that computes previews: requests, previews with their metrics, refusals."""
 
 from __future__ import annotations
 
@@ -80,8 +80,8 @@ class PreviewMetrics(Struct, frozen=True):
 
 
 @dataclass(frozen=True)
-class Outlook:
-    """Outlook: the answer to a request, or the beginning of one.
+class Preview:
+    """Preview: the answer to a request, or the beginning of one.
     number: of the request.
     since: s, the instant of the request, or the start where the edit begins the scenario anew.
     signals: those of a recording, at (N,) instants after that; epochs: of those rows.
@@ -108,7 +108,7 @@ class Outlook:
         return self.signals["t"] - self.since
 
     def follows(self, t: float) -> bool:
-        """Whether the outlook was requested at t (s) of the run or before; not where somebody has looked back since."""
+        """Whether the preview was requested at t (s) of the run or before; not where somebody has looked back since."""
         return self.restarts or self.since < t + 0.5 * self.scenario.controller.period
 
 

@@ -18,8 +18,8 @@ from app.process.priority import lower_priority
 from app.scenario.errors import ScenarioError
 from app.session.arm_band import LATER, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.headless_run import engine_ready
-from app.session.preview import Foresight
-from app.session.preview_messages import Hurry, Outlook, PreviewDone, PreviewMetrics, PreviewRefusal, PreviewRequest
+from app.session.preview import PreviewRun
+from app.session.preview_messages import Hurry, Preview, PreviewDone, PreviewMetrics, PreviewRefusal, PreviewRequest
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
@@ -49,7 +49,7 @@ class _Known:
     memory: Memory
     band: _GrowingBand
     system: System | None = None
-    running: Foresight | None = None
+    running: PreviewRun | None = None
 
     def metrics_for(self, request: PreviewRequest) -> PreviewMetrics | None:
         """Metrics of this request about the running scenario, if they are known; else None."""
@@ -73,17 +73,17 @@ class _GrowingBand:
         self._ahead: ArmsAhead | None = None
         self._wanted = 0  # number of rows from which the growing band is drawn
 
-    def follow(self, foresight: Foresight) -> None:
-        """Take care of the band for the answer to this foresight's request: keep, begin or forget it."""
-        request = foresight.request
+    def follow(self, preview_run: PreviewRun) -> None:
+        """Take care of the band for the answer to this preview_run's request: keep, begin or forget it."""
+        request = preview_run.request
         of = (request.scenario, request.horizon, request.push, request.arms)
-        if of != self._of or foresight.bandless or not request.arms:
+        if of != self._of or preview_run.bandless or not request.arms:
             self.leave()
             self._of, self._horizon = of, request.horizon
-        if foresight.bandless or not request.arms or self._problem or self.going:
+        if preview_run.bandless or not request.arms or self._problem or self.going:
             return
         if self._band is None or not 0.0 <= request.state.t - self._band.since < OLD:
-            self._attempt(lambda: self._begin(foresight.stretch, request.arms))
+            self._attempt(lambda: self._begin(preview_run.stretch, request.arms))
 
     def leave(self) -> None:
         """Forget the band, and compute no more of it."""
@@ -109,9 +109,9 @@ class _GrowingBand:
             self._attempt(self._take)
         return self._band is not drawn
 
-    def behind(self, outlook: Outlook) -> Outlook:
-        """The outlook with the band as far as it is known."""
-        return replace(outlook, band=self._band, bandless=outlook.bandless or self._problem)
+    def behind(self, preview: Preview) -> Preview:
+        """The preview with the band as far as it is known."""
+        return replace(preview, band=self._band, bandless=preview.bandless or self._problem)
 
     def _begin(self, stretch: BandStretch, arms: int) -> None:
         self._ahead, self._wanted = self._arms.run(stretch, arms), stretch.drawn
@@ -166,7 +166,7 @@ def serve(asker: Connection) -> None:
 
 
 def _grow(
-    band: _GrowingBand, newest: Outlook, asker: Connection, seconds: float, interrupter: Connection | None = None
+    band: _GrowingBand, newest: Preview, asker: Connection, seconds: float, interrupter: Connection | None = None
 ) -> None:
     """Let the band for the newest answer grow for `seconds`. interrupter: connection whose next message ends this."""
     try:
@@ -179,17 +179,17 @@ def _grow(
         band.leave()
 
 
-def _answer(request: PreviewRequest, received: float, asker: Connection, known: _Known) -> Outlook | None:
+def _answer(request: PreviewRequest, received: float, asker: Connection, known: _Known) -> Preview | None:
     """Answer a request that came at this instant of `time.perf_counter`. Returns the answer if it is whole, so that a
     band may still be added to it."""
     try:
-        foresight = Foresight(request, known.system, known.memory, engine_ready())
-        known.system = foresight.base
-        known.band.follow(foresight)
-        today = known.metrics_for(foresight.unchanged)
-        newest = _look_ahead(foresight, received + BANDED, asker, today, known.band)
+        preview_run = PreviewRun(request, known.system, known.memory, engine_ready())
+        known.system = preview_run.base
+        known.band.follow(preview_run)
+        today = known.metrics_for(preview_run.unchanged)
+        newest = _look_ahead(preview_run, received + BANDED, asker, today, known.band)
         if newest is not None and request.compared and today is None:
-            newest = _compare(foresight, asker, known) or newest
+            newest = _compare(preview_run, asker, known) or newest
         return newest
     except (ScenarioError, ArithmeticError, ValueError) as error:
         asker.send(PreviewRefusal(request.number, str(error)))
@@ -204,28 +204,28 @@ def _answer(request: PreviewRequest, received: float, asker: Connection, known: 
 
 
 def _look_ahead(
-    foresight: Foresight, banded: float, asker: Connection, today: PreviewMetrics | None, band: _GrowingBand
-) -> Outlook | None:
+    preview_run: PreviewRun, banded: float, asker: Connection, today: PreviewMetrics | None, band: _GrowingBand
+) -> Preview | None:
     """Send the answer, before it intermediate ones if they are wanted, each with the band as far as it is. Returns the
     answer, None where a newer request has overtaken it.
     banded: instant until which the answer waits for a band that grows."""
-    owed = moves = foresight.request.partial
+    owed = moves = preview_run.request.partial
     began = drawn = time.perf_counter()
-    while foresight.progress < 1.0:
-        foresight.advance(foresight.batch)
-        now, progress = time.perf_counter(), foresight.progress
+    while preview_run.progress < 1.0:
+        preview_run.advance(preview_run.batch)
+        now, progress = time.perf_counter(), preview_run.progress
         left = (now - began) * (1.0 - progress) / progress
         if (left > SOON or not moves) and not owed and asker.poll():
             return None
         if moves and now > max(drawn + DRAWING, banded if band.going else 0.0):
-            _send(foresight.outlook(today), asker, band)
+            _send(preview_run.preview(today), asker, band)
             owed, drawn = False, now
     if moves:
         band.grow(banded)
-    return _send(foresight.outlook(today), asker, band)
+    return _send(preview_run.preview(today), asker, band)
 
 
-def _send(answer: Outlook | PreviewRefusal, asker: Connection, band: _GrowingBand) -> Outlook | None:
+def _send(answer: Preview | PreviewRefusal, asker: Connection, band: _GrowingBand) -> Preview | None:
     if isinstance(answer, PreviewRefusal):
         asker.send(answer)
         return None
@@ -233,21 +233,21 @@ def _send(answer: Outlook | PreviewRefusal, asker: Connection, band: _GrowingBan
     return answer
 
 
-def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook | None:
+def _compare(preview_run: PreviewRun, asker: Connection, known: _Known) -> Preview | None:
     """Answer once more, with the metrics of the running scenario. A newer request does not interrupt this, because all
     answers while the slider is held have the same metrics beside theirs."""
-    known.running = Foresight(foresight.unchanged, known.system, known.memory, engine_ready())
-    today = known.running.metrics_from(foresight.request.state)
-    return None if today is None else _send(foresight.outlook(today), asker, known.band)
+    known.running = PreviewRun(preview_run.unchanged, known.system, known.memory, engine_ready())
+    today = known.running.metrics_from(preview_run.request.state)
+    return None if today is None else _send(preview_run.preview(today), asker, known.band)
 
 
 def load_for(loop: ClosedLoop) -> None:
     """Load what answers about this run need, in a process that is forked into those that answer."""
     scenario = loop.system.scenario
     request = PreviewRequest(0, loop.state.copy(), scenario, scenario.controller.period, partial=False)
-    foresight = Foresight(request, loop.system, engine=engine_ready())
-    foresight.advance(foresight.batch)
-    foresight.outlook()
+    preview_run = PreviewRun(request, loop.system, engine=engine_ready())
+    preview_run.advance(preview_run.batch)
+    preview_run.preview()
 
 
 def run(asker: Connection) -> None:

@@ -18,8 +18,8 @@ from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
 from app.scenario.data import shipped
 from app.session.arm_band import Band
-from app.session.preview import Foresight
-from app.session.preview_messages import Outlook, PreviewRequest
+from app.session.preview import PreviewRun
+from app.session.preview_messages import Preview, PreviewRequest
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from tests.support.plotted import ran
@@ -85,17 +85,17 @@ def test_a_preview_that_the_run_has_followed_meanwhile_is_drawn_from_now_on() ->
     earlier = snapshot_of(loop)
     for _ in range(200):
         loop.step()
-    foresight = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 1.0))
-    foresight.advance(10_000)
-    outlook = foresight.outlook()
-    assert isinstance(outlook, Outlook)
+    preview_run = PreviewRun(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 1.0))
+    preview_run.advance(10_000)
+    preview = preview_run.preview()
+    assert isinstance(preview, Preview)
     for _ in range(300):
         loop.step()
     seen = snapshot_of(loop)
     for _ in range(700):
         loop.step()
     plots = Plots(MagicMock(), VisibleParts(), Viewing(), nullcontext())
-    frame = plots._frame(seen, Shown(seen.t, 2.0, outlook=outlook, horizon=1.0))
+    frame = plots._frame(seen, Shown(seen.t, 2.0, preview=preview, horizon=1.0))
     x, desired, s = frame.courses(
         [ChartLine(name, (0, 0, 0), column(*of)) for name, *of in (("r_d", "r_d", 1), ("s", "s_norm"))]
     )
@@ -103,14 +103,14 @@ def test_a_preview_that_the_run_has_followed_meanwhile_is_drawn_from_now_on() ->
     assert 0.68 < x[-1] < 0.7
     for drawn, values in ((desired, run["r_d"][:, 1]), (s, run["s_norm"])):
         np.testing.assert_allclose(drawn[ahead], np.interp(seen.t + x[ahead], run["t"], values), rtol=1e-9, atol=1e-12)
-    begun_anew = replace(outlook, restarts=True)
-    x, _ = plots._frame(seen, Shown(seen.t, 2.0, outlook=begun_anew, horizon=1.0)).courses(
+    begun_anew = replace(preview, restarts=True)
+    x, _ = plots._frame(seen, Shown(seen.t, 2.0, preview=begun_anew, horizon=1.0)).courses(
         [ChartLine("s", (0, 0, 0), column("s_norm"))]
     )
-    np.testing.assert_array_equal(x[x > 0.0], outlook.ahead)
+    np.testing.assert_array_equal(x[x > 0.0], preview.ahead)
     shown: list[Shown] = []
     plots._frame = lambda _, of: shown.append(of)  # pyright: ignore[reportAttributeAccessIssue]
-    for at, of in ((earlier, outlook), (seen, outlook), (earlier, begun_anew)):  # after a look back nothing lies ahead
-        plots.show(at, Shown(at.t, 2.0, outlook=of, horizon=1.0), ["Tracking"])
-    assert [of.outlook is None for of in shown] == [True, False, False]
-    assert [of.now for of in shown] == [earlier.t, outlook.since, earlier.t]  # so that its first instants are seen
+    for at, of in ((earlier, preview), (seen, preview), (earlier, begun_anew)):  # after a look back nothing lies ahead
+        plots.show(at, Shown(at.t, 2.0, preview=of, horizon=1.0), ["Tracking"])
+    assert [of.preview is None for of in shown] == [True, False, False]
+    assert [of.now for of in shown] == [earlier.t, preview.since, earlier.t]  # so that its first instants are seen

@@ -129,11 +129,11 @@ def test_a_page_that_vanishes_with_a_slider_held_ends_the_preview(server: Server
     def held() -> bool:  # a page that is not drawn yet knows of no run, and holds nothing
         if view._whatif.held is None:
             page.send({"type": "GuiUpdateMessage", "uuid": slider._impl.uuid, "updates": {"value": next(positions)}})
-        return view._whatif.held is not None and view._whatif.outlook is not None
+        return view._whatif.held is not None and view._whatif.preview is not None
 
     until(held, lambda: (view._whatif.held, view._whatif.refusal))
     page.vanish()
-    until(lambda: view._whatif.held is None and view._whatif.outlook is None)
+    until(lambda: view._whatif.held is None and view._whatif.preview is None)
     until(lambda: view._previewer.idle)
     assert server.runner.snapshot.scenario == before.scenario
     other.vanish()

@@ -25,8 +25,8 @@ from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
 from app.scenario.data import edited, load, shipped
-from app.session.preview import Foresight
-from app.session.preview_messages import Outlook, PreviewRequest
+from app.session.preview import PreviewRun
+from app.session.preview_messages import Preview, PreviewRequest
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from controllers.reaching import lyapunov_bound
@@ -268,12 +268,12 @@ def test_18_is_stated_only_where_it_promises() -> None:
         weak = edited(edited(shipped()["ur5-hybrid"], "controller.gain", "constant"), "controller.d", d)
         loop = ran(edited(weak, "controller.on_change", "watch"), 0.2)
         loop.edit(edited(loop.system.scenario, "controller.F_1", 40.0))
-        foresight = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 0.5))
+        preview_run = PreviewRun(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 0.5))
         while loop.t < 1.5:
             loop.step()
-        foresight.advance(500)
-        ahead = foresight.outlook()
-        assert isinstance(ahead, Outlook)
+        preview_run.advance(500)
+        ahead = preview_run.preview()
+        assert isinstance(ahead, Preview)
         assert 0.01 < loop.certificate.t_r < 1.2
         marked = known(loop)["promised"].any()
         stated[d] = ("s = 0 within" in reaching_note(snapshot_of(loop)), marked, ahead.metrics.reaching_time_promised)

@@ -9,9 +9,9 @@ from app.dashboard.widgets.whatif import HeldControl, WhatIf
 from app.dashboard.widgets.whatif_panel import body_html
 from app.scenario.data import edited, shipped
 from app.session.commands import Edit, HoldTool, Seek
-from app.session.preview import Foresight
+from app.session.preview import PreviewRun
 from app.session.preview_client import Previewer
-from app.session.preview_messages import Outlook, PreviewRequest
+from app.session.preview_messages import Preview, PreviewRequest
 from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.state import State
@@ -54,13 +54,13 @@ def test_the_panel_says_of_which_seconds_it_tells_and_whether_a_layer_or_the_ban
         ("task_space.characteristic_length", 0.2, "within the first 0.1 s", "layer reached after"),
         ("controller.switching", "discontinuous", "within the next 0.1 s", "band reached after"),
     ):
-        foresight = Foresight(
+        preview_run = PreviewRun(
             PreviewRequest(1, loop.state.copy(), edited(loop.system.scenario, path, value), 0.1), loop.system
         )
-        foresight.advance(1000)
-        outlook = foresight.outlook()
-        assert isinstance(outlook, Outlook)
-        html = body_html(cast(WhatIf, SimpleNamespace(outlook=outlook, refusal="")), loop.system.units)
+        preview_run.advance(1000)
+        preview = preview_run.preview()
+        assert isinstance(preview, Preview)
+        html = body_html(cast(WhatIf, SimpleNamespace(preview=preview, refusal="")), loop.system.units)
         assert which in html
-        assert ("both columns are of a run from its beginning" in html) == outlook.restarts == ("first" in which)
+        assert ("both columns are of a run from its beginning" in html) == preview.restarts == ("first" in which)
         assert reached in html

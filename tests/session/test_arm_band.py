@@ -13,9 +13,9 @@ from app.scenario.data import edited, shipped
 from app.scenario.departures import Departure
 from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import SEED, SIGNALS, ArmsAhead, Band, BandStretch, TrueArms
-from app.session.preview import Foresight
+from app.session.preview import PreviewRun
 from app.session.preview_client import Previewer
-from app.session.preview_messages import Outlook, PreviewRequest
+from app.session.preview_messages import Preview, PreviewRequest
 from app.simulation import assembly
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
@@ -32,8 +32,8 @@ def running(scenario: Scenario) -> ClosedLoop:
     return loop
 
 
-def foresight_of(loop: ClosedLoop, scenario: Scenario) -> Foresight:
-    return Foresight(PreviewRequest(1, loop.state.copy(), scenario, HORIZON, arms=COUNT), engine="compiled")
+def preview_run_of(loop: ClosedLoop, scenario: Scenario) -> PreviewRun:
+    return PreviewRun(PreviewRequest(1, loop.state.copy(), scenario, HORIZON, arms=COUNT), engine="compiled")
 
 
 def truth_of(scenario: Scenario, number: int, n: int) -> TruthSection:
@@ -61,7 +61,7 @@ def whole(ahead: ArmsAhead) -> Band:
 def test_each_arm_goes_on_as_a_loop_with_that_arm(name: str) -> None:
     loop = running(shipped()[name])
     scenario = edited(loop.system.scenario, "controller.K_s", 80.0)
-    stretch = foresight_of(loop, scenario).stretch
+    stretch = preview_run_of(loop, scenario).stretch
     band = band_of(stretch)
     assert band.arms == COUNT
     assert band.stopped == 0
@@ -84,7 +84,7 @@ def test_arms_are_others_than_the_true_one_and_the_same_at_every_value() -> None
     loop = running(shipped()["ur5-hybrid"])
     arms, firsts = true_arms(), []
     for K_s in (60.0, 90.0, 60.0):
-        stretch = foresight_of(loop, edited(loop.system.scenario, "controller.K_s", K_s)).stretch
+        stretch = preview_run_of(loop, edited(loop.system.scenario, "controller.K_s", K_s)).stretch
         firsts.append(whole(arms.run(stretch, COUNT)))
     np.testing.assert_array_equal(firsts[0].signals["e_r"], firsts[2].signals["e_r"])
     apart = firsts[0].signals["e_r"].reshape(COUNT, -1)
@@ -98,7 +98,7 @@ def test_arms_in_two_threads_share_no_model_of_the_arm(monkeypatch: pytest.Monke
     monkeypatch.setattr("app.session.arm_band.LATER", 0.1)
     monkeypatch.setattr("app.session.arm_band.SLICE", 100)
     loop = running(edited(shipped()["ur5-hybrid"], "controller.estimates", "along-reference"))
-    arms, stretch = true_arms(), foresight_of(loop, loop.system.scenario).stretch
+    arms, stretch = true_arms(), preview_run_of(loop, loop.system.scenario).stretch
     whole(arms.run(stretch, COUNT))
     systems = [system for system in (arms._begun.system, *arms._systems.values()) if arms._begun]
     assert len({id(system.nominal.data) for system in systems}) == COUNT + 1
@@ -116,7 +116,7 @@ def test_an_arm_that_stops_is_counted_and_has_no_values_beyond_its_end() -> None
     """A force loop too fast for a rigid surface: most arms lose it at once."""
     loop = running(shipped()["ur5-constrained"])
     scenario = edited(loop.system.scenario, "target_model.K_f", [0.2, *5 * [0.0]])
-    ahead = Foresight(PreviewRequest(1, loop.state.copy(), scenario, 3.0, arms=COUNT), engine="compiled").stretch
+    ahead = PreviewRun(PreviewRequest(1, loop.state.copy(), scenario, 3.0, arms=COUNT), engine="compiled").stretch
     band = band_of(ahead)
     known = np.isfinite(band.signals["s_norm"].reshape(COUNT, -1))
     ends = known.sum(axis=1)
@@ -127,7 +127,7 @@ def test_an_arm_that_stops_is_counted_and_has_no_values_beyond_its_end() -> None
 
 def test_a_band_grows_with_all_its_arms_and_its_beginning_stays() -> None:
     loop = running(shipped()["ur5-hybrid"])
-    stretch = Foresight(
+    stretch = PreviewRun(
         PreviewRequest(1, loop.state.copy(), loop.system.scenario, 5.0, arms=COUNT), engine="compiled"
     ).stretch
     ahead, seen = true_arms().run(stretch, COUNT), list[Band]()
@@ -147,7 +147,7 @@ def test_a_band_grows_with_all_its_arms_and_its_beginning_stays() -> None:
 def test_arms_that_are_left_run_no_farther() -> None:
     loop = running(shipped()["ur5-hybrid"])
     scenario = loop.system.scenario
-    stretch = Foresight(PreviewRequest(1, loop.state.copy(), scenario, 1000.0, arms=COUNT), engine="compiled").stretch
+    stretch = PreviewRun(PreviewRequest(1, loop.state.copy(), scenario, 1000.0, arms=COUNT), engine="compiled").stretch
     ahead = true_arms().run(stretch, COUNT)
     until(lambda: ahead.reached > 0)
     ahead.leave()
@@ -158,11 +158,13 @@ def test_arms_that_are_left_run_no_farther() -> None:
 def test_a_band_that_cannot_be_says_why() -> None:
     loop = running(shipped()["ur5-hybrid"])
     none = msgspec.structs.replace(loop.system.scenario, declared=type(loop.system.scenario.declared)(force_error=1.0))
-    assert foresight_of(loop, none).bandless == "nothing is declared to be uncertain"
+    assert preview_run_of(loop, none).bandless == "nothing is declared to be uncertain"
     stated = edited(loop.system.scenario, "declared.delta_G", "2 + away")
-    assert foresight_of(loop, stated).bandless.startswith("declared.delta_G is stated, and only its run shows whether")
-    assert foresight_of(loop, loop.system.scenario).bandless == ""
-    by_steps = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, HORIZON, arms=COUNT))
+    assert preview_run_of(loop, stated).bandless.startswith(
+        "declared.delta_G is stated, and only its run shows whether"
+    )
+    assert preview_run_of(loop, loop.system.scenario).bandless == ""
+    by_steps = PreviewRun(PreviewRequest(1, loop.state.copy(), loop.system.scenario, HORIZON, arms=COUNT))
     assert "compiled" in by_steps.bandless
 
 
@@ -179,17 +181,17 @@ def test_the_process_answers_first_and_then_with_the_whole_band_of_the_newest_qu
         scenario = edited(loop.system.scenario, "controller.K_s", K_s)
         previewer.ask(loop.state.copy(), scenario, HORIZON, arms=COUNT)
 
-    def banded() -> Outlook | None:
+    def banded() -> Preview | None:
         newest = previewer.newest
-        return newest if isinstance(newest, Outlook) and newest.band is not None and newest.number == 3 else None
+        return newest if isinstance(newest, Preview) and newest.band is not None and newest.number == 3 else None
 
     answer = until(lambda: banded() if banded() and banded().band.whole else None)  # pyright: ignore[reportOptionalMemberAccess]
     assert answer.whole
     assert answer.band is not None
     assert answer.band.arms == COUNT
-    expected = band_of(foresight_of(loop, scenario).stretch)
+    expected = band_of(preview_run_of(loop, scenario).stretch)
     for signal in SIGNALS:
         np.testing.assert_array_equal(answer.band.signals[signal], expected.signals[signal])
     previewer.ask(loop.state.copy(), loop.system.scenario, HORIZON)
-    plain = until(lambda: n if isinstance(n := previewer.newest, Outlook) and n.number == 4 and n.whole else None)
+    plain = until(lambda: n if isinstance(n := previewer.newest, Preview) and n.number == 4 and n.whole else None)
     assert plain.band is None

@@ -12,8 +12,8 @@ from app.analysis.metrics import BAND, settling_time
 from app.analysis.steady_force import steady_force_error
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import Scenario
-from app.session.preview import LASTS, Foresight
-from app.session.preview_messages import Outlook, PreviewRefusal, PreviewRequest
+from app.session.preview import LASTS, PreviewRun
+from app.session.preview_messages import Preview, PreviewRefusal, PreviewRequest
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.constants_store import kept_memory
 from app.workers.preview import _GrowingBand, _Known
@@ -46,10 +46,10 @@ def disturbed() -> Scenario:
 
 
 def foreseen(loop: ClosedLoop, scenario: Scenario, horizon: float) -> np.ndarray:
-    foresight = Foresight(PreviewRequest(1, loop.state.copy(), scenario, horizon))
-    while foresight.progress < 1.0:
-        foresight.advance(37)
-    return foresight._loop.recording.rows()
+    preview_run = PreviewRun(PreviewRequest(1, loop.state.copy(), scenario, horizon))
+    while preview_run.progress < 1.0:
+        preview_run.advance(37)
+    return preview_run._loop.recording.rows()
 
 
 @pytest.mark.parametrize("name", [*shipped(), "disturbed"])
@@ -103,11 +103,11 @@ def test_final_force_error_is_that_of_37(K_m1: float, K_e: float) -> None:
     loop = running(shipped()["ur5-hybrid"])
     stiffness = [K_m1, 4000.0, 4000.0, 4000.0, 4000.0, 4000.0]
     scenario = edited(edited(loop.system.scenario, "target_model.K_m", stiffness), "contact.K_e", K_e)
-    foresight = Foresight(PreviewRequest(1, loop.state.copy(), scenario, 2.0))
-    foresight.advance(10_000)
-    outlook = foresight.outlook()
-    assert isinstance(outlook, Outlook)
-    metrics = outlook.metrics
+    preview_run = PreviewRun(PreviewRequest(1, loop.state.copy(), scenario, 2.0))
+    preview_run.advance(10_000)
+    preview = preview_run.preview()
+    assert isinstance(preview, Preview)
+    metrics = preview.metrics
     expected = (1.0 - K_e / (K_m1 + K_e)) * (K_e - 1e4) / 1e4 * 20.0
     assert metrics.force_error_predicted == pytest.approx(expected, abs=1e-9)
     assert metrics.force_error == pytest.approx(expected, abs=0.02)
@@ -120,24 +120,26 @@ def test_settling_of_the_force_is_that_of_the_target_model() -> None:
     # (1 + x) exp(-x) = 0.02 at x = 5.834
     known = edited(edited(shipped()["ur5-hybrid"], "truth.link_scaling", 1.0), "motion", "hold")
     loop = running(known, 1500)
-    foresight = Foresight(PreviewRequest(1, loop.state.copy(), edited(loop.system.scenario, "force.value", 30.0), 2.0))
-    foresight.advance(10_000)
-    outlook = foresight.outlook()
-    assert isinstance(outlook, Outlook)
-    assert outlook.metrics.force_settling == pytest.approx(5.834 / np.sqrt(1e4 / 10.0), rel=0.02)
-    assert outlook.metrics.motion_settling == 0.0
-    np.testing.assert_allclose(outlook.ahead[[0, -1]], [1e-3, 1.999], rtol=1e-9)
+    preview_run = PreviewRun(
+        PreviewRequest(1, loop.state.copy(), edited(loop.system.scenario, "force.value", 30.0), 2.0)
+    )
+    preview_run.advance(10_000)
+    preview = preview_run.preview()
+    assert isinstance(preview, Preview)
+    assert preview.metrics.force_settling == pytest.approx(5.834 / np.sqrt(1e4 / 10.0), rel=0.02)
+    assert preview.metrics.motion_settling == 0.0
+    np.testing.assert_allclose(preview.ahead[[0, -1]], [1e-3, 1.999], rtol=1e-9)
 
 
 def test_under_impedance_the_path_error_is_that_of_the_plots() -> None:
     loop = running(shipped()["ur5-impedance"], 3000)
-    foresight = Foresight(PreviewRequest(0, loop.state.copy(), loop.system.scenario, 1.0))
-    foresight.advance(1000)
-    outlook = foresight.outlook()
-    assert isinstance(outlook, Outlook)
-    drawn = np.linalg.norm(outlook.signals["e_r"][:, :3], axis=1)
+    preview_run = PreviewRun(PreviewRequest(0, loop.state.copy(), loop.system.scenario, 1.0))
+    preview_run.advance(1000)
+    preview = preview_run.preview()
+    assert isinstance(preview, Preview)
+    drawn = np.linalg.norm(preview.signals["e_r"][:, :3], axis=1)
     assert drawn[-1] > 5e-3  # the wall holds it off its path
-    assert outlook.metrics.motion_error == pytest.approx(drawn[outlook.ahead > 0.8].max(), rel=1e-3)
+    assert preview.metrics.motion_error == pytest.approx(drawn[preview.ahead > 0.8].max(), rel=1e-3)
 
 
 def test_a_tool_that_is_twisted_shows_its_angle_error() -> None:
@@ -167,13 +169,13 @@ def test_metrics_of_the_running_scenario_count_until_the_run_goes_another_way(pu
     known_arm = edited(free, "truth.link_scaling", 1.0)  # stands still from the beginning
     scenario = edited(known_arm, "motion", "hold") if push else free
     loop = ClosedLoop.from_scenario(scenario)
-    foresight = Foresight(PreviewRequest(1, loop.state.copy(), scenario, 1.0, push=push))
-    while foresight.progress < 1.0:
-        foresight.advance(100)
-    assert foresight._push == push
-    outlook, memory = foresight.outlook(), kept_memory()
-    assert isinstance(outlook, Outlook)
-    known = _Known(memory, _GrowingBand(memory), running=foresight)
+    preview_run = PreviewRun(PreviewRequest(1, loop.state.copy(), scenario, 1.0, push=push))
+    while preview_run.progress < 1.0:
+        preview_run.advance(100)
+    assert preview_run._push == push
+    preview, memory = preview_run.preview(), kept_memory()
+    assert isinstance(preview, Preview)
+    known = _Known(memory, _GrowingBand(memory), running=preview_run)
 
     def count() -> bool:
         """Whether metrics are known; they are those of the seconds from now on."""
@@ -220,23 +222,23 @@ def test_an_edit_that_restarts_is_compared_with_a_restart_of_the_running_scenari
     """The transient of the start must not be read as the slider's effect."""
     loop = running(shipped()["ur5-hybrid"], 1500)
     state, scenario = loop.state.copy(), loop.system.scenario
-    foresight = Foresight(PreviewRequest(1, state, edited(scenario, "task_space.characteristic_length", 0.2), 0.3))
-    while foresight.progress < 1.0:
-        foresight.advance(100)
-    running_now = Foresight(foresight.unchanged, foresight.base)
-    today, outlook = running_now.metrics_from(state), foresight.outlook()  # as the process asks first
+    preview_run = PreviewRun(PreviewRequest(1, state, edited(scenario, "task_space.characteristic_length", 0.2), 0.3))
+    while preview_run.progress < 1.0:
+        preview_run.advance(100)
+    running_now = PreviewRun(preview_run.unchanged, preview_run.base)
+    today, preview = running_now.metrics_from(state), preview_run.preview()  # as the process asks first
     begun = ClosedLoop.from_scenario(scenario).state
     assert today == preview_metrics(PreviewRequest(1, begun, scenario, 0.3))
-    assert isinstance(outlook, Outlook)
+    assert isinstance(preview, Preview)
     assert today is not None
-    assert outlook.metrics.motion_largest == pytest.approx(today.motion_largest, rel=0.1)
+    assert preview.metrics.motion_largest == pytest.approx(today.motion_largest, rel=0.1)
     assert today.motion_largest > 10.0 * preview_metrics(PreviewRequest(1, state, scenario, 0.3)).motion_largest
     # what is known of the restart answers the next question of its kind, also from a later state
     known = _Known(memory := kept_memory(), _GrowingBand(memory), running=running_now)
-    assert known.metrics_for(foresight.unchanged) == today
+    assert known.metrics_for(preview_run.unchanged) == today
     loop.step()
-    later = replace(foresight.request, state=loop.state.copy())
-    assert known.metrics_for(Foresight(later, foresight.base).unchanged) == today
+    later = replace(preview_run.request, state=loop.state.copy())
+    assert known.metrics_for(PreviewRun(later, preview_run.base).unchanged) == today
     assert known.metrics_for(replace(later, scenario=scenario)) is None  # 1.5 s ahead nothing is foreseen
 
 
@@ -244,21 +246,21 @@ def test_an_edit_that_restarts_is_compared_with_a_restart_of_the_running_scenari
 def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
     loop = running(shipped()["planar2r-semicircle"], 5)
     period = loop.system.scenario.controller.period
-    foresight = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, periods * period))
-    foresight.advance(periods)
-    outlook = foresight.outlook()
-    assert isinstance(outlook, Outlook)
-    assert outlook.whole
-    assert outlook.metrics.span == pytest.approx(periods * period)
-    assert outlook.ahead[-1] == pytest.approx((periods - 1) * period)
+    preview_run = PreviewRun(PreviewRequest(1, loop.state.copy(), loop.system.scenario, periods * period))
+    preview_run.advance(periods)
+    preview = preview_run.preview()
+    assert isinstance(preview, Preview)
+    assert preview.whole
+    assert preview.metrics.span == pytest.approx(periods * period)
+    assert preview.ahead[-1] == pytest.approx((periods - 1) * period)
 
 
 def test_a_preview_of_a_run_that_stops_in_its_first_period_says_why() -> None:
     loop = running(shipped()["ur5-hybrid"])
-    foresight = Foresight(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 1.0))
-    foresight.advance(1)
-    foresight._loop.fail("the arm", ArithmeticError("torn"))
-    refused = foresight.outlook()
+    preview_run = PreviewRun(PreviewRequest(1, loop.state.copy(), loop.system.scenario, 1.0))
+    preview_run.advance(1)
+    preview_run._loop.fail("the arm", ArithmeticError("torn"))
+    refused = preview_run.preview()
     assert isinstance(refused, PreviewRefusal)
     assert refused.sentence.startswith("nothing lies ahead: ")
     assert "torn" in refused.sentence
@@ -267,24 +269,24 @@ def test_a_preview_of_a_run_that_stops_in_its_first_period_says_why() -> None:
 def test_leaving_the_domain_is_said() -> None:
     loop = running(shipped()["ur5-hybrid"])
     weak = edited(edited(loop.system.scenario, "controller.gain", "constant"), "controller.d", 1.0)
-    foresight = Foresight(PreviewRequest(1, loop.state.copy(), edited(weak, "truth.payload_mass", 20.0), 1.0))
-    foresight.advance(10_000)
-    outlook = foresight.outlook()
-    assert isinstance(outlook, Outlook)
-    assert outlook.metrics.gain_margin < 0.0
-    assert outlook.metrics.left is not None
-    assert outlook.metrics.left.startswith("t = ")
+    preview_run = PreviewRun(PreviewRequest(1, loop.state.copy(), edited(weak, "truth.payload_mass", 20.0), 1.0))
+    preview_run.advance(10_000)
+    preview = preview_run.preview()
+    assert isinstance(preview, Preview)
+    assert preview.metrics.gain_margin < 0.0
+    assert preview.metrics.left is not None
+    assert preview.metrics.left.startswith("t = ")
 
 
 def test_the_compiled_engine_foresees_the_same() -> None:
     for name in ("ur5-hybrid", "ur5-impedance", "ur5-constrained"):
         state = running(shipped()[name]).state.copy()
         request = PreviewRequest(1, state, edited(state.scenario, "controller.layer", 0.02), 0.3)
-        foreseen = [Foresight(request, engine="pinocchio"), Foresight(request, engine="compiled")]
+        foreseen = [PreviewRun(request, engine="pinocchio"), PreviewRun(request, engine="compiled")]
         while foreseen[0].progress < 1.0:
-            for foresight in foreseen:
-                foresight.advance(70)
-        step, compiled = (foresight._loop.recording.signals(("e_r", "s", "tau", "F")) for foresight in foreseen)
+            for preview_run in foreseen:
+                preview_run.advance(70)
+        step, compiled = (preview_run._loop.recording.signals(("e_r", "s", "tau", "F")) for preview_run in foreseen)
         for name_of, values in step.items():
             assert len(values) == 300
             np.testing.assert_allclose(compiled[name_of], values, rtol=0.0, atol=1e-9 * np.abs(values).max())
@@ -302,7 +304,7 @@ def test_an_arm_on_a_moving_surface_is_not_pushed(name: str, moving: str) -> Non
     still = edited(edited(shipped()[name], "motion", "hold"), "rotation", "hold")
     for scenario, pushed in ((still, 20.0), (edited(still, moving, 0.01), 0.0)):
         loop = ClosedLoop.from_scenario(scenario)
-        assert Foresight(PreviewRequest(1, loop.state.copy(), scenario, 1.0, push=20.0))._push == pushed
+        assert PreviewRun(PreviewRequest(1, loop.state.copy(), scenario, 1.0, push=20.0))._push == pushed
 
 
 def test_an_arm_at_rest_is_pushed_and_gives_way_as_its_stiffness_says() -> None:
@@ -354,9 +356,9 @@ def test_overshoot_of_a_force_that_ends_where_it_began_is_the_way_to_either_side
     """A payload is taken up: the force rises, and comes back."""
     state = running(shipped()["ur5-hybrid"], 2500).state.copy()
     asked = PreviewRequest(1, state, edited(state.scenario, "truth.payload_mass", 0.5), 2.0)
-    foresight = Foresight(asked)
-    foresight.advance(100_000)
-    force = foresight._loop.recording.signals(("multiplier",))["multiplier"]
+    preview_run = PreviewRun(asked)
+    preview_run.advance(100_000)
+    force = preview_run._loop.recording.signals(("multiplier",))["multiplier"]
     assert preview_metrics(asked).force_overshoot == pytest.approx(np.abs(force - force[-1]).max(), rel=0.02)
     assert np.abs(force - force[-1]).max() > 0.5 > 0.1 > abs(force[0] - force[-1])
 

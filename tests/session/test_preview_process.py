@@ -18,7 +18,7 @@ import pytest
 
 from app.scenario.data import edited, shipped
 from app.session.preview_client import Previewer
-from app.session.preview_messages import Hurry, Outlook, PreviewDone, PreviewRefusal, PreviewRequest
+from app.session.preview_messages import Hurry, Preview, PreviewDone, PreviewRefusal, PreviewRequest
 from app.workers.preview import serve
 from drivers.waiting import PATIENCE, until
 from tests.support.previews import preview_metrics, running
@@ -46,9 +46,9 @@ def listeners() -> int:
     return sum(thread.name == "previews" for thread in threading.enumerate())
 
 
-def whole(previewer: Previewer) -> Outlook | None:
+def whole(previewer: Previewer) -> Preview | None:
     newest = previewer.newest
-    return newest if isinstance(newest, Outlook) and newest.whole else None
+    return newest if isinstance(newest, Preview) and newest.whole else None
 
 
 def test_the_process_answers_the_newest_question_only(previewer: Previewer) -> None:
@@ -82,11 +82,11 @@ def test_a_question_that_only_time_has_changed_gives_way_at_once() -> None:
         answering = threading.Thread(target=answer_all, args=(theirs,))
         answering.start()
         received = [ours.recv()]
-        while not (isinstance(received[-1], Outlook) and received[-1].whole):
+        while not (isinstance(received[-1], Preview) and received[-1].whole):
             received.append(ours.recv())
     answering.join()
     assert isinstance(received[0], PreviewDone)
-    assert {message.number for message in received[1:] if isinstance(message, Outlook)} == {2}
+    assert {message.number for message in received[1:] if isinstance(message, Preview)} == {2}
 
 
 def answer_all(asker: Connection) -> None:
@@ -107,7 +107,7 @@ def test_the_running_scenario_is_computed_for_comparison_and_once(previewer: Pre
         assert answer.metrics.torque_largest != pytest.approx(today.torque_largest, rel=1e-3)
 
 
-def compared(previewer: Previewer, force: float) -> Outlook | None:
+def compared(previewer: Previewer, force: float) -> Preview | None:
     newest = whole(previewer)
     return newest if newest is not None and newest.today and newest.scenario.force.value == force else None
 
@@ -117,7 +117,7 @@ def test_answers_on_the_way_come_first_and_a_dropped_one_never(previewer: Previe
     changed = edited(state.scenario, "force.value", 30.0)
     previewer.ask(state, changed, 20.0)
     first = until(lambda: previewer.newest)
-    assert isinstance(first, Outlook)
+    assert isinstance(first, Preview)
     assert not first.whole
     previewer.drop()
     until(lambda: previewer.idle)

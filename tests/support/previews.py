@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from app.scenario.schema import Scenario
-from app.session.preview import Foresight
-from app.session.preview_messages import Outlook, PreviewMetrics, PreviewRequest
+from app.session.preview import PreviewRun
+from app.session.preview_messages import Preview, PreviewMetrics, PreviewRequest
 from app.simulation.closed_loop import ClosedLoop
 
 
@@ -18,8 +18,8 @@ def running(scenario: Scenario, periods: int = 400) -> ClosedLoop:
 
 def preview_metrics(request: PreviewRequest) -> PreviewMetrics:
     """Metrics of a preview, computed at once in this process."""
-    foresight = Foresight(request)
-    foresight.advance(100_000)
-    outlook = foresight.outlook()
-    assert isinstance(outlook, Outlook)
-    return outlook.metrics
+    preview_run = PreviewRun(request)
+    preview_run.advance(100_000)
+    preview = preview_run.preview()
+    assert isinstance(preview, Preview)
+    return preview.metrics

@@ -23,7 +23,7 @@ from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.equation import symbol
-from app.session.preview_messages import Outlook
+from app.session.preview_messages import Preview
 from app.session.snapshot import Snapshot
 from app.simulation.recording import Recording
 
@@ -41,13 +41,13 @@ class Shown:
     now: s, its last instant.
     window: s, its length.
     pinned: runs that are drawn behind.
-    outlook: preview after `now`, None for none.
+    preview: preview after `now`, None for none.
     horizon: s, length of the preview."""
 
     now: float
     window: float
     pinned: tuple[PinnedChart, ...] = ()
-    outlook: Outlook | None = None
+    preview: Preview | None = None
     horizon: float = 0.0
 
 
@@ -78,16 +78,16 @@ class Plots:
 
     def show(self, snapshot: Snapshot, shown: Shown, looked_at: Collection[str]) -> None:
         """Draw the visible tabs, unless they are drawn already."""
-        if shown.outlook is not None and not shown.outlook.follows(shown.now):
-            shown = replace(shown, outlook=None)
-        if shown.outlook is not None and not shown.outlook.restarts:  # the response begins where it was computed from
-            shown = replace(shown, now=min(shown.now, shown.outlook.since))
+        if shown.preview is not None and not shown.preview.follows(shown.now):
+            shown = replace(shown, preview=None)
+        if shown.preview is not None and not shown.preview.restarts:  # the response begins where it was computed from
+            shown = replace(shown, now=min(shown.now, shown.preview.since))
         setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
         pinned = tuple((p.look, id(p.recording)) for p in shown.pinned)
-        ahead = shown.outlook
+        ahead = shown.preview
         band = None if ahead is None or ahead.band is None else (ahead.band.since, ahead.band.reach)
-        outlook = None if ahead is None else (ahead.number, len(ahead.ahead), band)
-        drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, outlook)
+        preview = None if ahead is None else (ahead.number, len(ahead.ahead), band)
+        drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, preview)
         reports = {title: self._visible_parts.reports(title) for title in looked_at if title in self._tabs}
         stale = [t for t, number in reports.items() if self._drawn.get(t) != drawn or self._reports.get(t) != number]
         if not stale:
@@ -103,7 +103,7 @@ class Plots:
             self._drawn[title], self._reports[title] = drawn, reports[title]
 
     def _frame(self, snapshot: Snapshot, shown: Shown) -> Frame:
-        recording, outlook = snapshot.recording, shown.outlook
+        recording, preview = snapshot.recording, shown.preview
         if self._analysis is None or self._recording is not recording:
             self._analysis, self._recording = PerturbationAnalysis(snapshot.system), recording
         begin = shown.now - shown.window
@@ -112,22 +112,22 @@ class Plots:
         known = _Later(lambda: _known(analysis, recording, grid, begin - LEAD, shown.now))
         recent = self._recent(snapshot, shown, grid, analysis)
         pinned = [laid_on(p, begin - LEAD, shown.now, snapshot) for p in shown.pinned]
-        if outlook is None:
+        if preview is None:
             return Frame(shown.now, shown.window, grid, known, pinned, number=self._number, recent=recent)
         # a preview that begins the run anew is another run, to which the analysis does not apply
-        openings = np.arange(0, 0 if outlook.restarts else len(outlook.ahead), FORESEEN_EVERY)
-        foreseen = analysis.foreseen(outlook.signals, outlook.epochs, openings)
+        openings = np.arange(0, 0 if preview.restarts else len(preview.ahead), FORESEEN_EVERY)
+        foreseen = analysis.foreseen(preview.signals, preview.epochs, openings)
         # the run has gone on since the preview was requested
-        ahead = outlook.ahead if outlook.restarts else outlook.signals["t"] - shown.now
+        ahead = preview.ahead if preview.restarts else preview.signals["t"] - shown.now
         frame = Frame(
             *(shown.now, shown.window, grid, known, pinned, ahead, foreseen),
             number=self._number,
             recent=recent,
         )
-        if outlook.band is None:
+        if preview.band is None:
             return frame
-        since = 0.0 if outlook.restarts else outlook.band.since - shown.now
-        return replace(frame, band=outlook.band, band_ahead=since + outlook.band.ahead)
+        since = 0.0 if preview.restarts else preview.band.since - shown.now
+        return replace(frame, band=preview.band, band_ahead=since + preview.band.ahead)
 
     def _recent(
         self, snapshot: Snapshot, shown: Shown, grid: BucketGrid, analysis: PerturbationAnalysis
@@ -202,7 +202,7 @@ class _TabView:
         self._fit_heights()
 
     def _show_note(self, snapshot: Snapshot, shown: Shown) -> None:
-        ahead = 0.0 if shown.outlook is None else shown.horizon
+        ahead = 0.0 if shown.preview is None else shown.horizon
         self._note.content = self._visible_parts.marker_html(
             self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
         )

@@ -12,7 +12,7 @@ from app.scenario.schema import Scenario
 from app.session.commands import Edit, EditAll, EditModel, FieldEdit
 from app.session.model_entries import with_model_entries
 from app.session.preview_client import Previewer
-from app.session.preview_messages import Outlook, PreviewRefusal
+from app.session.preview_messages import Preview, PreviewRefusal
 from app.session.snapshot import Snapshot
 
 HORIZON, PUSH, ARMS = 5.0, 30.0, 16  # s, N, and number of true arms of the band, until the user changes them
@@ -86,7 +86,7 @@ class WhatIf:
 
     wake: called where the drawing loop should not wait for its next frame: a slider has moved, or an answer has come.
     push, arms: see `PreviewRequest`.
-    outlook: preview to draw, None for none.
+    preview: preview to draw, None for none.
     refusal: reason why there is no preview, in a sentence.
     """
 
@@ -96,7 +96,7 @@ class WhatIf:
         self.on = True
         self.horizon, self.push, self.arms = HORIZON, PUSH, ARMS
         self.held: HeldControl | None = None
-        self.outlook: Outlook | None = None
+        self.preview: Preview | None = None
         self.refusal = ""
         self._request: _RequestKey | None = None
         self._applied: _Applied | None = None
@@ -151,21 +151,21 @@ class WhatIf:
             self.held = held = None  # the page was closed with the slider held, or another run has begun
         if held is None:
             return self._rest(snapshot)
-        drawn, refused = self.outlook, self.refusal
+        drawn, refused = self.preview, self.refusal
         self._ask(held, snapshot)
         match self._previewer.newest:
-            case Outlook() as outlook:
-                self.outlook, self.refusal = outlook, ""
+            case Preview() as preview:
+                self.preview, self.refusal = preview, ""
             case PreviewRefusal(_, sentence):
-                self.outlook, self.refusal = None, sentence
+                self.preview, self.refusal = None, sentence
             case None if self._previewer.failure:
-                self.outlook, self.refusal = None, self._previewer.failure
-        return self.outlook is not drawn or self.refusal != refused
+                self.preview, self.refusal = None, self._previewer.failure
+        return self.preview is not drawn or self.refusal != refused
 
     def _rest(self, snapshot: Snapshot) -> bool:
         if self._request is not None:
             self._previewer.drop()
-            self._request, self.outlook, self.refusal = None, None, ""
+            self._request, self.preview, self.refusal = None, None, ""
             return True
         if snapshot.run != self._run:
             self._run = snapshot.run
@@ -184,7 +184,7 @@ class WhatIf:
             scenario = changed(snapshot.scenario, held.edit)
         except ScenarioError as error:
             self._previewer.drop()
-            self.outlook, self.refusal = None, str(error)
+            self.preview, self.refusal = None, str(error)
         else:
             # the same request from a later state replaces a complete drawing, which must not grow from nothing again
             # an edit of a past instant lets go of the tool

@@ -15,7 +15,7 @@ from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_words import refusal_in_words
 from app.dashboard.widgets.whatif import WhatIf
 from app.scenario.units import Units
-from app.session.preview_messages import Outlook, PreviewMetrics
+from app.session.preview_messages import Preview, PreviewMetrics
 from app.session.snapshot import Snapshot
 
 BANDS = {"none": 0, "16 of the declared set": 16, "64 of the declared set": 64}
@@ -91,34 +91,34 @@ class WhatIfPanel:
 
 def body_html(whatif: WhatIf, units: Units) -> str:
     """Table of the preview with what is to be said of it, or why there is none, as HTML."""
-    outlook = whatif.outlook
+    preview = whatif.preview
     if whatif.refusal:
         return f'<div class="vs-message vs-bad">{escape(refusal_in_words(whatif.refusal))}</div>'
-    if outlook is None:
+    if preview is None:
         return '<div class="vs-dim">…</div>'
-    metrics = outlook.metrics
+    metrics = preview.metrics
     notes = [f'<div class="vs-message vs-warn">{escape(metrics.left)}</div>'] if metrics.left else []
-    if outlook.restarts:
+    if preview.restarts:
         anew = "This edit restarts the scenario: both columns are of a run from its beginning."
         notes.append(f'<div class="vs-message vs-warn">{anew}</div>')
     pushed = f", with a push of {metrics.push:g} N" if metrics.push else ""
-    which = "first" if outlook.restarts else "next"
+    which = "first" if preview.restarts else "next"
     span = f'<div class="vs-dim">within the {which} {metrics.span:.1f} s{pushed}:</div>'
-    return f"{span}{_table(outlook, units)}{_of_band(outlook)}{''.join(notes)}"
+    return f"{span}{_table(preview, units)}{_of_band(preview)}{''.join(notes)}"
 
 
 def _named(arms: int) -> str:
     return next(name for name, count in BANDS.items() if count == arms)
 
 
-def _of_band(outlook: Outlook) -> str:
+def _of_band(preview: Preview) -> str:
     """Sentence on the band of true arms, as HTML."""
-    band = outlook.band
-    if outlook.bandless:
-        return f'<div class="vs-dim">No band of true arms: {escape(outlook.bandless)}.</div>'
+    band = preview.band
+    if preview.bandless:
+        return f'<div class="vs-dim">No band of true arms: {escape(preview.bandless)}.</div>'
     if band is None:
         return ""
-    so_far = "" if band.reach >= outlook.metrics.span else f", the next {band.reach:.1f} s"
+    so_far = "" if band.reach >= preview.metrics.span else f", the next {band.reach:.1f} s"
     arms = f"{band.arms} true arms of the declared set{so_far}"
     html = f'<div class="vs-dim">shaded: {arms}; darker: 5 % to 95 % of them</div>'
     if band.stopped:
@@ -185,11 +185,11 @@ def _rows(units: Units, reached: str) -> tuple[_Row, ...]:
     )
 
 
-def _table(outlook: Outlook, units: Units) -> str:
+def _table(preview: Preview, units: Units) -> str:
     """Table of the preview's metrics as HTML, of the rows that have a meaning; beside them those of the running
     scenario."""
-    metrics, today = outlook.metrics, outlook.today
-    reached = "band" if outlook.scenario.controller.switching == "discontinuous" else "layer"
+    metrics, today = preview.metrics, preview.today
+    reached = "band" if preview.scenario.controller.switching == "discontinuous" else "layer"
     lines = ["<tr><th></th><th>with it</th><th>without</th></tr>"]
     for row in _rows(units, reached):
         if (value := row.value(metrics)) is None:
