@@ -15,6 +15,7 @@ import numpy as np
 from kernels import Elsewhere
 
 MOST = 16  # parameters
+BEYOND = 256  # numbers behind an array, which nothing may write
 call: Any = Elsewhere("kernels.pointers", "call")
 Shapes = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
 
@@ -50,6 +51,20 @@ def write_at(own: OwnFunction, t: float, a: np.ndarray, b: np.ndarray, c: np.nda
     """Call a function at time t (s), which writes into these arrays; outside of kernels."""
     kind = ctypes.CFUNCTYPE(None, ctypes.c_double, *4 * (ctypes.c_size_t,))
     kind(int(own.address))(t, *(array.ctypes.data for array in (own.parameters, a, b, c)))
+
+
+def written_beyond(
+    own: OwnFunction, t: float, sizes: tuple[int, int, int], given: np.ndarray | float = 0.0
+) -> list[int | None]:
+    """First place behind each of its three arrays, counted from their ends, that a function writes at time t (s), which
+    compiled code does not notice; None where there is none.
+    sizes: of the arrays, which are zero before.
+    given: numbers that the first one has instead."""
+    arrays = [np.append(np.zeros(size), np.full(BEYOND, np.nan)) for size in sizes]
+    arrays[0][: sizes[0]] = given
+    write_at(own, t, *arrays)
+    places = (np.flatnonzero(~np.isnan(array[size:])) for array, size in zip(arrays, sizes, strict=True))
+    return [int(found[0]) if len(found) else None for found in places]
 
 
 @cache  # compiled code must be kept as long as somebody may call it by its address

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import sys
@@ -22,7 +23,29 @@ if TYPE_CHECKING:
 # All cores are busy with tests meanwhile: what steps back for a loop would wait for minutes.
 os.environ[priority.SAME] = "1"
 
+DEFAULTS = structlog.get_config()
 PLAINLY = structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback)
+
+
+class Printer:
+    """Logger that prints to the present standard output, of which it holds a reference while it writes. `print`, which
+    structlog's own calls, holds none: where a test ends meanwhile, whose output was captured, CPython 3.11 writes into
+    freed memory (https://github.com/python/cpython/issues/130163)."""
+
+    def msg(self, message: str) -> None:
+        """Print a line, unless the test that captured the output has ended."""
+        out = sys.stdout
+        with contextlib.suppress(ValueError):  # closed
+            out.write(f"{message}\n")
+            out.flush()
+
+    debug = info = warning = error = critical = exception = msg
+
+
+def configure_plainly() -> None:
+    """Make the log what it is in a process that no command has configured, but for `Printer`. In one call: another
+    thread may log between two."""
+    structlog.configure(**DEFAULTS | {"processors": [PLAINLY], "logger_factory": lambda *_: Printer()})
 
 
 @pytest.fixture(scope="session")
@@ -42,7 +65,7 @@ def logged_faults() -> Iterator[list[str]]:
     with pytest.MonkeyPatch.context() as patch:
         really = structlog.configure
         patch.setattr(structlog, "configure", configure)
-        structlog.configure(processors=[PLAINLY])
+        configure_plainly()
         yield faults
 
 
@@ -64,8 +87,7 @@ def log_of_tests(logged_faults: list[str]) -> Callable[[], None]:
     level, environment = root.level, {name: os.environ[name] for name in named if name in os.environ}
 
     def restore() -> None:
-        structlog.reset_defaults()
-        structlog.configure(processors=[PLAINLY])
+        configure_plainly()
         for handler in root.handlers[:]:
             if isinstance(handler, log._Lines):  # pyright: ignore[reportPrivateUsage]
                 root.removeHandler(handler)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import numpy as np
 
-from environments.own_function import call, own_function
+from environments.own_function import OwnFunction, call, own_function, written_beyond
 from environments.surfaces.chart import STILL, Shape
 from environments.surfaces.form import Form, grid, triangles
 from environments.surfaces.regular import require_derivatives, written
@@ -49,7 +49,17 @@ class OwnSurface:
         errors."""
         values = values_of(self.parameters, form.parameters, "surface.parameters")
         own = own_function(_adapted(self.chart), self.chart, values, ((3,), (3, 3), (3, 3, 3)))
+        _require_within(self.kind, own)
         return form.shape._replace(own=own)
+
+
+def _require_within(kind: str, own: OwnFunction) -> None:
+    """Raise ValueError where the chart writes beyond its arrays."""
+    for zeta in (np.zeros(3), *(NEAR * np.eye(3)), np.full(3, -NEAR)):
+        places = written_beyond(own, 0.0, (3, 9, 27), zeta)
+        behind = [name for name, place in zip(("g", "G", "G_p"), places, strict=True) if place is not None]
+        if behind:
+            raise ValueError(f"surface.name: {kind!r} writes behind the end of {behind[0]}; allowed: indices 0 to 2")
 
 
 @cache

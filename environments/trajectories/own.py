@@ -9,13 +9,12 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from environments.own_function import OwnFunction, call, own_function, write_at
+from environments.own_function import OwnFunction, call, own_function, written_beyond
 from environments.trajectories.trajectory import Course, Trajectory, in_plane
 from kernels import inline
 from parameters import Name, Parameter, field, values_of
 
-BEYOND = 256  # numbers behind the coordinates, which nothing may write
-INSTANTS = (0.0, 0.1, 1.7, 9.3)  # s, at which this is tried
+INSTANTS = (0.0, 0.1, 1.7, 9.3)  # s, at which a path is tried
 
 
 @dataclass(frozen=True)
@@ -45,14 +44,11 @@ class OwnTrajectory:
 
 
 def _require_within(kind: str, own: OwnFunction, k: int) -> None:
-    """Raise ValueError where the path writes beyond its k coordinates, which compiled code does not notice."""
-    written = np.zeros((3, k + BEYOND))
-    for t in INSTANTS:
-        write_at(own, t, *written)
-    beyond = np.flatnonzero(written[:, k:].any(axis=0))
-    if len(beyond):
+    """Raise ValueError where the path writes beyond its k coordinates."""
+    beyond = [place for t in INSTANTS for place in written_beyond(own, t, (k, k, k)) if place is not None]
+    if beyond:
         raise ValueError(
-            f"motion.name: {kind!r} writes coordinate {k + 1 + beyond[0]}; allowed: 1 to {k} (value.shape[0]), the "
+            f"motion.name: {kind!r} writes coordinate {k + 1 + min(beyond)}; allowed: 1 to {k} (value.shape[0]), the "
             "free ones of this mode and arm"
         )
 

@@ -171,3 +171,8 @@ def test_a_fault_in_a_test_is_noted_after_a_command_has_configured_the_log(logge
     (fault,) = logged_faults
     assert "a command" in fault
     assert "ValueError: provoked" in fault
+
+
+def test_no_test_prints_into_an_output_that_another_thread_may_close() -> None:
+    """As structlog's own `PrintLogger` does, see `tests/conftest.py`."""
+    assert not isinstance(structlog.get_config()["logger_factory"](), structlog.PrintLogger)

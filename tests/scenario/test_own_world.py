@@ -137,8 +137,9 @@ def test_a_path_with_wrong_derivatives_or_without_an_end_is_refused(
         ClosedLoop.from_scenario(edited(load("ur5-hybrid"), "motion", "own:ring"))
 
 
-def test_a_path_that_writes_beyond_its_coordinates_is_refused(written: Callable[[str], Path]) -> None:
-    use([written(CIRCLE.replace("    rate[0],", "    acceleration[4] = 0.01\n    rate[0],"))])
+@pytest.mark.parametrize("number", ["0.01", "0.0"])
+def test_a_path_that_writes_beyond_its_coordinates_is_refused(written: Callable[[str], Path], number: str) -> None:
+    use([written(CIRCLE.replace("    rate[0],", f"    acceleration[4] = {number}\n    rate[0],"))])
     for name, k in (("ur5-hybrid", 2), ("planar3r-hybrid", 1)):
         beyond = 5 if k == 2 else 2
         with pytest.raises(ScenarioError, match=rf"'ring' writes coordinate {beyond}; allowed: 1 to {k} \(value"):
@@ -148,6 +149,17 @@ def test_a_path_that_writes_beyond_its_coordinates_is_refused(written: Callable[
     reference = loop.system.reference(2.3)
     assert reference.r_d[1] != loop.system.reference(0.0).r_d[1]
     assert reference.r_d[2] == loop.system.reference(0.0).r_d[2]  # the angle is not moved
+
+
+@pytest.mark.parametrize(("entry", "array"), [("g[3]", "g"), ("G[3, 1]", "G"), ("G_p[2, 2, 3]", "G_p")])
+def test_a_surface_that_writes_beyond_its_coordinates_is_refused(
+    written: Callable[[str], Path], entry: str, array: str
+) -> None:
+    chart = PLAIN.format(slope=-1.0).rstrip()
+    body = chart[chart.index("def chart") :].splitlines()[1]
+    use([written(chart.replace(body, f"    {entry} = 0.0\n{body}"))])
+    with pytest.raises(ScenarioError, match=rf"'plain' writes behind the end of {array}; allowed: indices 0 to 2"):
+        ClosedLoop.from_scenario(on_surface(load("ur5-hybrid"), "own:plain"))
 
 
 def test_a_surface_whose_phi_is_no_penetration_in_metres_is_refused(written: Callable[[str], Path]) -> None:
