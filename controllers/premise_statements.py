@@ -82,7 +82,7 @@ STATEMENTS: dict[Premise, Statement] = {
     ),
     Premise.GAIN: Statement(
         "d covers (17)",
-        "≤",
+        "≤ d =",
         "r",
         "the gain d = {limit} {unit} is below the {value} {unit} that (17) requires",
         "(17) requires this d",

@@ -32,8 +32,8 @@ def geometry_of(model: pin.Model, file_name: str) -> Geometry:
     if n >= 3 and not planar:
         return "position"
     raise RobotError(
-        f"robot.urdf: {file_name} has {n} joint(s) to its tool; no square task space exists "
-        "(allowed: planar, in the x-z plane, with 2 or more, otherwise 3 or more joints)"
+        f"robot.urdf: {file_name} has {n} {'joint' if n == 1 else 'joints'} to its tool; allowed: 3 or more, or 2 or "
+        "more that move it in the x-z plane only"
     )
 
 

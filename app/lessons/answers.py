@@ -73,7 +73,7 @@ def score_number(question: NumberQuestion, given: float, measurements: Mapping[s
     predicted = MeasuredNumber(given, measured.unit)
     within = MeasuredNumber(question.tolerance, measured.unit)
     if off <= question.tolerance:
-        return Score(1.0, f"predicted {predicted}, measured {measured}: right within {within}")
+        return Score(1.0, f"predicted {predicted}, measured {measured}; it counts within {within}")
     return Score(0.0, f"predicted {predicted}, measured {measured}: off by {MeasuredNumber(off, measured.unit)}")
 
 
@@ -84,7 +84,7 @@ def score_curve(question: CurveQuestion, given: list[tuple[float, float]], trace
     off = float(np.sqrt(np.mean((drawn - np.interp(t, trace.t, trace.values)) ** 2)))
     distance = MeasuredNumber(off, question.line.unit)
     if off <= question.tolerance:
-        return Score(1.0, f"your line is off by {distance} (RMS): right")
+        return Score(1.0, f"your line is off by {distance} (RMS)")
     return Score(
         0.0,
         f"your line is off by {distance} (RMS); it counts within {MeasuredNumber(question.tolerance, distance.unit)}",

@@ -60,6 +60,13 @@ class LessonStep:
         """Question of the step, None for none."""
         return self.block if isinstance(self.block, ChoiceQuestion | NumberQuestion | CurveQuestion) else None
 
+    @property
+    def names_numbers(self) -> bool:
+        """Whether the texts of the step contain measured numbers of runs before it."""
+        asked = self.block.ask if isinstance(self.block, ChoiceQuestion | NumberQuestion | CurveQuestion | Goal) else ""
+        options = self.block.options if isinstance(self.block, ChoiceQuestion) else ()
+        return any(NAMED.search(text) for text in (self.text, asked, *options))
+
 
 @dataclass(frozen=True)
 class Lesson:

@@ -145,7 +145,7 @@ class LessonsPanel:
         before = course.step.number
         self._try(lambda: course.go(by))
         if course.step.number != before:
-            if isinstance(course.step.block, blocks.Explain):  # which has the numbers of runs that were left out
+            if isinstance(course.step.block, blocks.Explain) or course.step.names_numbers:  # of runs that were skipped
                 self._make_up(course)
             self._enter()
         elif by > 0:
@@ -253,8 +253,8 @@ class LessonsPanel:
         if isinstance(step.block, blocks.LessonRun):
             again = step.number in course.outcomes
             seconds = f"{step.block.seconds:g} s"
-            label = "Run again" if again else "Run"
-            self._run.label = "running …" if playing and again else f"{label} ({seconds})"
+            label = f"Run{' again' if again else ''}: {step.block.title} ({seconds})"
+            self._run.label = "running …" if playing and again else label
             self._run.disabled = busy
 
 
@@ -296,9 +296,12 @@ def _scored(step: LessonStep, answer: Answer, measured: dict[str, str], language
     mark = chip("right", "vs-good") if answer.score >= 1.0 else chip("not so", "vs-warn")
     given = ""
     if isinstance(step.block, blocks.ChoiceQuestion) and isinstance(answer.given, int):
-        given = inline_html(step.block.options[answer.given - 1], measured)
-    verdict = "" if answer.verdict == "right" else inline_html(answer.verdict, measured)
-    return f'<div class="vs-scored" lang="en">{mark} <i lang="{escape(language)}">{given}</i> {verdict}</div>'
+        option = inline_html(step.block.options[answer.given - 1], measured)
+        given = f'Your answer: <i lang="{escape(language)}">{option}</i>.'
+    verdict = (
+        "" if answer.verdict == "right" else inline_html(answer.verdict[:1].upper() + answer.verdict[1:], measured)
+    )
+    return f'<div class="vs-scored" lang="en">{mark} {given} {verdict}</div>'
 
 
 def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:

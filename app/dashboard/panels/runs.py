@@ -132,7 +132,14 @@ def _note(snapshot: Snapshot, window: float, over: Over) -> str:
 
 
 def _behind(snapshot: Snapshot) -> str:
-    """Note on what to do to see a pinned run again, where all of them have ended; "" where one is still to be seen."""
+    """Note on what to do to see a pinned run, where all of them have ended or none has begun; "" where one is to be
+    seen. A pinned run keeps its last minute."""
+    first = min(snapshot.pinned, key=lambda pinned: pinned.recording.first)
+    if snapshot.t < first.recording.first:
+        return (
+            f"{escape(first.title)} is kept from {first.recording.first:.2f} s on: it appears in "
+            f"{first.recording.first - snapshot.t:.0f} s. "
+        )
     last = max(snapshot.pinned, key=lambda pinned: pinned.t)
     if snapshot.t < last.t - snapshot.scenario.controller.period:
         return ""
@@ -145,7 +152,10 @@ def _behind(snapshot: Snapshot) -> str:
 def _over(snapshot: Snapshot, window: float, over: Over) -> str:
     """Note on the instants that the table compares."""
     if over == "own":
-        return f"Last {window:g} s of each run; in brackets: compared with the present run."
+        short = (
+            ", or all of a shorter one with its beginning" if min(run.t for run in _shown(snapshot)) < window else ""
+        )
+        return f"Last {window:g} s of each run{short}; in brackets: compared with the present run."
     begin, end = _same(snapshot, window)
     if begin >= end:
         late = max(_shown(snapshot), key=lambda run: run.recording.first)
@@ -201,7 +211,8 @@ def _row(metric: ShownMetric, unit: str, accounts: tuple[Account | None, ...]) -
 def _number(value: float | None) -> str:
     if value is None:
         return "—"
-    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"  # no power of ten below a million
+    text = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"  # no power of ten below a million
+    return text.replace("-", "−")
 
 
 def _against(value: float | None, now: float | None) -> str:

@@ -97,7 +97,7 @@ def _counted(question: ClassQuestion, answers: Sequence[Given]) -> list[tuple[st
     """Number of answers by option, or in each of a few ranges of numbers."""
     if question.kind == "choice":
         given = [int(each) for each in answers if not isinstance(each, list)]
-        return [(f"{'ABCDE'[k]} {text}", given.count(k + 1)) for k, text in enumerate(question.options)]
+        return [(f"{'ABCDE'[k]}) {text}", given.count(k + 1)) for k, text in enumerate(question.options)]
     values = np.array([each for each in answers if not isinstance(each, list)])
     if not len(values):
         return []

@@ -80,7 +80,7 @@ class FieldPlace:
             least = f"{'at least' if info.least_allowed else 'above'} {low}" if low else ""
             most = f"{'at most' if info.largest_allowed else 'below'} {high}" if high else ""
             bounds = ", ".join(filter(None, (least, most)))
-        return f"{info.doc}, {bounds} {unit}".rstrip()
+        return f"{info.doc}; allowed: {bounds} {unit}".rstrip()
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,9 @@ _MATRIX = re.compile(r"\btarget_model\.([MBK]_[mf])([12]?)\b")
 _OF = re.compile(r"^[a-z_]+(?:\.\w+)*(?=: )")
 # a field in a refusal, and the value that it may have
 _FIELD = re.compile(r"\b[a-z_]+(?:\.\w+)+(?: = (?:'([\w-]+)'|(true|false))(?![\w']))?")
+# a number that is beyond a bound
+_BEYOND = re.compile(r"(?<=\w): (-?[\d.e+-]+); allowed: a number (<=|>=|<|>) (-?[\d.e+-]+)$")
+_BOUNDS = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
 # the field of a blend and its own words for a refusal
 _BLEND = re.compile(r"^blend\.\w+: refused: ")
 # titles of fields whose meanings in the schema go on from those of their section
@@ -100,7 +103,16 @@ def refusal_in_words(sentence: str) -> str:
     of = _OF.match(sentence)
     if of is None or not (of[0] in Scenario.__struct_fields__ or _is_field(of[0])):
         return sentence  # it begins with a file of the user, who looks for its names there
+    sentence = _BEYOND.sub(lambda found: _beyond(of[0], found), sentence)
     return _FIELD.sub(_called_with_value, sentence)
+
+
+def _beyond(path: str, found: re.Match[str]) -> str:
+    """Words for a number of the field at this path that is beyond a bound, with the field's unit where that is the same
+    in every task space."""
+    units = {unit_of(path, kind) for kind in (Units(), Units(task="joint"), Units(joints="mixed"))}
+    unit = f" {units.pop()}".rstrip() if len(units) == 1 else ""
+    return f": {found[1]}{unit}; allowed: {_BOUNDS[found[2]]} {found[3]}{unit}"
 
 
 def _is_field(path: str) -> bool:

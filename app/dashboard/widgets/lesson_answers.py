@@ -58,7 +58,7 @@ class OptionAnswer:
                 for name, measured in course.measured.items():
                     text = text.replace(f"{{{{{name}}}}}", measured)
                 chosen = answer is not None and answer.given == number
-                button.label = f"{'ABCDE'[number - 1]}  {text}"
+                button.label = f"{'ABCDE'[number - 1]})  {text}"
                 button.color = None if chosen or answer is None else "gray"
                 button.disabled = not chosen and not course.open
 
@@ -90,7 +90,7 @@ class NumberAnswer:
         try:
             self._answer(float(text))
         except ValueError:
-            self._desk.complain(f"your answer: {text!r:.40} is not a number; allowed: such as 12.5")
+            self._desk.complain(f"your answer: {text!r:.40}; allowed: a number, such as 12.5")
 
     def show(self, step: LessonStep, answer: Answer | None, course: LessonCourse) -> None:
         asks = isinstance(step.block, blocks.NumberQuestion)

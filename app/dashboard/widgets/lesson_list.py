@@ -88,7 +88,7 @@ class LessonList:
             label = f"Continue at step {done.step}"
             if _ended(lesson, done):
                 label, goal = "Take it again", done.step in _missed(lesson, done)
-                state += "<p>To take it again deletes its answers; save them first if you want to keep them.</p>"
+                state += "<p>Taking it again deletes your answers. Save them first if you want to keep them.</p>"
         content = (
             f'<div class="vs-lesson vs-prose"><p class="vs-dim">{lesson.head.minutes:g} minutes. '
             f'Afterwards you will know</p><ul lang="{escape(lesson.head.language)}">{knows}</ul>{state}</div>'

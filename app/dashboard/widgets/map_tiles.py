@@ -79,29 +79,40 @@ class ColorScale(NamedTuple):
 
 def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, present: Present) -> str:
     """Map as HTML: tiles with their numbers, lines where the declared set and (17) end, a ring at the present values.
-    present: values of the axes by path, None for unknown ones."""
+    present: values of the axes by path, None for unknown ones; empty where the map is of another scenario."""
     plan, progress = sweep.plan, _progress_html(sweep)
     if points is None:
         return f'<div class="vs-checks"><div class="vs-note">{progress}</div></div>'
     numbers = points.number if naming.share else naming.factor * points.number
-    over = ", worst arm" if plan.sweep.draw else ""
-    if naming.share:
-        what = "share of the arms that keep" if plan.sweep.draw else "whether the run keeps"
-        over = f", {what} the limit of {escape(naming.limit)}"
+    words = [f"{escape(naming.title)}{_what_of_it(plan, points, naming, whole=len(sweep.rows) == plan.count)}"]
     if len(plan.sweep.vary) == 1:
-        picture, ends, height = _course(plan, points, numbers, naming, present), "", COURSE_HEIGHT
+        picture, ends, height = _course(plan, points, numbers, naming, present), [], COURSE_HEIGHT
     else:
         picture, ends, height = (*_tiles(plan, points, numbers, naming, present), HEIGHT)
+    words += [progress, *ends]
     if not sweep.going and not np.isfinite(numbers).any():
-        nowhere = "no run of this scenario has this figure"
-        progress += f"; {nowhere if points.absent.any() else 'at every setting some arm has no value'}"
+        nowhere = "No run of this scenario has this figure"
+        words.append(nowhere if points.absent.any() else "At every setting some arm has no value")
+    if 'class="vs-present"' in picture:
+        words.append(f"The {'ring' if len(plan.sweep.vary) > 1 else 'blue line'} is the present setting")
     going = ' data-going=""' if sweep.going else ""
     return (
-        f'<div class="vs-checks"><div class="vs-note">{escape(naming.title)}{over}: {progress}{ends}; '
-        f"{'ring' if len(plan.sweep.vary) > 1 else 'blue line'}: the present setting</div>{caption_html(FIELD)}"
+        f'<div class="vs-checks"><div class="vs-note">{". ".join(words)}.</div>{caption_html(FIELD)}'
         f'<svg class="vs-poles vs-tiles" data-field="{FIELD}"{going} viewBox="0 0 {WIDTH} {height}" role="group" '
         f'aria-label="{escape(naming.title)}: a tile opens its run">{picture}</svg></div>'
     )
+
+
+def _what_of_it(plan: SweepPlan, points: Points, naming: Naming, *, whole: bool) -> str:
+    """Words on what the map shows of its figure, as HTML. whole: whether all runs are there."""
+    limit = f"the limit of {escape(naming.limit)}"
+    if plan.sweep.draw:
+        return f", share of the arms that keep {limit}" if naming.share else ", worst arm"
+    if not naming.share:
+        return ""
+    if whole:
+        return f": {int(points.good.sum())} of {plan.count} runs keep {limit}"
+    return f", whether the run keeps {limit}"
 
 
 def caption_html(field: str) -> str:
@@ -126,8 +137,10 @@ def _scale(numbers: np.ndarray, naming: Naming) -> ColorScale | None:
     return ColorScale(0.0, 1.0, False) if naming.share else ColorScale.of(numbers)
 
 
-def _tiles(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> tuple[str, str]:
-    """Picture over two fields, as SVG, and words on its lines."""
+def _tiles(
+    plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming, present: Present
+) -> tuple[str, list[str]]:
+    """Picture over two fields, as SVG, and sentences on its lines."""
     x, y = plan.sweep.vary
     scale = _scale(numbers, naming)
     frame = _Frame((RIGHT - LEFT) / len(x.values), (BOTTOM - TOP) / len(y.values))
@@ -153,9 +166,8 @@ def _tiles(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming,
     dashed = _ends(
         theorem, frame, 'class="vs-theorem" stroke="currentColor" stroke-width="1.6" stroke-dasharray="4 2.5"'
     )
-    words = ("; red: the edge of the declared set, between two tiles" if red else "") + (
-        "; dashed: the edge of where d covers (17)" if dashed else ""
-    )
+    words = ["The red line is the edge of the declared set"] if red else []
+    words += ["The dashed line is the edge of where d covers (17)"] if dashed else []
     bar = "" if scale is None else _bar(plan, scale, naming)
     return f"{''.join(tiles)}{red}{dashed}{_ring(plan, present)}{_ticks(x, y, frame, naming)}{bar}", words
 
@@ -336,6 +348,13 @@ def _ticks(x: Axis, y: Axis, frame: _Frame, naming: Naming) -> str:
 
 
 def _bar(plan: SweepPlan, scale: ColorScale, naming: Naming) -> str:
+    """Meaning of the colours, as SVG."""
+    if naming.share and not plan.sweep.draw:
+        return "".join(
+            f'<rect x="{at}" y="226" width="12" height="12" fill="{_color(end)}"/>'
+            f'<text x="{at + 18}" y="236">{word}</text>'
+            for at, end, word in ((LEFT, 0.0, "limit not kept"), ((LEFT + RIGHT) // 2, 1.0, "limit kept"))
+        )
     step = (RIGHT - LEFT) / SHADES
     shades = "".join(
         f'<rect x="{LEFT + k * step:.1f}" y="226" width="{step + 0.5:.1f}" height="7" '

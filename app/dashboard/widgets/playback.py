@@ -99,8 +99,8 @@ class Playback:
         for action in _ACTIONS:
             entry = gui.add_command(action.title, hotkey=action.key, modifier=action.modifier)
             entry.on_trigger(self._posting(action))
-        gui.add_command("To the event before", hotkey="pageup").on_trigger(self._to_event_before)
-        gui.add_command("To the event after", hotkey="pagedown").on_trigger(self._to_event_after)
+        gui.add_command("Previous event", hotkey="pageup").on_trigger(self._to_event_before)
+        gui.add_command("Next event", hotkey="pagedown").on_trigger(self._to_event_after)
 
     def _posting(self, action: _Action) -> Callable[[object], Coroutine[None, None, None]]:
         async def on_trigger(_: object) -> None:

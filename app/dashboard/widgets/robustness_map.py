@@ -216,9 +216,18 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         if self._files.visible != bool(work.rows):
             self._files.visible = bool(work.rows)
         present = {axis.path: self._fields[axis.path].value(snapshot) for axis in work.plan.sweep.vary}
+        of = work.plan.sweep.scenario
+        another = _task(of) != _task(snapshot.scenario)
         problem = self._limit if isinstance(self._limit, str) else ""
         note = f'<div class="vs-note">{escape(problem)}. The map shows the worst arm.</div>' if problem else ""
-        return note + map_html(work, self._points(work), self._naming(units_of(work.plan.sweep.scenario)), present)
+        if another:
+            note += '<div class="vs-note">The map is of an earlier scenario: mode, arm or surfaces were others.</div>'
+        return note + map_html(work, self._points(work), self._naming(units_of(of)), {} if another else present)
+
+
+def _task(scenario: Scenario) -> tuple[object, ...]:
+    """Mode, arm and kinds of surfaces of a scenario, without which its map means nothing."""
+    return scenario.mode, scenario.robot, [type(each.form) for each in scenario.surfaces]
 
 
 def _require_ends(scenario: Scenario, name: str, axis: Axis) -> None:

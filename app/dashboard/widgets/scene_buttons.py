@@ -30,7 +30,7 @@ class SceneButtons:
         self._html = desk.gui.add_html("")
         desk.gui.add_command("Swap the law: robust, or computed torque", hotkey="L").on_trigger(self._swap)
         desk.gui.add_command("Push the tool", hotkey="B").on_trigger(self._push)
-        desk.gui.add_command("Take the way out of a refusal", hotkey="O").on_trigger(self._take_way_out)
+        desk.gui.add_command("Accept the fix of a refusal", hotkey="O").on_trigger(self._take_way_out)
         desk.gui.add_command("See s reach zero, in slow motion", hotkey="N").on_trigger(self._reach)
 
     async def _swap(self, _: object) -> None:
@@ -46,7 +46,10 @@ class SceneButtons:
         snapshot = self._desk.snapshot()
         again = reaching(snapshot)
         if again is None:
-            self._desk.complain("reaching: s has begun at zero; allowed: after an edit with z kept, see tab Controller")
+            self._desk.complain(
+                "reaching phase: s began at zero, so there is nothing to see; allowed: after an edit that keeps z, see "
+                "tab Controller"
+            )
             return
         viewing, long = self._desk.viewing, again.end - again.start
         usual = viewing.window if self._shown is None else self._shown.usual
@@ -65,7 +68,7 @@ class SceneButtons:
         if reaching(snapshot) is not None:
             content += _button("n", "See s reach zero", "in slow motion")
         if way := snapshot.way_out:
-            note = "a way out of what was refused"
+            note = "a fix of what was refused"
             content += _button("o", way.title, note, opens=".urdf" if way.asks_for_file else "")
         content += "</div>"
         if self._html.content != content:

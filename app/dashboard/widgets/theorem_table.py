@@ -56,10 +56,10 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
                 "gain d (17)",
                 against("d", "≥", "d_required", units.force),
                 judged(live["gain_margin"], f" {units.force}", low=-1e-9),
-                "gain d, the gain that (17) requires including ε, and the margin; with d by theorem the margin is 0",
+                "gain d, the gain that (17) requires including ε, and what is spare; with d by theorem that is 0",
             ),
             (
-                "‖s‖ (20)",
+                "‖s‖, (20) + band",
                 f"{number('s_norm', 1e3)} ≤ {f'{allowed * 1e3:.3g}' if math.isfinite(allowed) else '—'} {units.rate}",
                 verdict(holds=live["s_norm"] <= allowed) if math.isfinite(allowed) else "",
                 "the sliding variable and its bound, (20) plus the band of sampling and boundary layer; — where "

@@ -33,7 +33,7 @@ class HeldControl:
     value: str
     control: object
     client: int
-    then: str = "let go: apply · Esc: revert"
+    then: str = "let go: apply · Esc: cancel"
     moved: Mapping[object, float] = field(default_factory=dict)
 
 

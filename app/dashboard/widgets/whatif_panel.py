@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
-
-import viser
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
@@ -49,6 +47,7 @@ class WhatIfPanel:
             self._html = gui.add_html("")
             self._revert = gui.add_button("Revert", hint="Esc while the slider is held.")
         self._revert.on_click(self._on_revert)
+        gui.add_command("Revert the last slider", hotkey="Z").on_trigger(self._on_key)
         self._window.float(x=-12, y=12, width=330)
         self._head, self._until = "", -math.inf
 
@@ -65,13 +64,20 @@ class WhatIfPanel:
     async def _on_arms(self, _: PageEvent) -> None:
         self._desk.whatif.arms = BANDS[self._arms.value]
 
-    async def _on_revert(self, _: viser.GuiEvent) -> None:
+    async def _on_revert(self, _: object) -> None:
         whatif = self._desk.whatif
         held, undo = whatif.held, whatif.undo(self._desk.snapshot())
         if held is not None:
             whatif.let_go(held.control)
         elif undo is not None:
             self._desk.post(undo)
+
+    async def _on_key(self, event: object) -> None:
+        whatif = self._desk.whatif
+        if whatif.held is None and whatif.undo(self._desk.snapshot()) is None:
+            self._desk.complain("revert: nothing; allowed: after a slider has applied its value, until the next edit")
+            return
+        await self._on_revert(event)
 
     def show(self, snapshot: Snapshot) -> None:
         whatif, now = self._desk.whatif, time.monotonic()
@@ -129,7 +135,7 @@ def _of_band(preview: Preview) -> str:
 @dataclass(frozen=True)
 class _Row:
     """Row of the table of final values.
-    value: returns the row's value as text, None where it has no meaning.
+    value: returns the row's value as text, None where it has no meaning; in the same unit for both columns.
     note: returns a text beside the title, such as a predicted value, None for none."""
 
     title: str
@@ -137,38 +143,50 @@ class _Row:
     note: Callable[[PreviewMetrics], str | None] = lambda _: None
 
 
-def _rows(units: Units, reached: str) -> tuple[_Row, ...]:
-    """Rows of the table. reached: what the reaching time is the time of."""
+Value = Callable[[PreviewMetrics], float | None]
+Text = Callable[[PreviewMetrics], str | None]
 
-    def length(value: float | None) -> str | None:
-        if value is not None and units.error == "mm" and abs(value) < FINE:
-            return f"{_small(value * 1e6, 1e-3)} µm"
-        return None if value is None else f"{_small(value * 1e3, 1e-4)} {units.error}"
+
+def _rows(units: Units, reached: str, columns: Sequence[PreviewMetrics]) -> tuple[_Row, ...]:
+    """Rows of the table. reached: what the reaching time is the time of. columns: metrics of all columns."""
+
+    def largest_of(value: Value) -> float:
+        return max((abs(found) for each in columns if (found := value(each)) is not None), default=math.inf)
+
+    def length(value: Value) -> Text:
+        fine = units.error == "mm" and largest_of(value) < FINE
+        factor, zero, unit = (1e6, 1e-3, "µm") if fine else (1e3, 1e-4, units.error)
+        return lambda f: None if (found := value(f)) is None else f"{_small(found * factor, zero)} {unit}"
+
+    def newtons(value: Value) -> Text:
+        weak = NO_FORCE < largest_of(value) < WEAK
+        factor, zero, unit = (1e3, 1e-3, "mN") if weak else (1.0, NO_FORCE, "N")
+        return lambda f: None if (found := value(f)) is None else f"{_small(found * factor, zero)} {unit}"
 
     def force(value: float | None) -> str | None:
         return None if value is None else f"{_small(value, 1e-9)} {units.force}"
 
     def predicted(metrics: PreviewMetrics) -> str | None:
-        by_37 = metrics.force_error_predicted
-        return "F_d varies" if by_37 is None else f"by (37) {_newtons(by_37)}"
+        by_37 = newtons(lambda f: f.force_error_predicted)(metrics)
+        return "F_d varies" if by_37 is None else f"by (37) {by_37}"
 
     def largest(metrics: PreviewMetrics) -> str | None:
-        most = length(metrics.motion_largest)
+        most = length(lambda f: f.motion_largest)(metrics)
         return None if most is None else f"{'≥ ' if metrics.motion_grows else ''}{most}"
 
     def angle(value: float | None) -> str | None:
         return None if value is None else f"{_small(value * 1e3, 1e-4)} mrad"
 
     return (
-        _Row("mean force error at the end", lambda f: _newtons(f.force_error), predicted),
+        _Row("mean force error at the end", newtons(lambda f: f.force_error), predicted),
         _Row("force within 2 % after", lambda f: _seconds(f.force_settling)),
-        _Row("force overshoot", lambda f: _newtons(f.force_overshoot)),
-        _Row("largest force on the surface", lambda f: _newtons(f.contact_largest)),
-        _Row("mean force on it at the end", lambda f: _newtons(f.contact_final)),
-        _Row("largest path error", largest),
-        _Row("largest path error at the end", lambda f: length(f.motion_error)),
+        _Row("force overshoot", newtons(lambda f: f.force_overshoot)),
+        _Row("largest force on the surface", newtons(lambda f: f.contact_largest)),
+        _Row("mean force on it at the end", newtons(lambda f: f.contact_final)),
+        _Row("largest path error (≥: it still grows)" if _grows(columns) else "largest path error", largest),
+        _Row("largest path error at the end", length(lambda f: f.motion_error)),
         _Row("path within 2 % after", lambda f: _seconds(f.motion_settling)),
-        _Row("swing to the other side", lambda f: length(f.motion_overshoot)),
+        _Row("swing to the other side", length(lambda f: f.motion_overshoot)),
         _Row("largest angle error", lambda f: angle(f.angle_largest)),
         _Row("largest angle error at the end", lambda f: angle(f.angle_error)),
         _Row("largest torque of a joint", lambda f: f"{_small(f.torque_largest, 1e-3)} {units.of_joints('N·m')}"),
@@ -191,7 +209,7 @@ def _table(preview: Preview, units: Units) -> str:
     metrics, today = preview.metrics, preview.today
     reached = "band" if preview.scenario.controller.switching == "discontinuous" else "layer"
     lines = ["<tr><th></th><th>with it</th><th>without</th></tr>"]
-    for row in _rows(units, reached):
+    for row in _rows(units, reached, [metrics] if today is None else [metrics, today]):
         if (value := row.value(metrics)) is None:
             continue
         beside = f'<br><span class="vs-dim">{text}</span>' if (text := row.note(metrics)) else ""
@@ -205,10 +223,8 @@ def _html(head: str, hint: str, body: str) -> str:
     return f'<div class="vs-held">{row}{body}</div>'
 
 
-def _newtons(value: float | None) -> str | None:
-    if value is not None and NO_FORCE < abs(value) < WEAK:
-        return f"{1e3 * value:.3g} mN"
-    return None if value is None else f"{_small(value, NO_FORCE)} N"
+def _grows(columns: Sequence[PreviewMetrics]) -> bool:
+    return any(each.motion_largest is not None and each.motion_grows for each in columns)
 
 
 def _seconds(value: float | None) -> str | None:
@@ -218,4 +234,4 @@ def _seconds(value: float | None) -> str | None:
 
 
 def _small(value: float, zero: float) -> str:
-    return "0" if abs(value) < zero else f"{value:.3g}"
+    return "0" if abs(value) < zero else f"{value:.3g}".replace("-", "−")
