@@ -243,7 +243,7 @@ def lesson(page: Page, album: Album) -> None:
     page.get_by_role("button", name="Lock my line").click()
     shoot(page, album, "lesson-predict", "A lesson: the course of the deviation is predicted")
     page.keyboard.press("j")
-    page.get_by_role("button", name="Run (").click()
+    page.get_by_role("button", name="Run: ").click()
     page.locator(".vs-lines").first.wait_for()
     page.keyboard.press("j")
     page.locator(".vs-prose .vs-scored").first.wait_for()

@@ -29,8 +29,8 @@ def go_on(session: PageSession) -> None:
 
 def run_through(session: PageSession) -> None:
     """Run, and wait until the picture of the run is there."""
-    press(session, "Run (")
-    session.page.get_by_role("button", name="Run again (").wait_for()
+    press(session, "Run: ")
+    session.page.get_by_role("button", name="Run again: ").wait_for()
     session.page.locator(".vs-lines").first.wait_for()
 
 
@@ -49,7 +49,7 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     field = page.locator("form:has(label:text('your answer')) input")
     type_over(field, "thirty")
     press(session, "Lock my answer")
-    expect(page.locator(".vs-strip")).to_contain_text("'thirty' is not a number")
+    expect(page.locator(".vs-strip")).to_contain_text("'thirty'; allowed: a number, such as 12.5")
     type_over(field, "29,5")
     press(session, "Lock my answer")
     expect(field).to_be_disabled()
@@ -88,18 +88,18 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     at_step(session, 5)
     scored = page.locator(".vs-prose .vs-scored")
     expect(scored).to_have_count(2)
-    expect(scored.first).to_contain_text("measured 30 mm: right within 2 mm")
+    expect(scored.first).to_contain_text("measured 30 mm; it counts within 2 mm")
     expect(page.locator(".vs-prose")).to_contain_text("as far as 46.1 mm")
     expect(page.locator(".vs-prose msqrt")).to_have_count(1)
 
     go_on(session)
-    press(session, "B swings further")
+    press(session, "B) swings further")
     go_on(session)
     at_step(session, 7)
     run_through(session)
     go_on(session)
     at_step(session, 8)
-    press(session, "B how fast")
+    press(session, "B) how fast")
     go_on(session)
     at_step(session, 9)
     expect(scored).to_have_count(2)

@@ -268,10 +268,10 @@ def test_a_scenario_that_is_chosen_begins_at_zero_and_runs() -> None:
 
 
 def test_a_hint_says_the_bounds_in_words() -> None:
-    assert FieldPlace("force.value").hint.endswith(", from −10000 to 10000 N")
-    assert FieldPlace("contact.friction_coulomb").hint == "friction coefficient, from 0 to 2"
-    assert FieldPlace("shift.duration").hint.endswith(", from 0.001 to 60 s")
-    assert FieldPlace("blend.over").hint.endswith(", above 0, at most 3600 s")
+    assert FieldPlace("force.value").hint.endswith("; allowed: from −10000 to 10000 N")
+    assert FieldPlace("contact.friction_coulomb").hint == "friction coefficient; allowed: from 0 to 2"
+    assert FieldPlace("shift.duration").hint.endswith("; allowed: from 0.001 to 60 s")
+    assert FieldPlace("blend.over").hint.endswith("; allowed: above 0, at most 3600 s")
     assert FieldPlace("controller.F_1").hint.endswith("[1/s]")
 
 
@@ -376,8 +376,12 @@ def test_the_same_instants_are_those_that_every_run_has() -> None:
     first = late.recording.first
     assert first == pytest.approx(20 * period)
     beside = replace(snapshot, pinned=(late,))
-    assert _note(beside, 8.0, "own").endswith("Last 8 s of each run; in brackets: compared with the present run.")
+    assert _note(beside, 8.0, "own").endswith(
+        "Last 8 s of each run, or all of a shorter one with its beginning; in brackets: compared with the present run."
+    )
+    assert _note(beside, 0.5 * period, "own").endswith("s of each run; in brackets: compared with the present run.")
     assert f"t = {first:.2f} to {snapshot.t:.2f} s, the last instants that all runs have" in _note(beside, 8.0, "same")
     early = replace(beside, t=10 * period)
+    assert _note(early, 8.0, "own").startswith(f"run 1 is kept from {first:.2f} s on: it appears in 0 s. ")
     said = _note(early, 8.0, "same")
     assert f"No instant is in all runs: the present run ends at {early.t:.2f} s, run 1 is kept from" in said

@@ -86,7 +86,7 @@ def test_a_question_that_the_class_was_asked_before_the_run_can_be_asked_again()
     course.go(-1)
     assert shown() == ("Ask again", True, False, True)
     assert "3 answers when it was asked last" in panel._html.content
-    assert "A there" in panel._html.content
+    assert "A) there" in panel._html.content
     course.go(-1)
     assert shown() == ("Ask the class", True, False, False)  # another question
     course.go(1)

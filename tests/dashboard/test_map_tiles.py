@@ -114,7 +114,7 @@ CROSS = re.compile(r'<path d="[^"]*" stroke="currentColor"/>')
 def test_of_a_figure_that_no_run_has_there_is_a_sentence_and_no_scale(sweep: Sweep, view: SweepView) -> None:
     table = columns(sweep)
     drawn = picture(view, sweep=sweep, table=table | {"force_error": np.full(len(table["point"]), np.nan)})
-    assert "; no run of this scenario has this figure; " in drawn
+    assert ". No run of this scenario has this figure.<" in drawn
     assert not re.search(r"rgb\(|vs-dot-of|vs-interval", drawn)  # a colour, a dot
     beside = re.findall(r'<text x="40" [^>]*>(.*?)<', drawn)
     assert beside == ([] if sweep is ALONE else ["20", "80", "80"])  # only values of a field
@@ -123,7 +123,7 @@ def test_of_a_figure_that_no_run_has_there_is_a_sentence_and_no_scale(sweep: Swe
     ends = [label.rpartition(": ")[2] for label in labels_in(drawn)]
     assert sorted(set(ends)) == ["a run stopped or was refused", "no figure"]
     shown = picture(view, sweep=sweep, table=table)
-    assert "no run of this scenario" not in shown
+    assert "No run of this scenario" not in shown
     assert re.search(r"rgb\(|vs-dot-of", shown)
     assert len(CROSS.findall(shown)) == 1
 
@@ -133,7 +133,7 @@ def test_a_cross_is_a_run_that_stopped_and_not_one_that_never_settled(sweep: Swe
     table = columns(sweep)
     table |= {"settling_time": np.where(table["arm"] == 0, np.inf, 1.0)}
     drawn = picture(SweepView("settling_time"), sweep=sweep, table=table)
-    assert "; at every setting some arm has no value; " in drawn
+    assert ". At every setting some arm has no value.<" in drawn
     assert len(CROSS.findall(drawn)) == 1
     assert not re.search(r"rgb\(|vs-dot-of", drawn)
     share = picture(SweepView("settling_time", within=2.0), sweep=sweep, table=table)
@@ -171,15 +171,16 @@ def test_a_tile_with_a_stopped_run_says_its_number_where_it_has_one() -> None:
 
 
 def test_one_run_that_is_not_drawn_keeps_a_limit_or_does_not() -> None:
-    for fields, ends in ((SWEEP.vary, ["no", "yes"]), (ALONE.vary, ["no", "yes"])):
+    for fields, ends in ((SWEEP.vary, ["limit not kept", "limit kept"]), (ALONE.vary, ["no", "yes", "↑ limit kept"])):
         sweep = msgspec.structs.replace(SWEEP, vary=fields, draw=0)
-        drawn = picture(SweepView("force_error", within=0.15), sweep=sweep)
-        assert "force error, whether the run keeps the limit of &lt;7&gt; mN: " in drawn
+        drawn = picture(SweepView("force_error", within=0.15), sweep=sweep, rows=[None] * SweepPlan(sweep).count)
         labels = labels_in(drawn)
+        kept = sum(": keeps the limit" in label for label in labels)
+        assert f"force error: {kept} of {len(labels)} runs keep the limit of &lt;7&gt; mN. " in drawn
         assert ": keeps the limit of &lt;7&gt; mN" in labels[0]
         assert ": does not keep the limit of &lt;7&gt; mN" in labels[2]
         assert not re.search(r"95 %|vs-interval|share", drawn)
-        assert [text for text in re.findall(r"<text [^>]*>(.*?)<", drawn) if text in ("no", "yes")] == ends
+        assert [text for text in re.findall(r"<text [^>]*>(.*?)<", drawn) if re.search("no|yes|kept", text)] == ends
 
 
 def test_files_of_maps_that_show_different_things_have_different_names(viser_server: viser.ViserServer) -> None:

@@ -83,7 +83,7 @@ def test_answers_are_bars_or_lines_over_each_other() -> None:
     number, curve, choice = (each for each in sent if each is not None)
     html = answers_html(choice, (1, 2, 2, 2))
     assert html.index(">1</td>") < html.index(">3</td>")
-    assert "A there" in html
+    assert "A) there" in html
     html = answers_html(number, (10.0, 10.0, 20.0))
     assert html.count("<tr>") == 2
     assert ">2</td>" in html

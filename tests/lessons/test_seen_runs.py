@@ -106,7 +106,7 @@ def test_a_lesson_that_is_taken_again_asks_all_its_questions_again() -> None:
     assert labels() == ("Begin", False)
     notebook.note(name, done)
     assert labels() == ("Take it again", True)
-    assert "deletes its answers" in shown._about.content
+    assert "deletes your answers" in shown._about.content
     asyncio.run(shown._on_goal(None))
     assert notebook.of(name) == done
 

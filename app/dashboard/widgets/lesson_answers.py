@@ -58,7 +58,7 @@ class OptionAnswer:
                 for name, measured in course.measured.items():
                     text = text.replace(f"{{{{{name}}}}}", measured)
                 chosen = answer is not None and answer.given == number
-                button.label = f"{'ABCDE'[number - 1]})  {text}"
+                button.label = f"{'ABCDE'[number - 1]}) {text}"
                 button.color = None if chosen or answer is None else "gray"
                 button.disabled = not chosen and not course.open
 
