@@ -27,10 +27,19 @@ const link = (card, text, address) => {
   button.addEventListener("click", () => copy(input, button));
 };
 
+// of the commands of the page a watcher has the help, as a copy that the page opens by itself
+const help = () => {
+  const content = document.querySelector("template#vs-help")?.content.cloneNode(true);
+  if (content && !document.querySelector("dialog")) window.vsmrcDialog("VSMRC Lab", content);
+};
+const asksForHelp = (e) => /^[h?]$/i.test(e.key) && !(e.ctrlKey || e.metaKey || e.altKey);
+
 // outlives the reload after a crash, so that the page can say what has happened
 const noted = `vsmrc.crashes ${location.pathname}`;
 let crashes = null;
 let viewers = null;
+// viser's list of commands, all of which are refused to who watches
+const opensPalette = (e) => (e.ctrlKey || e.metaKey) && (/^k$/i.test(e.key) || (e.shiftKey && /^p$/i.test(e.key)));
 const begin = (about) => {
   if (watching) {
     document.body.classList.add("vg-watching");
@@ -38,10 +47,16 @@ const begin = (about) => {
     for (const kind of ["keydown", "beforeinput"])
       window.addEventListener(kind, (e) => {
         const control = e.target instanceof Element && e.target.closest(".mantine-Paper-root :is(input, textarea, [role=slider])");
-        if (!control || e.key === "Tab") return;
+        if (/^(Tab|Escape)$/.test(e.key) || !(control || opensPalette(e) || asksForHelp(e))) return;
         e.preventDefault();
         e.stopImmediatePropagation();
+        if (!control && asksForHelp(e)) help();
       }, true);
+    window.addEventListener("click", (e) => {
+      if (!(e.target instanceof Element && e.target.closest(".vs-tools [data-key=h]"))) return;
+      e.stopImmediatePropagation();
+      help();
+    }, true);
     const text = bar.appendChild(make("span"));
     text.append(make("i", "vg-dot"), "Watching live", make("span", "vg-long vg-dim", " · only the presenter steers"));
     if (about.copy) {

@@ -19,6 +19,17 @@ document.body.addEventListener("keydown", (e) => {
   else if (belongsToControl(e) || (help && !/^h$/i.test(e.key))) e.stopPropagation();
   else if (/^o$/i.test(e.key) && upload()) e.stopPropagation();
 });
+// what had the focus before the help gets it back: viser takes the help away without a word
+let before = null;
+document.addEventListener("focusin", (e) => {
+  const within = closest(e, ".mantine-Modal-content");
+  if (within && !within.contains(e.relatedTarget)) before = e.relatedTarget;
+});
+new MutationObserver(() => {
+  if (!before || document.querySelector(".mantine-Modal-content")) return;
+  if (document.activeElement === document.body) before.focus({ preventScroll: true });
+  before = null;
+}).observe(document.body, { subtree: true, childList: true });
 document.addEventListener("click", (e) => {
   const tool = closest(e, "[data-key]");
   if (tool && closest(e, ".vs-help")) press("h");

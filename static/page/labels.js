@@ -10,6 +10,7 @@ const written = new Map(); // by node: { box, text, width, height }
 const label = (name, tree, text) => {
   if (!written.has(name)) {
     const box = document.createElement("span"), [r, g, b] = tree[parentOf(name)]?.message.props.colors ?? [];
+    box.dataset.of = name;
     if (b !== undefined) box.style.borderColor = `rgb(${r}, ${g}, ${b})`; // of its arrow
     layer.append(box);
     written.set(name, { box, text: "" });

@@ -12,7 +12,16 @@ document.addEventListener("click", (e) => {
 const PATIENCE = 2000;
 let called = -Infinity, early = "";
 document.addEventListener("keydown", (e) => {
-  if (window.vsmrcTyping(e)) return;
+  if (window.vsmrcTyping(e)) {
+    // viser's hotkey spares text fields
+    if (!/^k$/i.test(e.key) || !(e.ctrlKey || e.metaKey) || e.target.matches(".mantine-Spotlight-search")) return;
+    e.preventDefault();
+    e.stopPropagation();
+    e.target.blur();
+    const { key, code, ctrlKey, metaKey } = e;
+    document.documentElement.dispatchEvent(new KeyboardEvent("keydown", { key, code, ctrlKey, metaKey, bubbles: true }));
+    return;
+  }
   if (/^k$/i.test(e.key) && (e.ctrlKey || e.metaKey)) [called, early] = [e.timeStamp, ""];
   else if (e.timeStamp - called < PATIENCE && e.key.length === 1 && !e.ctrlKey && !e.metaKey && !e.altKey) {
     early += e.key;

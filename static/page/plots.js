@@ -210,13 +210,20 @@ const refit = (chart) => {
   const room = chart.root.closest(".mantine-ScrollArea-viewport")?.clientWidth;
   if (room > SIDES && chart.width > room && !chart.root.closest("[data-large]")) chart.setSize({ width: room - SIDES, height: chart.height });
 };
+// On a phone one plot is in sight at a time, as high as it can be read; the server shares the scene's height among all.
+const HIGH = 230; // px, with the numbers of the time axis
+const phone = matchMedia("(max-width: 36em)");
+const heighten = (chart) => {
+  if (phone.matches && chart.height < HIGH && !chart.root.closest("[data-held-plot], [data-large]"))
+    chart.setSize({ width: chart.width, height: HIGH });
+};
 setInterval(() => {
   watch();
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
     // now and then uPlot does not lay out the time axis of a chart that is made with its data, or keeps the numbers of a
     // size that it no longer has; of a chart that was hidden when its size changed it has found no step of the numbers
     if (stands(chart) && (!chart.axes[0]._splits || stepless(chart) || crowded(chart))) chart.setSize({ width: chart.width, height: chart.height });
-    if (stands(chart)) refit(chart);
+    if (stands(chart)) { refit(chart); heighten(chart); }
     follow(chart);
     const markers = chart.root.querySelectorAll(".u-legend .u-marker");
     chart.series.forEach((series, i) => {

@@ -35,15 +35,44 @@ const pick = (mark, then) => {
 const focusWhenThere = (label, until) => {
   const field = [...document.querySelectorAll("label")].find((each) => each.textContent === label && each.checkVisibility());
   const input = field && document.getElementById(field.htmlFor);
-  if (input) input.focus();
+  if (input) focusClosed(input);
   else if (performance.now() < until && document.activeElement === document.body) setTimeout(focusWhenThere, 100, label, until);
+};
+// a menu that hears of the focus opens its list
+const focusClosed = (input) => {
+  const unheard = (e) => e.stopPropagation();
+  window.addEventListener("focusin", unheard, true);
+  input.focus();
+  window.removeEventListener("focusin", unheard, true);
 };
 // a text field keeps the browser's own menu, with which one pastes
 const rowOf = (target) => {
   const form = target instanceof Element && !target.closest("input") ? target.closest("form:not([data-held])") : null;
   return form?.querySelector(".mantine-Slider-root")?.checkVisibility() ? form : null;
 };
+// iOS has no contextmenu for a long touch
+const LONG = 600, STILL = 10; // ms, px
+let touch = null; // { x, y, timer } of a finger that may stay
+const lift = () => { clearTimeout(touch?.timer); touch = null; };
+document.addEventListener("pointerdown", (e) => {
+  lift();
+  if (e.pointerType !== "touch" || !e.isPrimary || menu.contains(e.target)) return;
+  const { target, clientX: x, clientY: y } = e;
+  touch = { x, y, timer: setTimeout(() => {
+    const of = rowOf(target); // not one whose slider is held
+    if (of && menu.hidden) open(of, x, y);
+  }, LONG) };
+}, true);
+document.addEventListener("pointermove", (e) => {
+  if (touch && Math.hypot(e.clientX - touch.x, e.clientY - touch.y) > STILL) lift();
+}, true);
+for (const kind of ["pointerup", "pointercancel"]) document.addEventListener(kind, lift, true);
+// the lift of the finger that opened the menu is no tap on what lies under it
+let opening = false;
+document.addEventListener("touchstart", () => { opening = menu.hidden; }, { capture: true, passive: true });
+document.addEventListener("touchend", (e) => { if (opening && !menu.hidden) e.preventDefault(); }, { capture: true, passive: false });
 document.addEventListener("contextmenu", (e) => {
+  lift();
   const of = rowOf(e.target);
   if (!of) return;
   e.preventDefault();

@@ -1,4 +1,5 @@
 // Where the scene is, between docks of whatever width, as variables of the style sheet.
+const phone = matchMedia("(max-width: 36em)");
 const place = () => {
   const box = document.querySelector("canvas[data-engine]")?.getBoundingClientRect();
   for (const side of box ? ["left", "top", "width", "height"] : [])
@@ -10,7 +11,8 @@ const place = () => {
   // what lies over it stands one below the other: buttons, the window of a held slider, messages; and nothing is scrolled
   // under the status line
   for (const part of ["acts", "strip", "status"]) {
-    const high = document.querySelector(`.vs-${part}`)?.offsetHeight ?? 0;
+    const found = document.querySelector(`.vs-${part}`), elsewhere = part === "acts" && phone.matches; // phone.css
+    const high = elsewhere ? 0 : found?.offsetHeight ?? 0;
     document.documentElement.style.setProperty(`--vs-${part}-height`, `${high}px`);
   }
   // below the window of a held slider, which a message must not move under the mouse

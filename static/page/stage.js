@@ -34,9 +34,28 @@ const choose = () => {
   return lessons.length > 0 || moved.length > 0 || free.length > 0;
 };
 const staged = new Map(); // the height of each plot before
+const AIR = 24; // px between the sliders and the equation
+let tried = ""; // what decided last where the equation lies
+// under the sliders where there is room for it, else under plot and scene
+const placeEquation = (equation) => {
+  const column = onStage() && equation && document.querySelector("[data-dock-region=right]");
+  if (!column) {
+    tried = "";
+    page.removeAttribute("data-beside");
+    return;
+  }
+  const parts = [...column.querySelectorAll(".vs-status, .vs-minute, form[data-staged]")].filter((part) => part.checkVisibility());
+  const foot = Math.round(Math.max(...parts.map((part) => part.getBoundingClientRect().bottom)));
+  const now = [innerWidth, innerHeight, foot, equation.textContent].join();
+  if (now === tried) return;
+  tried = now;
+  page.setAttribute("data-beside", "");
+  page.toggleAttribute("data-beside", foot + AIR + equation.offsetHeight <= innerHeight);
+};
 const fill = () => {
-  // the equation lies under plot and scene, from the window's left to the controls: what it leaves them
-  const below = document.querySelector("[data-floating-window]:has(.vs-equation)")?.offsetHeight ?? 0;
+  const equation = document.querySelector("[data-floating-window]:has(.vs-equation)");
+  placeEquation(equation);
+  const below = page.matches("[data-beside]") ? 0 : equation?.offsetHeight ?? 0; // what it leaves plot and scene
   page.style.setProperty("--vs-equation-height", `${below}px`);
   for (const chart of staged.keys()) if (!chart.root.isConnected) staged.delete(chart); // viser has built it anew
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {

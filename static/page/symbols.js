@@ -254,13 +254,24 @@ document.addEventListener("keydown", (e) => {
   next.focus();
 }, true);
 
-// The glossary as a page of its own, above the others.
+// A page of its own, above the others.
+window.vsmrcDialog = (name, content) => {
+  const [dialog, head, title, close] = ["dialog", "header", "h2", "button"].map((tag) => document.createElement(tag));
+  dialog.className = "vs-glossary";
+  [title.textContent, close.textContent] = [name, "Close"];
+  dialog.setAttribute("aria-label", name);
+  close.addEventListener("click", () => dialog.close());
+  dialog.addEventListener("close", () => dialog.remove());
+  dialog.addEventListener("keydown", (key) => key.stopPropagation());
+  dialog.addEventListener("click", (at) => { if (at.target === dialog) dialog.close(); });
+  Object.assign(title, { tabIndex: -1, autofocus: true });
+  head.append(title, close);
+  dialog.append(head, content);
+  document.body.append(dialog);
+  dialog.showModal();
+};
 document.addEventListener("click", (e) => {
   if (!(e.target instanceof Element && e.target.closest("[data-glossary]"))) return;
-  const dialog = document.createElement("dialog"), title = document.createElement("h2"), close = document.createElement("button");
-  dialog.className = "vs-glossary";
-  [title.textContent, close.textContent] = ["Symbols", "Close"];
-  dialog.setAttribute("aria-label", "Symbols");
   const list = template().content.querySelector("dl").cloneNode(true), values = present();
   for (const entry of list.children) {
     const now = document.createElement("dd");
@@ -269,12 +280,5 @@ document.addEventListener("click", (e) => {
     entry.append(now);
   }
   typeset(list);
-  close.addEventListener("click", () => dialog.close());
-  dialog.addEventListener("close", () => dialog.remove());
-  dialog.addEventListener("keydown", (key) => key.stopPropagation());
-  dialog.addEventListener("click", (at) => { if (at.target === dialog) dialog.close(); });
-  Object.assign(title, { tabIndex: -1, autofocus: true });
-  dialog.append(title, list, close);
-  document.body.append(dialog);
-  dialog.showModal();
+  window.vsmrcDialog("Symbols", list);
 });

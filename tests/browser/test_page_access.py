@@ -198,6 +198,35 @@ def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     expect(page.locator(".vs-undo")).to_have_count(0)
 
 
+def test_a_long_touch_opens_a_row_s_menu_and_lists_stay_closed(
+    served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
+):
+    page = open_page(served[0].url, **PHONE)
+    row = page.locator("form:visible", has=page.get_by_text("F_d [N]", exact=True))
+    row.locator("[role=slider][aria-valuetext]").wait_for()
+    page.evaluate("addEventListener('contextmenu', (e) => e.stopImmediatePropagation(), true)")  # iOS has none
+    menu, name = page.locator(".vs-menu"), row.locator(".vs-set").first
+    name.scroll_into_view_if_needed()
+    box = resting_box(name)
+    at = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+    touch = page.context.new_cdp_session(page)
+    touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [at]})
+    expect(menu).to_be_visible()
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    expect(menu.get_by_role("menuitem").first).to_be_focused()
+    expect(page.locator(".vs-symbol")).to_be_hidden()  # to lift the finger is no tap
+    menu.get_by_role("menuitem").first.tap()
+    across = page.get_by_label("Across", exact=True).locator("visible=true")
+    expect(across).to_have_value("desired force")
+    expect(across).to_be_focused()
+    expect(across).to_have_attribute("aria-expanded", "false")
+    expect(page.get_by_role("option").locator("visible=true")).to_have_count(0)
+    across.tap()
+    page.get_by_role("option").locator("visible=true").first.wait_for()
+    high = page.evaluate("[...document.querySelectorAll('[role=option]')].map((e) => e.offsetHeight).filter(Boolean)")
+    assert min(high) >= 44
+
+
 def drawings() -> Iterator[tuple[str, Drawing]]:
     """Every plot of every tab, for an arm with seven joints that presses."""
     runner = Runner(shipped()["panda-hybrid"])

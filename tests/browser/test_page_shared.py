@@ -74,7 +74,28 @@ def test_watcher_cannot_steer_and_a_private_copy_recovers_from_a_crash(
     row = student.locator("form:visible", has=student.get_by_text("F_d [N]", exact=True))
     force = row.locator(".mantine-TextInput-input")
     expect(force).to_have_css("pointer-events", "none")
-    expect(student.locator(".vs-tools")).to_be_hidden()
+    expect(student.locator(".vs-tools [data-key=t]")).to_be_hidden()
+    for page, seen in ((lecturer, True), (student, False)):
+        expect(page.locator("button:has(.tabler-icon-list-search)")).to_be_visible(visible=seen)
+    helped, palette = student.get_by_role("dialog", name="VSMRC Lab"), student.get_by_placeholder("Search commands")
+    for chord in ("Control+k", "Control+Shift+p", "Meta+k"):
+        force.focus()
+        student.keyboard.press(chord)
+        student.keyboard.press("Escape")  # leaves the field
+        expect(force).not_to_be_focused()
+        student.keyboard.press(chord)
+        student.keyboard.press("?")
+        expect(helped).to_contain_text("presentation")
+        expect(helped).not_to_contain_text("pin this run", use_inner_text=True)
+        expect(palette).to_have_count(0)
+        student.keyboard.press("Escape")
+        expect(helped).to_have_count(0)
+    student.keyboard.press("Tab")
+    assert student.evaluate(
+        "document.activeElement !== document.body && !document.activeElement.closest('[role=dialog]')"
+    )
+    expect(palette).to_have_count(0)
+    expect(lecturer.locator(".vs-help")).to_have_count(0)
     expect(student.locator(".vs-acts button").first).to_have_css("pointer-events", "none")
     open_tab(student, "Torque")  # looking around is free
     expect(student.locator(".uplot-container:visible").first).to_be_visible()

@@ -29,7 +29,8 @@ from app.simulation.recording import Recording
 
 WINDOWS = {"0.5 s": 0.5, "2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
 WINDOW = "8 s"
-ABOVE, NOTE, AROUND, LEGEND, LEAST, MOST = 134, 20, 36, 18, 90, 400  # px
+ABOVE, NOTE, AROUND, LEGEND, MOST = 126, 20, 31, 18, 400  # px
+LEAST, SCROLLED = 88, 140  # px: of a plot where all of a tab are in sight, and where they are not
 _NONE: str = "–"
 SETTLED = 0.05  # s: rows older than this at the refresh before are drawn as then, marks of events included
 FORESEEN_EVERY = 4  # one in so many instants of a preview is examined
@@ -223,8 +224,10 @@ class _TabView:
     def _fit_heights(self) -> None:
         rows = [chart.legend_rows for chart in self._charts if chart.legend_rows]
         rest = self._page_height - ABOVE - (NOTE if self._tab.note else 0) - LEGEND * sum(rows) - AROUND * len(rows)
+        share = rest // max(len(rows), 1)
+        height = min(share, MOST) if share >= LEAST else SCROLLED
         for chart in self._charts:
-            chart.set_height(min(max(rest // max(len(rows), 1), LEAST), MOST))
+            chart.set_height(height)
 
 
 def _looks(shown: Shown) -> list[RunLook]:

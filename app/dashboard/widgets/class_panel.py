@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 import numpy as np
+import viser
 
 from app.access.classroom import ClassQuestion, Given
 from app.dashboard.theme.colors import ACCENT, css
@@ -27,9 +28,13 @@ class ClassPanel:
         self._desk, gui = desk, desk.gui
         self._course: LessonCourse | None = None
         self._unit = ""
-        self._ask = gui.add_button("Ask the class", visible=False, hint="By the link and the QR code of “Share”.")
+        self._ask = gui.add_button(
+            "Ask the class", icon=viser.Icon.USERS, visible=False, hint="By the link and the QR code of “Share”."
+        )
         self._html = gui.add_html("", visible=False)
-        self._reveal = gui.add_button("Show the answers", visible=False, hint="Takes no more answers.")
+        self._reveal = gui.add_button(
+            "Show the answers", icon=viser.Icon.EYE, visible=False, hint="Takes no more answers."
+        )
         self._ask.on_click(self._on_ask)
         self._reveal.on_click(self._on_reveal)
 

@@ -113,11 +113,11 @@ class Help:
 
 
 def help_html() -> str:
-    """Text of the help."""
-    keys = "".join(f"<tr><td>{_keys(key)}</td><td>{does}</td></tr>" for key, does in KEYS.items())
+    """Text of the help. What only helps who steers is of the class vs-steers."""
+    keys = "".join(f'<tr class="vs-steers"><td>{_keys(key)}</td><td>{does}</td></tr>' for key, does in KEYS.items())
     keys += f"<tr><td>{_key('V')}</td><td>presentation: scene, one plot, the sliders used last, large type</td></tr>"
     keys += f"<tr><td>{_key(',')} {_key('.')}</td><td>in a presentation: the plot before, the next plot</td></tr>"
-    keys += f"<tr><td>{_key('Ctrl')} {_key('K')}</td><td>search all commands</td></tr>"
+    keys += f'<tr class="vs-steers"><td>{_key("Ctrl")} {_key("K")}</td><td>search all commands</td></tr>'
     colors = "".join(
         f'<tr><td><span class="vs-swatch" style="background: {css(color)}"></span></td><td>{meaning}</td></tr>'
         for meaning, color in COLORS.items()
@@ -126,16 +126,17 @@ def help_html() -> str:
     return (
         '<div class="vs-help">'
         '<p><button type="button" data-glossary>Every symbol of the page</button> '
-        '<button type="button" data-key="g">A guided minute</button></p>'
-        f"<div><h3>Where to start</h3><ul>{_items(START)}</ul><h3>Colours</h3><table>{colors}</table></div>"
+        '<button type="button" class="vs-steers" data-key="g">A guided minute</button></p>'
+        f'<div><div class="vs-steers"><h3>Where to start</h3><ul>{_items(START)}</ul></div>'
+        f"<h3>Colours</h3><table>{colors}</table></div>"
         f"<div><h3>Keys</h3><table>{keys}</table><h3>In the project's folder</h3><table>{documents}</table></div>"
         "</div>"
     )
 
 
 def tools_html() -> str:
-    """Buttons beside the title, each of which presses a key, and the first steps, which the page's script shows
-    once."""
+    """Buttons beside the title, each of which presses a key, the first steps, which the page's script shows once, and
+    the help for a page that only watches."""
     hints = "".join(f"<p>{hint}</p>" for hint in HINTS)
     return (
         '<div class="vs-tools">'
@@ -144,6 +145,7 @@ def tools_html() -> str:
         '<template id="vs-hints"><aside class="vs-hints" role="note" aria-label="first steps">'
         f'{hints}<button data-key="g">A guided minute</button><button data-tab="Lessons">Lessons</button>'
         "<button>Got it</button></aside></template>"
+        f'<template id="vs-help">{help_html()}</template>'
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Coroutine
 from html import escape
 
 import msgspec
+import viser
 
 from app.dashboard.theme.style import MARKS
 from app.dashboard.transport.callback_errors import Fault
@@ -39,6 +40,7 @@ class OptionAnswer:
         with self._folder:
             desk.gui.add_html('<i class="vs-options"></i>')
             self._buttons = [desk.gui.add_button("", visible=False) for _ in range(MOST_OPTIONS)]
+            desk.gui.add_html('<i class="vs-options-end"></i>')
         for number, button in enumerate(self._buttons, start=1):
             button.on_click(self._answering(number))
 
@@ -59,6 +61,9 @@ class OptionAnswer:
                     text = text.replace(f"{{{{{name}}}}}", measured)
                 chosen = answer is not None and answer.given == number
                 button.label = f"{'ABCDE'[number - 1]}) {text}"
+                icon = viser.Icon.CHECK if chosen else None
+                if button.icon != icon:
+                    button.icon = icon
                 button.color = None if chosen or answer is None else "gray"
                 button.disabled = not chosen and not course.open
 
