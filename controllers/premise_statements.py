@@ -82,10 +82,10 @@ STATEMENTS: dict[Premise, Statement] = {
     ),
     Premise.GAIN: Statement(
         "d covers (17)",
-        "≤ d =",
+        "≤",
         "r",
         "the gain d = {limit} {unit} is below the {value} {unit} that (17) requires",
-        "(17) requires this d",
+        "value: the gain that (17) requires; limit: d",
     ),
     Premise.HELD: Statement(
         "torque held over a period",

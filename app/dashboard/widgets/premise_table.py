@@ -43,7 +43,7 @@ def _row(finding: Finding) -> str:
     margin = "—" if finding.margin is None else _small(finding.margin)
     limit = f"{finding.sign} {_small(finding.limit)} {finding.unit}"
     if words.counts:
-        value, limit, margin = "yes" if finding.holds else "no", "yes", "—"
+        value, limit, margin = "yes" if finding.holds else "no", "—", "—"
     now = chip("holds", "vs-good") if finding.holds else chip("fails", "vs-bad")
     failed = "—" if finding.failed is None else f"{finding.failed:.3f} s"
     return (
