@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +16,7 @@ import msgspec
 
 from drivers.waiting import until
 
-ALLOWED_FAILURES = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}  # a task that always fails is soon given up
+ALLOWED_FAILURES = "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES"
 
 
 class Scheduler(NamedTuple):
@@ -27,12 +27,13 @@ class Scheduler(NamedTuple):
 
 
 @contextmanager
-def scheduler() -> Iterator[Scheduler]:
-    """Context with a scheduler on a free port."""
+def scheduler(allowed_failures: int = 1) -> Iterator[Scheduler]:
+    """Context with a scheduler on a free port. allowed_failures: number of workers that a task may end before it is
+    given up, fewer than those of Dask: each takes seconds to begin."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scheduler.json"
         options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
-        with _started("scheduler", *options) as process:
+        with _started("scheduler", *options, environment={ALLOWED_FAILURES: str(allowed_failures)}) as process:
             until(lambda: file.exists() and file.read_bytes(), "no scheduler")
             yield Scheduler(msgspec.json.decode(file.read_bytes())["address"], process)
 
@@ -46,14 +47,14 @@ def worker(address: str, *options: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 @contextmanager
-def _started(*command: str) -> Iterator[subprocess.Popen[bytes]]:
+def _started(*command: str, environment: Mapping[str, str] | None = None) -> Iterator[subprocess.Popen[bytes]]:
     # Dask imports the text of --preload from the temporary folder, where files of others would hide our modules
     with (
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as own,
         subprocess.Popen(
             [sys.executable, "-m", "dask", *command],
             start_new_session=True,
-            env=os.environ | ALLOWED_FAILURES | {"TMPDIR": own},
+            env={**os.environ, **(environment or {}), "TMPDIR": own},
             stderr=subprocess.DEVNULL,
         ) as process,
     ):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -97,17 +97,20 @@ def _surface_mass(system: System) -> np.ndarray:
     return np.diag(np.full(k, math.inf)) if system.plant.kind.rigid else system.plant.environment.M_e[:k, :k]
 
 
-def gain_by_force(system: System, at: Posture, load: UnitLoad) -> GainFeedback:
-    """Feedback of the gain d by (17) through the force on rigid or heavy surfaces. Of several surfaces, changes of all
-    their forces add up."""
+def gain_by_force(system: System, at: Posture, loads: Sequence[UnitLoad]) -> list[GainFeedback]:
+    """Feedback of the gain d by (17) through the force on rigid or heavy surfaces, for each of the loads. Of several
+    surfaces, changes of all their forces add up."""
     controller = system.controller
     if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
-        return GainFeedback(math.nan, 0.0)
-    masses, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
-    commanded = np.linalg.solve(controller.model.M_m, controller.model.K_f @ load.F_c)
-    slopes = np.array([_slope_of_gain(system, at, each) for each in commanded.T])
-    yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ load.F_r, at.across.T @ commanded))
-    return GainFeedback(_largest(Y @ solved.T, slopes), _largest(Y @ yielding.T, slopes))
+        return [GainFeedback(math.nan, 0.0)] * len(loads)
+    masses, Y, slope = _surface_mass(system), np.linalg.solve(at.H_hat, at.across), _slope_of_gain(system, at)
+    found = []
+    for load in loads:
+        commanded = np.linalg.solve(controller.model.M_m, controller.model.K_f @ load.F_c)
+        slopes = np.array([slope(each) for each in commanded.T])
+        yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ load.F_r, at.across.T @ commanded))
+        found.append(GainFeedback(_largest(Y @ solved.T, slopes), _largest(Y @ yielding.T, slopes)))
+    return found
 
 
 def worst_gain_by_force(system: System, q: np.ndarray, t: float) -> float:
@@ -117,7 +120,7 @@ def worst_gain_by_force(system: System, q: np.ndarray, t: float) -> float:
         return math.nan
     try:
         at = Posture.of(system, q, t)
-        return max(gain_by_force(system, at, load).gain for load in unit_loads(system, at))
+        return max(each.gain for each in gain_by_force(system, at, unit_loads(system, at)))
     except (ValueError, np.linalg.LinAlgError):
         return math.nan
 
@@ -138,21 +141,20 @@ def _largest(pull: np.ndarray, slopes: np.ndarray) -> float:
     return max(float(np.linalg.norm(pull @ (slopes * sign))) for sign in signs)
 
 
-def _slope_of_gain(system: System, at: Posture, r_eq_ddot: np.ndarray) -> float:
-    """Largest change of d by (17), N, per unit of r_eq_ddot's change in this direction."""
-    still = np.zeros_like(r_eq_ddot)
+def _slope_of_gain(system: System, at: Posture) -> Callable[[np.ndarray], float]:
+    """Largest change of d by (17), N, per unit of r_eq_ddot's change, as a function of the change's direction."""
+    still = np.zeros(system.layout.n)
     rest = at.task._replace(v_t=still, v_t_dot=still)
-    without, with_it = _needed(system, at.estimate, rest), _needed(system, at.estimate, rest, r_eq_ddot)
-    return float(with_it.inertia - without.inertia)
+    without = _needed(system, at.estimate, rest, still)
+    return lambda r_eq_ddot: float(_needed(system, at.estimate, rest, r_eq_ddot).inertia - without.inertia)
 
 
-def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.ndarray | None = None) -> RequiredGain:
+def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.ndarray) -> RequiredGain:
     """Gain required by (17), without its epsilon, where all errors and all rates of the reference are zero. r_eq_ddot:
-    (n,) m/s^2, another one than zero."""
+    (n,) m/s^2."""
     still = np.zeros(system.layout.n)
     q_eq_dot = -task.J_q_inv @ task.v_t
-    commanded = still if r_eq_ddot is None else r_eq_ddot
-    q_eq_ddot = task.J_q_inv @ (commanded - task.J_q_dot @ q_eq_dot - task.v_t_dot)
-    at_rest = Equivalent(still, commanded, q_eq_dot, q_eq_ddot)
+    q_eq_ddot = task.J_q_inv @ (r_eq_ddot - task.J_q_dot @ q_eq_dot - task.v_t_dot)
+    at_rest = Equivalent(still, r_eq_ddot, q_eq_dot, q_eq_ddot)
     controller = system.controller
     return required_gain(controller.bounds, controller.uncertainty, ON_LINE, estimate, task, still, at_rest)

@@ -117,7 +117,7 @@ class SampledLoops:
         try:
             at = Posture.of(system, q, t)
             loads = unit_loads(system, at)
-            feedback = [gain_by_force(system, at, load) for load in loads]
+            feedback = gain_by_force(system, at, loads)
             force_loop = worst_force_loop(system, at, loads, tuple(each.added for each in feedback))
             growth, A, C = math.nan, None, None
             if system.sensor.late > LONGEST_DELAY:

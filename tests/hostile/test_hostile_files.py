@@ -7,6 +7,7 @@ import io
 import os
 import struct
 import zipfile
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -196,32 +197,32 @@ def claiming(shape: str) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("made", "message"),
     [
-        (npz(t=np.array([{}, {}, {}], dtype=object)), "t claims object .*; allowed: numbers or text"),
-        (npz(t=None), "t is missing"),
-        (npz(q=np.zeros((3, 9))), "q of shape .*; allowed: 1 to 8 joints"),
-        (npz(q=np.zeros(3)), "q of shape"),
-        (npz(F=np.zeros((3, 2))), r"F holds float64 of shape \(3, 2\); allowed: float64 of \(3, 3\)"),
-        (npz(s=np.zeros((4, 2))), "s holds float64 of shape"),
-        (npz(d=np.zeros(3, dtype=complex)), "d holds complex128"),
-        (npz(t=np.array([0.0, np.nan, 1.0])), "t does not grow; allowed: finite times"),
-        (npz(t=np.zeros(3)), "t does not grow"),
-        (npz(scenario=np.array("mode = 1")), "mode: 1; allowed: text"),
-        (npz(conditions=np.frombuffer(b"\xc1" * 9, np.uint8)), "conditions are not those of a run"),
-        (npz(conditions=conditions()), "conditions of 6 coordinates; allowed: 2"),
-        (claiming("(10**12,)"), "not a recording"),
-        (claiming("(1000000000000,)"), "t claims float64 of shape"),
-        (claiming("(-3,)"), "t claims float64 of shape"),
-        (claiming("(True,)"), "not a recording"),
-        (claiming("("), "not a recording"),
-        (claiming("(99999999999999999999999, 0)"), "not a recording"),
-        (npz()[:-40], "not a recording"),
-        (b"", "not a recording"),
+        (lambda: npz(t=np.array([{}, {}, {}], dtype=object)), "t claims object .*; allowed: numbers or text"),
+        (lambda: npz(t=None), "t is missing"),
+        (lambda: npz(q=np.zeros((3, 9))), "q of shape .*; allowed: 1 to 8 joints"),
+        (lambda: npz(q=np.zeros(3)), "q of shape"),
+        (lambda: npz(F=np.zeros((3, 2))), r"F holds float64 of shape \(3, 2\); allowed: float64 of \(3, 3\)"),
+        (lambda: npz(s=np.zeros((4, 2))), "s holds float64 of shape"),
+        (lambda: npz(d=np.zeros(3, dtype=complex)), "d holds complex128"),
+        (lambda: npz(t=np.array([0.0, np.nan, 1.0])), "t does not grow; allowed: finite times"),
+        (lambda: npz(t=np.zeros(3)), "t does not grow"),
+        (lambda: npz(scenario=np.array("mode = 1")), "mode: 1; allowed: text"),
+        (lambda: npz(conditions=np.frombuffer(b"\xc1" * 9, np.uint8)), "conditions are not those of a run"),
+        (lambda: npz(conditions=conditions()), "conditions of 6 coordinates; allowed: 2"),
+        (lambda: claiming("(10**12,)"), "not a recording"),
+        (lambda: claiming("(1000000000000,)"), "t claims float64 of shape"),
+        (lambda: claiming("(-3,)"), "t claims float64 of shape"),
+        (lambda: claiming("(True,)"), "not a recording"),
+        (lambda: claiming("("), "not a recording"),
+        (lambda: claiming("(99999999999999999999999, 0)"), "not a recording"),
+        (lambda: npz()[:-40], "not a recording"),
+        (lambda: b"", "not a recording"),
     ],
 )  # fmt: skip
-def test_recordings_that_are_refused(tmp_path: Path, content: bytes, message: str) -> None:
-    (tmp_path / "run.npz").write_bytes(content)
+def test_recordings_that_are_refused(tmp_path: Path, made: Callable[[], bytes], message: str) -> None:
+    (tmp_path / "run.npz").write_bytes(made())
     with pytest.raises(ScenarioError, match=message) as caught:
         read_npz(tmp_path / "run.npz")
     one_sentence(caught.value)

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import os
-import resource
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -20,20 +17,11 @@ from app.scenario.data import load
 from app.simulation.recording import Recording
 from app.storage.recording_files import table
 from drivers.waiting import PATIENCE, until
+from tests.support.commands import vsmrc
+from tests.support.disks import largest_file
 from tests.support.faults import Client
 
 pytestmark = pytest.mark.slow  # processes of its own
-
-
-@contextmanager
-def largest_file(size: int) -> Iterator[None]:
-    """A disk on which no file gets larger than this (bytes), for the processes begun meanwhile as well."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def noise(rows: int) -> Recording:
@@ -53,16 +41,9 @@ def test_a_disk_that_is_full_while_exporting_is_said(form: str) -> None:
         ExportJobs().made(job, lambda _: None)
 
 
-def vsmrc(*arguments: str, preexec: Callable[[], None] | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "app", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, preexec_fn=preexec, check=False)
-
-
 def test_a_disk_that_is_full_is_said_and_leaves_what_has_room_and_no_half_file(tmp_path: Path) -> None:
-    def small() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
-
-    done = vsmrc("run", "planar2r-semicircle", "--duration", "2", "--out", str(tmp_path), preexec=small)
+    with largest_file(300_000):
+        done = vsmrc("run", "planar2r-semicircle", "--duration", "2", "--out", str(tmp_path))
     assert done.returncode == 1
     assert "boundary layer reached after" in done.stdout  # what was computed is not lost
     assert f"--out {tmp_path}: cannot be written: File too large" in done.stderr

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import resource
 import subprocess
 import sys
 import time
@@ -27,6 +26,7 @@ from app.session.timeline import Pinned, Timeline
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.session_index import OFFER, SESSION, StateError
 from drivers.waiting import until
+from tests.support.disks import largest_file
 
 pytestmark = pytest.mark.slow  # processes of its own
 
@@ -247,13 +247,9 @@ def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
     runner.post(Edit("controller.layer", 0.02))
     until(lambda: left(tmp_path) == {SESSION})
     runner.post(Edit("controller.layer", 0.03))
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))  # as a disk that is full
-    try:
+    with largest_file(100_000):
         runner.post(Pin())
         until(lambda: message)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert message == [f"the session cannot be saved in {tmp_path}: File too large; the run goes on"]
     assert left(tmp_path) == {SESSION}
     assert "0.03" in (tmp_path / SESSION).read_text()  # what fits is saved
@@ -279,13 +275,9 @@ def test_what_could_not_be_saved_is_saved_at_the_end_when_there_is_room_again(tm
     autosave = Autosave(StateFolder(tmp_path), lambda: runner.snapshot, message.append)
     runner.post(Pause())
     until(lambda: runner.snapshot.phase == "paused")  # a loop that is too slow would write to the log, a file here, too
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
-    try:
+    with largest_file(100):
         runner.post(Edit("controller.layer", 0.02))
         until(lambda: message)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     runner.close()
     autosave.close()
     folder = StateFolder(tmp_path)

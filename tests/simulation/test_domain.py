@@ -108,14 +108,21 @@ def inertia_extremes(system: System) -> tuple[Value, Value]:
     """1/lambda_min(H_low), lambda_max(H_high); 0 outside of Omega."""
     limit = system.scenario.simulation.sigma_min
 
-    def at(q: np.ndarray, t: float) -> tuple[float, float]:
-        estimate, task = system.observe(q, np.zeros_like(q), t)
-        if np.linalg.svd(task.J_q, compute_uv=False)[-1] < limit:
-            return 0.0, 0.0
-        inertia = InertiaRange.at(system.controller.uncertainty, estimate, task)
-        return 1.0 / np.linalg.eigvalsh(inertia.H_low)[0], np.linalg.eigvalsh(inertia.H_high)[-1]
+    def inertia(q: np.ndarray, t: float) -> InertiaRange | None:
+        seen = system.observer.record_at(q, np.zeros_like(q), t).data
+        if np.linalg.svd(seen["task"]["J_q"][0], compute_uv=False)[-1] < limit:
+            return None
+        return InertiaRange.over(system.controller.uncertainty, seen["estimate"], seen["task"])
 
-    return lambda q, t: float(at(q, t)[0]), lambda q, t: float(at(q, t)[1])
+    def lightness(q: np.ndarray, t: float) -> float:
+        found = inertia(q, t)
+        return 0.0 if found is None else float(1.0 / np.linalg.eigvalsh(found.H_low[0])[0])
+
+    def heaviness(q: np.ndarray, t: float) -> float:
+        found = inertia(q, t)
+        return 0.0 if found is None else float(np.linalg.eigvalsh(found.H_high[0])[-1])
+
+    return lightness, heaviness
 
 
 @pytest.mark.parametrize("name", [*SHAPES, *ON_PLANES, *MOVING, WIDE, WIDE_GROOVE])

@@ -42,8 +42,14 @@ def surfaces(robot: str) -> dict[str, dict[str, object]]:
     }  # fmt: skip
 
 
+@cache
+def adapted(robot: str, mode: str) -> Scenario:
+    """The scenario of all defaults, on an arm in a mode."""
+    return in_mode(on_robot(Scenario(), robot), mode)
+
+
 def scenario_of(robot: str, mode: str, contact: str, surface: str) -> Scenario:
-    data = to_plain(in_mode(on_robot(Scenario(), robot), mode))
+    data = to_plain(adapted(robot, mode))
     data["surface"] = surfaces(robot)[surface]
     data["contact"] |= {"kind": contact, "friction_coulomb": 0.1, "M_e": 1.0, "B_e": 10.0}
     data["motion"] = {"kind": "line", "displacement": [0.05]}

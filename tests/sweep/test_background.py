@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import resource
 import signal
 import subprocess
 import sys
@@ -32,6 +31,7 @@ from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.run_metrics import SweepRunner
 from app.sweep.run_store import table_of
 from drivers.waiting import until
+from tests.support.disks import largest_file
 from tests.sweep.test_running import timeless
 
 SHORT = edited(shipped()["planar3r-hybrid"], "simulation.duration", 0.2)
@@ -160,13 +160,8 @@ def test_a_disk_that_is_full_while_a_sweep_is_packed_is_said_and_nothing_is_left
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     rows = [SweepRunner(SWEEP).metrics(number) for number in (1, 4)]
     job, jobs = MadeJob(zipped, (SWEEP, rows)), ExportJobs()
-    allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (most, allowed[1]))
-    try:
-        with pytest.raises(ExportError, match="File too large"):
-            jobs.made(job, lambda _: None)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
+    with largest_file(most), pytest.raises(ExportError, match="File too large"):
+        jobs.made(job, lambda _: None)
     assert zipfile.is_zipfile(io.BytesIO(jobs.made(job, lambda _: None)))
     assert list(tmp_path.iterdir()) == []
 

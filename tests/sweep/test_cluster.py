@@ -76,9 +76,16 @@ def run_until_killed(*arguments: str) -> None:
     execute(list(arguments))
 
 
-@pytest.fixture(name="scheduler")
+@pytest.fixture(scope="module", name="scheduler")
 def a_scheduler() -> Iterator[Scheduler]:
     with started() as it:
+        yield it
+
+
+@pytest.fixture
+def impatient() -> Iterator[Scheduler]:
+    """A scheduler that gives up all tasks of a worker as soon as it has ended; no other test uses it."""
+    with started(allowed_failures=0) as it:
         yield it
 
 
@@ -138,9 +145,9 @@ def test_a_client_that_is_killed_comes_back_and_computes_the_rest(
 
 
 def test_a_run_that_ends_its_worker_each_time_is_a_row_and_the_others_are_computed(
-    scheduler: Scheduler, expected: list[RunMetrics], tmp_path: Path
+    impatient: Scheduler, expected: list[RunMetrics], tmp_path: Path
 ) -> None:
-    address, _ = scheduler
+    address, _ = impatient
     preload = f"from {__name__} import falls; falls()"
     with RunStore(tmp_path, SWEEP) as store, Cluster(address) as cluster:
         with worker(address, "--nworkers", "2", "--preload", preload):
@@ -213,8 +220,8 @@ def test_a_sweep_with_parameters_of_a_law_of_ones_own_is_computed_by_a_worker() 
     assert timeless(cluster_worker.metrics(pickle.dumps(own), (0,))) == timeless([SweepRunner(own).metrics(0)])
 
 
-def test_what_is_wrong_is_one_sentence(scheduler: Scheduler) -> None:
-    address, process = scheduler
+def test_what_is_wrong_is_one_sentence(impatient: Scheduler) -> None:
+    address, process = impatient
     with pytest.raises(ScenarioError, match="no scheduler answers; allowed: the address that"):
         Cluster("tcp://127.0.0.1:1")
     with pytest.raises(ScenarioError, match="no scheduler answers"):
