@@ -10,6 +10,7 @@ from playwright.sync_api import Page, expect
 
 from app.scenario import own_code
 from app.scenario.data import kind_of, load, to_plain
+from app.session.preview_client import Previewer
 from drivers.pages import PATIENCE, VIEWPORT, PageSession
 from tests.support.drawn import serving
 
@@ -18,8 +19,10 @@ OWN = ("pid_gravity.py", "figure_eight.py", "cone.py")
 
 
 @pytest.fixture
-def own(open_page: Callable[..., Page]) -> Iterator[PageSession]:
-    """A page of a server that was started with the examples."""
+def own(open_page: Callable[..., Page], monkeypatch: pytest.MonkeyPatch) -> Iterator[PageSession]:
+    """A page of a server that was started with the examples. Without the process for previews, which would compile them
+    once more."""
+    monkeypatch.setattr(Previewer, "warm_up", lambda *_: None)
     own_code.use([EXAMPLES / name for name in OWN])
     with serving(load("ur5-impedance")) as (dashboard, runner):
         page = open_page(dashboard.url, viewport=VIEWPORT)
