@@ -42,7 +42,6 @@ def table(loop: ClosedLoop) -> np.ndarray:
     return loop.recording.rows()
 
 
-@pytest.mark.usefixtures("rough_constants")
 @pytest.mark.parametrize("case", cases(), ids=" / ".join)
 def test_run_is_finite_repeats_bit_for_bit_and_is_the_same_compiled(case: tuple[str, str, str, str]) -> None:
     scenario = scenario_of(*case)
