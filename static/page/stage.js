@@ -50,7 +50,9 @@ const placeEquation = (equation) => {
   if (now === tried) return;
   tried = now;
   page.setAttribute("data-beside", "");
-  page.toggleAttribute("data-beside", foot + AIR + equation.offsetHeight <= innerHeight);
+  const math = equation.querySelector("math");
+  const whole = math && math.scrollWidth <= math.clientWidth + 1 && math.scrollHeight <= math.clientHeight + 1;
+  page.toggleAttribute("data-beside", whole && foot + AIR + equation.offsetHeight <= innerHeight);
 };
 const fill = () => {
   const equation = document.querySelector("[data-floating-window]:has(.vs-equation)");

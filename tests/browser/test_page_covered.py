@@ -130,7 +130,8 @@ def test_the_presentation_has_the_sliders_moved_last_of_any_tab_and_covers_nothi
           const math = document.querySelector(".vs-equation math"), box = math?.getBoundingClientRect();
           const scene = document.querySelector("canvas[data-engine]").getBoundingClientRect();
           return box && math.scrollWidth <= math.clientWidth + 1 && math.scrollHeight <= math.clientHeight + 1
-            && box.left >= 0 && box.top >= scene.bottom - 1 && box.bottom <= innerHeight && scene.height > 150
+            && box.left >= 0 && (box.top >= scene.bottom - 1 || box.left >= scene.right - 1)
+            && box.bottom <= innerHeight && scene.height > 150
             && document.querySelector(".vs-equation").textContent.includes("q3");
         }""")  # the equation is whole and beside the scene
     session.enter("Coulomb [N·m]", "2.5")
