@@ -37,7 +37,8 @@ const measurable = (series) => listed(series) && series.scale !== "backdrop";
 const valuesOf = (plot, i) => {
   const { data, series } = plot, { label } = series[i];
   const areas = plot.bands.map(({ series: ends }) => [data[Math.max(...ends)], data[Math.min(...ends)], series[Math.max(...ends)]])
-    .filter(([, , edge]) => label && edge.label === label && !/vs-unlisted-edge-quantile/.test(edge.class ?? ""));
+    // a chart that is being updated may have bands of lines that it does not have yet
+    .filter(([, , edge]) => label && edge?.label === label && !/vs-unlisted-edge-quantile/.test(edge.class ?? ""));
   return areas.length ? (k) => areas.reduce((sum, [edge, base]) => sum + edge[k] - base[k], 0) : (k) => data[i][k];
 };
 const valued = (plot) => {
