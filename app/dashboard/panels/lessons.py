@@ -25,7 +25,7 @@ from app.export.formats import Format
 from app.lessons import blocks
 from app.lessons.answers import Answer
 from app.lessons.course import LessonCourse
-from app.lessons.lesson import NAMED, Lesson, LessonStep, shipped_lessons
+from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
 from app.lessons.markup import html_of, inline_html
 from app.lessons.playing import last_q, performance, play
 from app.scenario.data import field_of
@@ -280,7 +280,7 @@ def _text(course: LessonCourse, *, computing: bool) -> str:
     if isinstance(step.block, blocks.Explain):
         parts += [_scored(of, answer, measured, course.lesson.head.language) for of, answer in course.explained()]
     parts.append(html_of(step.text, measured))
-    if computing and course.missing and NAMED.search(step.text):
+    if computing and course.missing and step.names_numbers:
         parts.append('<p class="vs-dim" lang="en">The numbers that are missing are being computed.</p>')
     if isinstance(step.block, blocks.Explain) and step.block.equation:
         parts.append(f'<p class="vs-dim" lang="en">equation {escape(step.block.equation)} of the paper</p>')
@@ -298,9 +298,8 @@ def _scored(step: LessonStep, answer: Answer, measured: dict[str, str], language
     if isinstance(step.block, blocks.ChoiceQuestion) and isinstance(answer.given, int):
         option = inline_html(step.block.options[answer.given - 1], measured)
         given = f'Your answer: <i lang="{escape(language)}">{option}</i>.'
-    verdict = (
-        "" if answer.verdict == "right" else inline_html(answer.verdict[:1].upper() + answer.verdict[1:], measured)
-    )
+    sentence = answer.verdict[:1].upper() + answer.verdict[1:]
+    verdict = "" if answer.verdict == "right" else inline_html(sentence, measured)
     return f'<div class="vs-scored" lang="en">{mark} {given} {verdict}</div>'
 
 

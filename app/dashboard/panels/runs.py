@@ -152,10 +152,9 @@ def _behind(snapshot: Snapshot) -> str:
 def _over(snapshot: Snapshot, window: float, over: Over) -> str:
     """Note on the instants that the table compares."""
     if over == "own":
-        short = (
-            ", or all of a shorter one with its beginning" if min(run.t for run in _shown(snapshot)) < window else ""
-        )
-        return f"Last {window:g} s of each run{short}; in brackets: compared with the present run."
+        shorter = any(run.t < window for run in _shown(snapshot))
+        whole = ", or all of a shorter one with its beginning" if shorter else ""
+        return f"Last {window:g} s of each run{whole}; in brackets: compared with the present run."
     begin, end = _same(snapshot, window)
     if begin >= end:
         late = max(_shown(snapshot), key=lambda run: run.recording.first)

@@ -93,7 +93,7 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
     if not sweep.going and not np.isfinite(numbers).any():
         nowhere = "No run of this scenario has this figure"
         words.append(nowhere if points.absent.any() else "At every setting some arm has no value")
-    if 'class="vs-present"' in picture:
+    if all(_place(axis, present.get(axis.path)) is not None for axis in plan.sweep.vary):
         words.append(f"The {'ring' if len(plan.sweep.vary) > 1 else 'blue line'} is the present setting")
     going = ' data-going=""' if sweep.going else ""
     return (
@@ -127,7 +127,7 @@ def _progress_html(sweep: BackgroundSweep) -> str:
         return escape(sweep.problem)
     if sweep.waiting:
         return "waits until those of other visitors are done"
-    return f"{done} of {count} runs" + ("" if sweep.going or done == count else ", cancelled")
+    return f"{done} of {count} runs" + (" are computed" if sweep.going or done == count else ", cancelled")
 
 
 def _scale(numbers: np.ndarray, naming: Naming) -> ColorScale | None:

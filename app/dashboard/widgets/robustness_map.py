@@ -215,14 +215,14 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
     def _drawn(self, work: BackgroundSweep, snapshot: Snapshot) -> str:
         if self._files.visible != bool(work.rows):
             self._files.visible = bool(work.rows)
-        present = {axis.path: self._fields[axis.path].value(snapshot) for axis in work.plan.sweep.vary}
-        of = work.plan.sweep.scenario
-        another = _task(of) != _task(snapshot.scenario)
+        sweep, present = work.plan.sweep, {}
         problem = self._limit if isinstance(self._limit, str) else ""
         note = f'<div class="vs-note">{escape(problem)}. The map shows the worst arm.</div>' if problem else ""
-        if another:
+        if _task(sweep.scenario) == _task(snapshot.scenario):
+            present = {axis.path: self._fields[axis.path].value(snapshot) for axis in sweep.vary}
+        else:
             note += '<div class="vs-note">The map is of an earlier scenario: mode, arm or surfaces were others.</div>'
-        return note + map_html(work, self._points(work), self._naming(units_of(of)), {} if another else present)
+        return note + map_html(work, self._points(work), self._naming(units_of(sweep.scenario)), present)
 
 
 def _task(scenario: Scenario) -> tuple[object, ...]:

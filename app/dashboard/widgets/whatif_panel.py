@@ -19,6 +19,8 @@ from app.session.snapshot import Snapshot
 BANDS = {"none": 0, "16 of the declared set": 16, "64 of the declared set": 64}
 WEAK, FINE = 0.1, 1e-5  # N, m: below them mN and µm are easier to read
 NO_FORCE = 1e-6  # N
+Value = Callable[[PreviewMetrics], float | None]
+Text = Callable[[PreviewMetrics], str | None]
 _SHOWN = 20.0  # s during which an applied value can be taken back by a click
 
 
@@ -65,19 +67,21 @@ class WhatIfPanel:
         self._desk.whatif.arms = BANDS[self._arms.value]
 
     async def _on_revert(self, _: object) -> None:
+        self._take_back()
+
+    async def _on_key(self, _: object) -> None:
+        if not self._take_back():
+            self._desk.complain("revert: nothing; allowed: after a slider has applied its value, until the next edit")
+
+    def _take_back(self) -> bool:
+        """Let go of the held slider, or take back what one has applied; returns whether there was either."""
         whatif = self._desk.whatif
         held, undo = whatif.held, whatif.undo(self._desk.snapshot())
         if held is not None:
             whatif.let_go(held.control)
         elif undo is not None:
             self._desk.post(undo)
-
-    async def _on_key(self, event: object) -> None:
-        whatif = self._desk.whatif
-        if whatif.held is None and whatif.undo(self._desk.snapshot()) is None:
-            self._desk.complain("revert: nothing; allowed: after a slider has applied its value, until the next edit")
-            return
-        await self._on_revert(event)
+        return held is not None or undo is not None
 
     def show(self, snapshot: Snapshot) -> None:
         whatif, now = self._desk.whatif, time.monotonic()
@@ -139,12 +143,8 @@ class _Row:
     note: returns a text beside the title, such as a predicted value, None for none."""
 
     title: str
-    value: Callable[[PreviewMetrics], str | None]
-    note: Callable[[PreviewMetrics], str | None] = lambda _: None
-
-
-Value = Callable[[PreviewMetrics], float | None]
-Text = Callable[[PreviewMetrics], str | None]
+    value: Text
+    note: Text = lambda _: None
 
 
 def _rows(units: Units, reached: str, columns: Sequence[PreviewMetrics]) -> tuple[_Row, ...]:
