@@ -132,6 +132,12 @@ def test_the_window_of_a_preview_can_be_moved_away_and_takes_the_value_back(sess
     session.wait(dragged)
     window.get_by_role("button", name="Revert").click()
     session.wait(lambda now: now.scenario.force.value == 20.0)
+    move, _ = session.grip("F_d [N]")
+    move(0.8)
+    session.page.mouse.up()
+    session.wait(lambda now: now.scenario.force.value > 40.0)
+    session.page.keyboard.press("z")
+    session.wait(lambda now: now.scenario.force.value == 20.0)
     session.page.evaluate("document.documentElement.style.cssText = ''")
 
 

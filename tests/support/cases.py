@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 
-from app.scenario.data import edited, from_plain, shipped, to_plain
+from app.scenario.data import edited, from_plain, load, shipped, to_plain
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
+from controllers.premises import Premise
 
 SURFACES = ("plane", "moving plane", "cylinder", "inside of a cylinder", "typed wave", "moving sphere")
 ALIKE = ("ur3", "ur10", "xarm7", "z1")  # the kernels see nothing in them that other arms do not have
@@ -66,3 +69,23 @@ def short(name: str, **fields: object) -> Scenario:
     for path, value in fields.items():
         scenario = edited(scenario, path.replace("__", "."), value)
     return scenario
+
+
+def changed(name: str, **sections: Any) -> Scenario:
+    """A shipped scenario with other fields, by section."""
+    data = to_plain(load(name))
+    for section, fields in sections.items():
+        data[section] = fields if "kind" in fields else data.get(section, {}) | fields
+    return from_plain(data)
+
+
+def run(scenario: Scenario, seconds: float) -> ClosedLoop:
+    """The run of a scenario after some seconds."""
+    loop = ClosedLoop.from_scenario(scenario)
+    CompiledRun(loop).advance(round(seconds / loop.period))
+    return loop
+
+
+def value(loop: ClosedLoop, premise: Premise) -> float:
+    """Present value of a premise of a run."""
+    return float(loop.state.evaluation.views.table.value[premise])
