@@ -80,6 +80,7 @@ class PageContent:
             whatif=self._whatif,
             viewing=self._viewing,
             complain=complaint.tell,
+            withdraw_complaint=complaint.withdraw,
             export_jobs=self._export_jobs,
             uploads=uploads,
             choose=lambda row: self._chosen_sliders.choose(row),

@@ -11,6 +11,8 @@ ANGULAR = {"m": "rad", "mm": "mrad", "m/s": "rad/s", "mm/s": "mrad/s", "m/s^2": 
 LINEAR = {angular: linear for linear, angular in ANGULAR.items()} | {"N·m·s": "N·s"}
 _COMPOUND = ("kg·m²/rad", "kg·m/rad", "kg/rad")  # of constants for a change of all joints at once
 
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
 JointKinds = Literal["revolute", "prismatic", "mixed"]
 
 
@@ -19,6 +21,11 @@ def kinds_of(slides: Collection[bool]) -> JointKinds:
     if any(slides):
         return "prismatic" if all(slides) else "mixed"
     return "revolute"
+
+
+def indexed(symbol: str, number: int) -> str:
+    """Symbol with a number as its index: τ₂."""
+    return symbol + str(number).translate(SUBSCRIPTS)
 
 
 def unit_of_joint(unit: str, *, slides: bool) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from app.scenario.schema import Scenario
-from app.scenario.units import unit_of_joint
+from app.scenario.units import indexed, unit_of_joint
 from app.simulation.environment_builder import face_axes, level_of, positions_of, task_joints
 from app.simulation.system import Coordinate
 from controllers.modes import Mode
@@ -42,11 +42,11 @@ def layout_of(
 def coordinates_of(layout: TaskLayout, mode: Mode, robot: robots.Robot) -> tuple[Coordinate, ...]:
     if layout.joint:
         units = (unit_of_joint("rad", slides=slides) for slides in robot.slides)
-        return tuple(Coordinate(f"q{joint}", unit) for joint, unit in enumerate(units, start=1))
+        return tuple(Coordinate(indexed("q", joint), unit) for joint, unit in enumerate(units, start=1))
     cartesian = ["x", "z"] if layout.positions == 2 else ["x", "y", "z"]
     places = _PLACES[mode.surfaces] if mode.on_surface else cartesian
     angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
-    extra = [f"{'' if robot.slides[joint] else 'ℓ·'}q{joint + 1}" for joint in layout.supplemental_joints]
+    extra = [f"{'' if robot.slides[joint] else 'ℓ·'}{indexed('q', joint + 1)}" for joint in layout.supplemental_joints]
     names = [*places[: layout.positions], *angles, *extra]
     if layout.tilts:
         names = ["φ", "ℓ·θ₁", "ℓ·θ₂", *places[1:], "ℓ·γ", *extra]

@@ -17,6 +17,7 @@ const PLACES = {
 };
 // what a key presses: by Enter or the space bar, as a click
 const PRESSED = ".u-legend .u-label, .mantine-Paper-root > .mantine-Paper-root:has(> .tabler-icon)";
+const FOLDER = ".mantine-Paper-root:has(> .mantine-Paper-root > .tabler-icon)";
 const set = (element, name, value) => { if (element.getAttribute(name) !== value) element.setAttribute(name, value); };
 const press = (element, is) => {
   set(element, "role", "button");
@@ -28,17 +29,23 @@ const call = () => {
   for (const [selector, attributes] of Object.entries(PLACES))
     for (const place of document.querySelectorAll(selector))
       for (const [name, value] of Object.entries(attributes)) set(place, name, value);
+  const named = []; // the controls with their labels, and the folders of their tabs in which they stand
   for (const control of document.querySelectorAll("input:not([type=checkbox], [type=hidden]), [role=slider]")) {
     const row = control.closest("form") ?? control.closest(".mantine-Flex-root:has(label)");
     const tied = control.labels?.length ? control.labels : (row?.querySelectorAll("label") ?? []); // a form may have several
     const label = [...tied].map((each) => each.textContent.trim()).find(Boolean);
     if (!label) continue;
-    set(control, "aria-label", label);
+    const folder = control.closest(FOLDER)?.querySelector(":scope > .mantine-Paper-root").textContent.trim();
+    named.push({ control, label, folder, tab: control.closest(".mantine-ScrollArea-content") });
     const shown = row?.querySelector("input:not([type=hidden])")?.value;
     const above = row?.parentElement?.querySelector("[data-unit]"); // the note with the unit of a target model's rows
     const unit = /\[(.*)\]/.exec(label)?.[1] ?? above?.dataset.unit ?? "";
     // the time has no number while the run goes on
     if (control.role === "slider") set(control, "aria-valuetext", shown ? `${shown} ${unit}`.trim() : "now");
+  }
+  for (const { control, label, folder, tab } of named) {
+    const twice = named.some((other) => other.label === label && other.tab === tab && other.folder !== folder);
+    set(control, "aria-label", twice && folder ? `${label}, ${folder}` : label);
   }
   for (const key of document.querySelectorAll(".mantine-Spotlight-actionDescription")) {
     const name = key.textContent, written = name.replace(/(?<=^|\+)[a-z]+$/, (last) => KEYS[last] ?? last);

@@ -1,6 +1,6 @@
 // Numbers: a text field reports when the user is done with it, and a slider when it is let go.
 // The marks are those of app/dashboard/theme/style.py.
-const mark = "\u200b";
+const LEFT = "\u200b", ENTERED = "\u2062";
 // the menus in a form search with a text field of their own
 const field = (e) => e.target instanceof HTMLInputElement && e.target.matches("form .mantine-TextInput-input")
   ? e.target : null;
@@ -12,7 +12,7 @@ const write = (input, text) => {
 };
 // viser sends no more than a message in 50 ms and drops those in between, so a mark may get lost. The server takes it off.
 // An odd and an even number of marks in turn: by that the server knows what it has received twice.
-const MARKS = /[\u200b-\u200d\u2060\u2061]/g;
+const MARKS = /[\u200b-\u200d\u2060-\u2062]/g;
 const sendMarked = (input, text, mark) => {
   const plain = text.replace(MARKS, ""); // a slow server has not taken off those of the turn before
   const turn = (input.vsmrcTurnOfMarks = { even: !input.vsmrcTurnOfMarks?.even });
@@ -24,7 +24,7 @@ const sendMarked = (input, text, mark) => {
   };
   send(plain + (turn.even ? mark + mark : mark), 3);
 };
-const commit = (input, text) => {
+const commit = (input, text, mark = LEFT) => {
   if (input.dataset.pending === undefined) return;
   sendMarked(input, text, mark);
   delete input.dataset.pending;
@@ -49,7 +49,8 @@ document.addEventListener("keydown", (e) => {
   const input = field(e);
   if (!input || (e.key !== "Enter" && e.key !== "Escape")) return;
   e.preventDefault();
-  commit(input, e.key === "Enter" ? input.vsmrcDraft : "");
+  if (e.key === "Enter") commit(input, input.vsmrcDraft, ENTERED);
+  else commit(input, "");
   input.blur(); // keys are commands again
 }, true);
 // A tick of the timeline is looked at: its instant is typed into the field of the time, which stands behind the ticks.
@@ -57,7 +58,7 @@ document.addEventListener("pointerdown", (e) => {
   if (e.button !== 0) return;
   const tick = e.target instanceof Element && e.target.closest("[data-seek]");
   const input = tick && document.querySelector("div:has(> .vs-ticks) + form .mantine-TextInput-input");
-  if (input) sendMarked(input, tick.dataset.seek, mark);
+  if (input) sendMarked(input, tick.dataset.seek, LEFT);
 }, true);
 // Another script has a mark to send (rowmenu.js).
 document.addEventListener("vsmrc-mark", (e) => sendMarked(e.target, e.target.value, e.detail));

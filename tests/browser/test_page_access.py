@@ -106,6 +106,21 @@ def test_lines_and_folders_answer_to_keys_and_sliders_tell_their_value(session: 
     expect(slider).to_have_attribute("aria-valuetext", "20 N")
 
 
+def test_controls_of_a_tab_have_names_of_their_own(session: PageSession):
+    """What the true arm and the declared set have both is named with its folder."""
+    page = session.page
+    for tab in ("Task", "Model", "Controller", "World", "Robot", "View"):
+        session.tab(tab)
+        for role in ("slider", "textbox"):
+            controls = page.get_by_role(role).locator("visible=true").and_(page.locator(".mantine-ScrollArea-content .mantine-ScrollArea-content *"))
+            names = controls.evaluate_all("(all) => all.map((each) => each.getAttribute('aria-label') ?? '')")
+            assert names
+            assert not [name for name in set(names) if names.count(name) > 1], tab
+    session.tab("Robot")
+    page.get_by_role("slider", name="payload [kg], The true arm", exact=True).wait_for()
+    page.get_by_role("slider", name="payload [kg], Bounds declared to the controller", exact=True).wait_for()
+
+
 def test_the_keyboard_widens_a_dock_and_goes_through_the_cells_of_a_table(session: PageSession):
     page = session.page
     edge = page.locator("[data-dock-region-resize=left][role=separator]")

@@ -75,3 +75,20 @@ def test_a_failure_is_no_refusal_and_leaves_the_way_out(
     shown.tell("time t [s]: 'x' is not a number; allowed: such as 1.5")
     assert shown.text(offering, now).startswith("Refused: time t [s]")
     assert posted == [DropWayOut()]
+
+
+def test_a_refused_answer_is_taken_back_when_a_valid_one_came(
+    complaint: tuple[Complaint, Snapshot], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A refusal by the runner, which no answer has mended, stays."""
+    shown, refused = complaint
+    monkeypatch.setattr(Runner, "post", lambda _, command: None)
+    now = time.monotonic()
+    before = replace(refused, refusal_number=0)
+    shown.refuse("your answer: 'x'; allowed: a number, such as 12.5")
+    assert shown.text(before, now) == "Refused: your answer: 'x'; allowed: a number, such as 12.5"
+    shown.withdraw()
+    assert not shown.text(before, now)
+    assert shown.text(refused, now)
+    shown.withdraw()
+    assert shown.text(refused, now)

@@ -15,7 +15,7 @@ from app.dashboard.panels import runs
 from app.dashboard.panels.robot import UNSTATED, StatedBounds
 from app.dashboard.panels.runs import RunsPanel, _note
 from app.dashboard.panels.task import Shift, TaskPanel
-from app.dashboard.theme.style import COMMIT, RELEASED
+from app.dashboard.theme.style import ENTERED, RELEASED
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets import controls, text_field
 from app.dashboard.widgets.controls import Desk, Dropdown, NumberField, Switch
@@ -102,14 +102,14 @@ def test_accepted_text_shows_the_normalised_running_value() -> None:
     before = page.snapshot().scenario
     field = TextField(page.desk, StatedBounds("declared.delta_G"), "δ_G")
     _, text, _ = page.widgets
-    page.give(text, f"2.0{COMMIT}")
+    page.give(text, f"2.0{ENTERED}")
     assert page.snapshot().scenario.declared.delta_G == 2.0
     field.show(page.snapshot())
     assert text.value == "2"
     page.desk.post(Load(before))
     field.show(page.snapshot())
     assert text.value == UNSTATED
-    page.give(text, f"-1{COMMIT}")  # refused: it stays, to be corrected
+    page.give(text, f"-1{ENTERED}")  # refused: it stays, to be corrected
     field.show(page.snapshot())
     assert text.value == "-1"
 
@@ -125,17 +125,17 @@ def test_a_text_that_is_not_in_force_says_so_and_is_forgotten_after_a_while(monk
         return text.value, note.content if note.visible else ""
 
     assert shown() == (UNSTATED, "")
-    for typed, said in (("7", "Not applied yet"), (f"-1{COMMIT}", "Refused, not applied")):
+    for typed, said in (("7", "Not applied yet"), (f"-1{ENTERED}", "Refused, not applied")):
         page.give(text, typed)
         draft, told = shown()
-        assert draft == typed.rstrip(COMMIT)
+        assert draft == typed.rstrip(ENTERED)
         assert said in told
         assert f"In force: {UNSTATED}" in told
         now[0] += 0.9 * text_field.KEPT
         assert shown() == (draft, told)
         now[0] += 0.2 * text_field.KEPT
         assert shown() == (UNSTATED, "")
-    page.give(text, f"2{COMMIT}")
+    page.give(text, f"2{ENTERED}")
     assert shown() == ("2", "")
 
 
@@ -190,7 +190,7 @@ def test_an_input_stays_until_the_runner_has_answered_it_however_long_that_takes
 
     assert shown(page.snapshot()) == ("elastic", "20", False)
     page.give(menu, "heavy")
-    page.give(text, f"25.0{COMMIT}")
+    page.give(text, f"25.0{ENTERED}")
     page.give(box, True)
     asked = "heavy", "25.0", True
     now[0] = 30.0
@@ -219,9 +219,9 @@ def test_a_shift_shows_a_number_for_each_coordinate_and_says_how_many_there_are(
         text = page.widgets[-1]
         field.show(page.snapshot())
         assert text.value == zeros
-        page.give(text, f"0.02{COMMIT}")
+        page.give(text, f"0.02{ENTERED}")
         assert page.complaints[-1] == f"shifted by [m]: 0.02; allowed: {count} numbers, such as {example}"
-        page.give(text, f"{example}{COMMIT}")
+        page.give(text, f"{example}{ENTERED}")
         field.show(page.snapshot())
         assert text.value == example
         assert page.snapshot().refusal is None
@@ -232,7 +232,7 @@ def test_one_number_is_typed_where_one_of_a_list_is_shown() -> None:
     page.desk.post(Edit("motion", {"kind": "point-to-point"}))
     field = NumberField(page.desk, FieldPlace("motion.displacement"), "by [m]")
     field.show(page.snapshot())
-    page.give(page.widgets[-1], f"0.03{COMMIT}")
+    page.give(page.widgets[-1], f"0.03{ENTERED}")
     assert page.snapshot().scenario.motion == edited(page.snapshot().scenario, "motion.displacement", [0.03]).motion
     assert page.snapshot().refusal is None
 
@@ -338,16 +338,16 @@ def test_an_emptied_name_of_a_run_is_a_cancel_and_a_half_typed_one_goes_away(mon
         return text.value
 
     assert shown_after(0.0) == "run 1"
-    page.give(text, f"stiff{COMMIT}")
+    page.give(text, f"stiff{ENTERED}")
     assert shown_after(2.0) == "stiff"
     page.give(text, "sti")
-    page.give(text, COMMIT)  # as Esc sends it
+    page.give(text, ENTERED)  # as Esc sends it
     assert text.value == "stiff"
     assert [run.name for run in page.snapshot().pinned] == ["stiff"]
     page.give(text, "half")
     assert shown_after(50.0) == "half"
     assert shown_after(20.0) == "stiff"  # its page has closed
-    page.give(text, f"run 1{COMMIT}")
+    page.give(text, f"run 1{ENTERED}")
     assert [run.name for run in page.snapshot().pinned] == [""]
     assert shown_after(2.0) == "run 1"
 

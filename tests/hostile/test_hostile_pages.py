@@ -24,7 +24,7 @@ from viser._messages import Message
 from websockets.asyncio.client import ClientConnection
 
 from app.dashboard.page import Dashboard
-from app.dashboard.theme.style import COMMIT
+from app.dashboard.theme.style import ENTERED
 from app.dashboard.transport.message_filter import BURST, RATE, STEERING, PageRateLimiter
 from app.dashboard.transport.messages import LARGEST_UPLOAD, Page, PageVisitor, RefusedMessage
 from app.scenario.data import shipped
@@ -276,9 +276,9 @@ def attacks(dashboard: Dashboard) -> list[bytes | str]:
         float("nan"),
         "",
         "1; 2",
-        f"1{COMMIT}",
-        f"nan{COMMIT}",
-        f"<b>{COMMIT}",
+        f"1{ENTERED}",
+        f"nan{ENTERED}",
+        f"<b>{ENTERED}",
         [1, 2, 3],
         [[1]],
         None,
@@ -353,7 +353,7 @@ def test_a_hundred_thousand_messages_do_no_harm(
         # what the attacks have left depends on their order; in a scenario of theirs the arm may fall at once
         runner.post(Load(first))
         await until(lambda: runner.snapshot.scenario == first)
-        await honest.send(pack(update(widget("noise [N]"), f"0.125{COMMIT}")))
+        await honest.send(pack(update(widget("noise [N]"), f"0.125{ENTERED}")))
         await until(lambda: runner.snapshot.scenario.sensor.noise == 0.125)
         await honest.send(pack(pressed("R")))
         await until(lambda: runner.snapshot.t < 0.01 or runner.snapshot.phase == "running")

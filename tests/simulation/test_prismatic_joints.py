@@ -64,7 +64,7 @@ def test_an_arm_that_slides_in_its_plane_is_planar() -> None:
 
 def test_a_prismatic_supplemental_joint_counts_in_metres(supplemental: ClosedLoop) -> None:
     system, rows = supplemental.system, supplemental.recording.stretch()
-    assert [(c.name, c.unit, c.is_angle) for c in system.coordinates][-1] == ("q1", "m", False)
+    assert [(c.name, c.unit, c.is_angle) for c in system.coordinates][-1] == ("q₁", "m", False)
     np.testing.assert_array_equal(rows["r"][:, 2], rows["q"][:, 0])
     assert system.observe(system.q_0, np.zeros(3), 0.0)[1].J_q[2].tolist() == [1.0, 0.0, 0.0]
     assert rows["q"][-1, 0] - rows["q"][0, 0] == pytest.approx(0.05, abs=1e-4)

@@ -66,7 +66,7 @@ def test_joints_of_ones_choice_take_the_place_of_the_tools_angles() -> None:
     scenario = edited(load("ur5-motion"), "task_space.supplemental", [4, 5, 6])
     loop = ClosedLoop.from_scenario(scenario)
     system = loop.system
-    assert [c.name for c in system.coordinates] == ["x", "y", "z", "ℓ·q4", "ℓ·q5", "ℓ·q6"]
+    assert [c.name for c in system.coordinates] == ["x", "y", "z", "ℓ·q₄", "ℓ·q₅", "ℓ·q₆"]
     q, l = system.q_0 + 0.1, system.layout.l
     task = system.observe(q, np.zeros(6), 0.0)[1]
     assert task.r[3:] == pytest.approx(l * q[3:])
@@ -85,7 +85,7 @@ def test_joints_of_ones_choice_take_the_place_of_the_tools_angles() -> None:
 
 def test_the_elbow_swings_while_the_tool_presses() -> None:
     loop, metrics = simulate(load("panda-elbow"))
-    assert [c.name for c in loop.system.coordinates][-1] == "ℓ·q3"
+    assert [c.name for c in loop.system.coordinates][-1] == "ℓ·q₃"
     rows = loop.recording.signals(("t", "q", "F_c"))
     late = rows["t"] > 2.0
     q_3 = rows["q"][:, 2] - loop.system.q_0[2]

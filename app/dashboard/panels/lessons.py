@@ -154,7 +154,12 @@ class LessonsPanel:
     def _answer(self, given: object) -> None:
         if self._course is not None:
             course = self._course
-            self._try(lambda: course.give(given))
+
+            def give() -> None:
+                course.give(given)
+                self._desk.withdraw_complaint()
+
+            self._try(give)
 
     def _try(self, act: Callable[[], None]) -> None:
         """Call `act`, which changes the course; a refusal or a full disk becomes a sentence on the page."""

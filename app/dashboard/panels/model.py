@@ -11,7 +11,7 @@ import viser
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk, NumberField
-from app.dashboard.widgets.equation import is_fixed, symbol
+from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.field_place import FieldPlace, SliderScale, log_scale
 from app.dashboard.widgets.impedance_view import ImpedanceView
 from app.dashboard.widgets.matrix_editor import MatrixEditor
@@ -136,7 +136,7 @@ class _PerCoordinate:
             for i, row in enumerate(rows):
                 row.show(snapshot)
                 if i < len(snapshot.coordinates):
-                    row.set_label(f"{name} {symbol(snapshot.coordinates[i].name)}")
+                    row.set_label(f"{name} {snapshot.coordinates[i].name}")
                     row.set_enabled(enabled=not is_fixed(snapshot, name, i))
             note, unit = quantity.note(snapshot), quantity.unit(snapshot)
             self._notes[name].content = f'<div class="vs-note" data-unit="{unit}">{note}</div>'
@@ -154,7 +154,7 @@ def matrix_note(snapshot: Snapshot, name: str, meaning: str) -> str:
     for coordinate, value in zip(snapshot.coordinates, np.diag(matrix), strict=True):
         if coordinate.metres_per_radian is not None and angular:
             turned = f"{value * coordinate.metres_per_radian**2:.4g}"
-            turning.setdefault(turned, []).append(symbol(coordinate.name).removeprefix("ℓ·"))
+            turning.setdefault(turned, []).append(coordinate.name.removeprefix("ℓ·"))
     if turning:
         values = "; ".join(f"{', '.join(names)}: {value}" for value, names in turning.items())
         lines.append(f"times ℓ², {values} {angular}")
@@ -167,7 +167,7 @@ def oscillator_note(snapshot: Snapshot, unit: str) -> str:
     for coordinate, K_e in zip(
         snapshot.coordinates, pressed_on(snapshot.scenario, len(snapshot.coordinates)), strict=True
     ):
-        name = symbol(coordinate.name)
+        name = coordinate.name
         if np.isinf(K_e):
             lines.append(f"{name} is held by the rigid surface (42) and does not swing: no ω, no ζ.")
         elif K_e > 0.0:

@@ -11,7 +11,7 @@ import viser
 
 from app.analysis.metrics import ACCOUNT_METRICS, Account, ShownMetric, account
 from app.dashboard.theme.colors import RUNS, css
-from app.dashboard.theme.style import COMMIT, MARKS
+from app.dashboard.theme.style import COMMITS, MARKS
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk
 from app.dashboard.widgets.field_words import differences_in_words
@@ -86,7 +86,7 @@ class _PinnedRow:
         self._forget.on_click(self._on_forget)
 
     async def _on_text(self, _: PageEvent) -> None:
-        done = self._text.value.endswith(COMMIT)
+        done = self._text.value.endswith(COMMITS)
         self._typing.expect(self._desk.snapshot(), 0.0 if done else 60.0)  # a page may close amid a name
         if self._run is None or not done:
             return
@@ -221,7 +221,10 @@ def _against(value: float | None, now: float | None) -> str:
     times = value / now
     per_cent = 100.0 * (value - now) / abs(now)
     multiple = f"{times:.1f} ×" if abs(times) < 10 else f"{times:.0f} ×" if abs(times) < 1000 else "over 1000 ×"
-    difference = (f"{per_cent:+z.0f} %" if abs(per_cent) < 100 else multiple).replace("-", "−")
+    digits = 1 if abs(per_cent) < 1 else 0
+    difference = (f"{per_cent:+.{digits}f} %" if abs(per_cent) < 100 else multiple).replace("-", "−")
+    if abs(per_cent) < 0.05:
+        difference = "as now"
     return f' <span class="vs-dim vs-against">({difference})</span>'
 
 

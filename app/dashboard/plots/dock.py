@@ -22,7 +22,6 @@ from app.dashboard.plots.plot_table import TABS, Chooser, Tab
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
-from app.dashboard.widgets.equation import symbol
 from app.session.preview_messages import Preview
 from app.session.snapshot import Snapshot
 from app.simulation.recording import Recording
@@ -237,7 +236,7 @@ def _looks(shown: Shown) -> list[RunLook]:
 def _choices(chooser: Chooser, setup: Setup) -> tuple[str, ...]:
     """Options of a chooser, the coordinates or the joints."""
     if chooser == "coordinate":
-        return tuple(symbol(coordinate.name) for coordinate in setup.coordinates)
+        return tuple(coordinate.name for coordinate in setup.coordinates)
     return tuple(f"{i + 1}  {name}" for i, name in enumerate(setup.joints))
 
 

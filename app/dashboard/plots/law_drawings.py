@@ -18,7 +18,7 @@ from app.dashboard.plots.line_values import (
     where_promised,
 )
 from app.dashboard.theme.colors import ACCENT, BOUND, DESIRED, MEASURED
-from app.dashboard.widgets.equation import symbol
+from app.scenario.units import indexed
 from app.session.snapshot import Snapshot
 
 CAUSES = ("inertia", "Coriolis", "gravity", "moving task", "disturbance", "ε")  # of `needed`
@@ -90,7 +90,7 @@ def components_of_s(setup: Setup) -> Drawing | None:
     if not setup.bounded:
         return None
     lines = [
-        ChartLine(symbol(coordinate.name), color(i), under_gain(column("s", i, 1e3)), dashed=is_dashed(i))
+        ChartLine(coordinate.name, color(i), under_gain(column("s", i, 1e3)), dashed=is_dashed(i))
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"s  [{setup.units.rate}]", lines, at_least=(-0.1, 0.1))
@@ -145,7 +145,7 @@ def margin(setup: Setup) -> Drawing | None:
 
 def torques(setup: Setup) -> Drawing:
     lines = [
-        ChartLine(f"τ{symbol(f'_{i + 1}')}", color(i), column("tau", i), dashed=is_dashed(i))
+        ChartLine(indexed("τ", i + 1), color(i), column("tau", i), dashed=is_dashed(i))
         for i in range(len(setup.joints))
     ]
     what = {"revolute": "joint torque", "prismatic": "joint force", "mixed": "joint torques and forces"}
@@ -161,7 +161,7 @@ def torque_stack(joint: int) -> tuple[list[ChartLine], list[Area]]:
 def terms_of_torque(setup: Setup) -> Drawing:
     lines, areas = torque_stack(setup.joint)
     lines.append(ChartLine("τ", ACCENT, column("tau", setup.joint), width=2.0))
-    return Drawing(f"terms of  τ{symbol(f'_{setup.joint + 1}')}  (25)  [{setup.unit_of_joint('N·m')}]", lines, areas)
+    return Drawing(f"terms of  {indexed('τ', setup.joint + 1)}  (25)  [{setup.unit_of_joint('N·m')}]", lines, areas)
 
 
 def robust_terms(setup: Setup) -> Drawing | None:
@@ -171,7 +171,7 @@ def robust_terms(setup: Setup) -> Drawing | None:
         ChartLine("−J_qᵀ K_s s", color(4), column("tau_linear", setup.joint)),
         ChartLine("−J_qᵀ d σ(s)", color(5), column("tau_switching", setup.joint)),
     ]
-    title = f"robust terms of  τ{symbol(f'_{setup.joint + 1}')}  [{setup.unit_of_joint('N·m')}]"
+    title = f"robust terms of  {indexed('τ', setup.joint + 1)}  [{setup.unit_of_joint('N·m')}]"
     return Drawing(title, lines, at_least=(-0.1, 0.1))
 
 
@@ -185,7 +185,7 @@ def variation(setup: Setup) -> Drawing:
         return lambda signals: variation_rate(signals["t"], tau(signals), LEAD)
 
     lines = [
-        ChartLine(f"τ{symbol(f'_{i + 1}')}", color(i), rate(i), dashed=is_dashed(i), foreseen=False)
+        ChartLine(indexed("τ", i + 1), color(i), rate(i), dashed=is_dashed(i), foreseen=False)
         for i in range(len(setup.joints))
     ]
     return Drawing(f"torque variation  Σ|Δτ| per second  [{setup.units.of_joints('N·m/s')}]", lines, floor=1e-2)
@@ -193,7 +193,7 @@ def variation(setup: Setup) -> Drawing:
 
 def residual(setup: Setup) -> Drawing:
     lines = [
-        ChartLine(symbol(coordinate.name), color(i), column("residual", i), dashed=is_dashed(i))
+        ChartLine(coordinate.name, color(i), column("residual", i), dashed=is_dashed(i))
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"residual of the target model (8)  [{setup.units.force}]", lines, at_least=(-0.01, 0.01))

@@ -14,17 +14,18 @@ from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.charts import ChartLine, Drawing, Plot, Setup, Signals
 from app.dashboard.plots.pinned_runs import PinnedChart, RunLook, laid_on, lines_of_run
 from app.dashboard.plots.plot_table import TABS
-from app.dashboard.widgets.equation import symbol
 from app.dashboard.widgets.field_words import differences_in_words
 from app.export.figures import FREQUENCY, TIME, Curve, Figure, FigureChart, FilledArea
 from app.export.formats import ALL_PLOTS
 from app.scenario.caption import caption, promised
 from app.scenario.errors import ScenarioError
+from app.scenario.units import SUBSCRIPTS
 from app.session.snapshot import Snapshot
 from app.simulation.recording import Epoch
 from parameters import allowed
 
 EXAMINED = 300  # instants at which the true arm is analysed
+_GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ", "tau": "τ"}
 MOST_INSTANTS = 6  # changes of a run, by their instants, in a caption
 BESIDE_PLAYBACK = ("Overview",)  # plots beside a 3-D playback
 WIDTH = 0.6  # points of a line on paper for each of its pixels on the page
@@ -61,7 +62,8 @@ def with_series(figure: Figure, names: Sequence[str]) -> Figure:
 
 def _plain(name: str) -> str:
     """Name as it can be typed: ‖s‖ is also ||s||, and ψ₁ psi_1."""
-    return symbol(name.strip()).replace("||", "‖").casefold()
+    stem, _, index = name.strip().partition("_")
+    return (_GREEK.get(stem, stem) + index.translate(SUBSCRIPTS)).replace("||", "‖").casefold()
 
 
 def _chart_with(chart: FigureChart, chosen: set[str]) -> FigureChart:

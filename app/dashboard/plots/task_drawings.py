@@ -7,7 +7,6 @@ from app.analysis.perturbation import STEADY
 from app.dashboard.plots.charts import REACH, SPREAD, ChartLine, Drawing, Setup
 from app.dashboard.plots.line_values import color, column, difference, is_dashed, norm
 from app.dashboard.theme.colors import ACCENT, DESIRED, MEASURED, PUSH, SERIES
-from app.dashboard.widgets.equation import symbol
 from app.simulation.system import Coordinate
 
 _MEASURED = (MEASURED, SERIES[0], SERIES[5])  # colours of the measured force on each surface
@@ -15,7 +14,7 @@ _MEASURED = (MEASURED, SERIES[0], SERIES[5])  # colours of the measured force on
 
 def tracking_error(setup: Setup) -> Drawing:
     lines = [
-        ChartLine(symbol(coordinate.name), color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
+        ChartLine(coordinate.name, color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"tracking error  e_r  [{setup.units.error}]", lines, at_least=(-0.01, 0.01))
@@ -23,7 +22,7 @@ def tracking_error(setup: Setup) -> Drawing:
 
 def position_error(setup: Setup) -> Drawing | None:
     lines = [
-        ChartLine(symbol(coordinate.name), color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
+        ChartLine(coordinate.name, color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
         for i, coordinate in enumerate(setup.coordinates)
         if not coordinate.is_angle
     ]
@@ -49,7 +48,7 @@ def rotation_error(setup: Setup) -> Drawing | None:
 
 def _bare(coordinate: Coordinate) -> str:
     """Symbol of the coordinate, or of the angle where the coordinate is ℓ times that."""
-    return symbol(coordinate.name.removeprefix("ℓ·"))
+    return coordinate.name.removeprefix("ℓ·")
 
 
 def one_coordinate(setup: Setup) -> Drawing:

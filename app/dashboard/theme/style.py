@@ -1,8 +1,8 @@
 """Style sheet and script of the page, injected as HTML; they are in `static/page`, fonts in `static/fonts`.
 
 viser's text field sends every keystroke and has no event for "Enter or leaving the field". `rows.js` sees both: it
-appends the character COMMIT to the text when the user is done, so a commit is an ordinary change of the value. (A
-submit of viser's form would not do: the client has one throttled message slot, and a submit within 50 ms of the last
+appends the character ENTERED to the text on Enter and LEFT when the field is left, so a commit is an ordinary change
+of the value. (A submit of viser's form would not do: the client has one throttled message slot, and a submit within 50 ms of the last
 keystroke replaces that keystroke.)
 
 viser's slider has no event for "let go" either. The script notes which row's slider is held, by mouse, finger or arrow
@@ -19,7 +19,8 @@ from app.dashboard.theme.colors import css_variables
 from app.dashboard.theme.fonts import font_faces
 
 # zero width: never typed, never seen
-COMMIT, RELEASED, ESCAPED, SWEPT, MOVED = MARKS = "\u200b", "\u200c", "\u200d", "\u2060", "\u2061"
+LEFT, RELEASED, ESCAPED, SWEPT, MOVED, ENTERED = MARKS = "\u200b", "\u200c", "\u200d", "\u2060", "\u2061", "\u2062"
+COMMITS = LEFT, ENTERED
 
 _SHEETS = ("page.css", "phone.css")
 _SCRIPTS = (

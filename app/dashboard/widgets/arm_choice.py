@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.dashboard.theme.style import COMMIT, MARKS
+from app.dashboard.theme.style import COMMITS, MARKS
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk, asked
@@ -98,7 +98,7 @@ class UrdfPath:
 
     async def _on_text(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
-        if not self._text.value.endswith(COMMIT):
+        if not self._text.value.endswith(COMMITS):
             self._answer.expect(snapshot, seconds=60.0)
             return
         self._text.value = text = self._text.value.rstrip("".join(MARKS)).strip()

@@ -29,6 +29,7 @@ class Complaint:
         self._of: tuple[int, int] | None = None
         self._refusals = runner.snapshot.refusal_number
         self._refused = ""  # the runner's last refusal
+        self._refused_by_page = ""
         self._offered: WayOut | None = None  # with it
 
     def tell(self, sentence: str) -> None:
@@ -43,12 +44,18 @@ class Complaint:
         log.info("refused", sentence=sentence)
         self._runner.post(DropWayOut())
         self._offered = None
-        self._show(f"Refused: {refusal_in_words(sentence)}")
+        self._refused_by_page = f"Refused: {refusal_in_words(sentence)}"
+        self._show(self._refused_by_page)
 
     def fail(self, sentence: str) -> None:
         """Show a failure of this program, which leaves the way out as it is; not again while the same one is shown."""
         if self._text != (text := f"Failed: {sentence}"):
             self._show(text)
+
+    def withdraw(self) -> None:
+        """Take back the last refusal by the page: it has got a right value since."""
+        if self._text == self._refused_by_page:
+            self._text = ""
 
     def text(self, snapshot: Snapshot, now: float) -> str:
         """What is shown at this instant (s, monotonic), with a new refusal by the runner; "" for nothing."""

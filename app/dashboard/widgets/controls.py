@@ -16,7 +16,7 @@ from typing import Protocol
 import viser
 from msgspec import Struct
 
-from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, MOVED, RELEASED, SWEPT
+from app.dashboard.theme.style import COMMITS, ESCAPED, MARKS, MOVED, RELEASED, SWEPT
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.edit_lock import EditLock
@@ -47,6 +47,7 @@ class Desk:
     whatif: previews of held sliders.
     viewing: options of the scene and the plots.
     complain: shows a sentence on every page.
+    withdraw_complaint: takes back the last refusal that was shown so.
     export_jobs: make files in another process.
     uploads: store of the user's URDFs.
     choose: gets the row of a number that the user has moved.
@@ -64,6 +65,7 @@ class Desk:
     whatif: WhatIf
     viewing: Viewing
     complain: Callable[[str], None]
+    withdraw_complaint: Callable[[], None]
     export_jobs: ExportJobs
     uploads: UploadedUrdfs
     choose: Callable[[NumberRow], None]
@@ -160,7 +162,7 @@ class NumberField:
             self._text.value = self._text.value.rstrip("".join(MARKS))
             action(self.row)
             return
-        if not self._text.value.endswith(COMMIT):
+        if not self._text.value.endswith(COMMITS):
             self._answer.expect(self._desk.snapshot(), seconds=60.0)
             return
         snapshot = self._desk.snapshot()

@@ -15,13 +15,6 @@ from app.session.snapshot import Snapshot
 _NAMES = ("M_m", "B_m", "K_m", "K_f")
 _LETTERS = {"": "e", "˙": "ė", "¨": "ë"}
 _INLINE = 3  # rows of the largest matrix within the equation; a larger one is written below it
-_GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ", "tau": "τ"}
-
-
-def symbol(coordinate: str) -> str:
-    """Symbol of a coordinate as plain text: "psi_1" is ψ₁."""
-    stem, _, index = coordinate.partition("_")
-    return _GREEK.get(stem, stem) + index.translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))
 
 
 @dataclass(frozen=True)
@@ -159,7 +152,7 @@ def _scalar(matrix: np.ndarray) -> bool:
 
 def _names(line: EquationLine, snapshot: Snapshot) -> str:
     """Names of a line's coordinates, side by side, or below one another beside the rows of a matrix."""
-    names = [escape(symbol(snapshot.coordinates[i].name)) for i in line.indices]
+    names = [escape(snapshot.coordinates[i].name) for i in line.indices]
     below = any(_large(line, matrix) for matrix in snapshot.matrices.values())
     if not line.coupled or below:
         return f'<mtext class="vs-where">{" ".join(names)}</mtext>'

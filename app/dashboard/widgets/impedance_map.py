@@ -10,7 +10,6 @@ from html import escape
 import numpy as np
 
 from app.dashboard.theme.colors import SERIES, line_css
-from app.dashboard.widgets.equation import symbol
 from app.export.response_files import summary
 from app.session.push_measurement import Measured
 from app.simulation.push_response import PushKind, PushResponse, along_axes, passive
@@ -93,7 +92,7 @@ def _map(drawn: _Drawn, push: PushKind, axes: Sequence[int]) -> str:
         f'<text x="{_LEFT}" y="11">impedance [{push.impedance}]</text>',
         f'<text x="{_RIGHT}" y="{_SIZE[1] - 4}" text-anchor="end">f [Hz]</text>',
     ]
-    names = {place: " = ".join(symbol(response.axes[axis].words) for axis in alike[place]) for place in alike}
+    names = {place: " = ".join(response.axes[axis].words for axis in alike[place]) for place in alike}
     inside = {place for _, _, place, _ in paths}
     legend = ", ".join(
         f'<b style="color:{line_css(SERIES[place])}">{name}</b>' for place, name in names.items() if place in inside

@@ -9,7 +9,7 @@ from html import escape
 import msgspec
 import viser
 
-from app.dashboard.theme.style import MARKS
+from app.dashboard.theme.style import ENTERED, MARKS
 from app.dashboard.transport.callback_errors import Fault
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
@@ -76,16 +76,22 @@ class NumberAnswer:
         self._form = desk.gui.add_form(None, visible=False)
         with self._form:
             self._text = desk.gui.add_text("", "")
-        self._lock = desk.gui.add_button("Lock my answer", visible=False, hint="It counts once, before the run.")
+        self._lock = desk.gui.add_button("Lock my answer", visible=False, hint="It counts once, before the run. Key: Enter")
         self._text.on_update(from_pages(self._on_text))
         self._lock.on_click(self._on_lock)
         self._question: object = None  # the shown one
 
     async def _on_text(self, _: PageEvent) -> None:
+        entered = self._text.value.endswith(ENTERED)
         if self._text.value.endswith(MARKS):
             self._text.value = self._text.value.rstrip("".join(MARKS))
+        if entered:
+            self._lock_answer()
 
     async def _on_lock(self, _: object) -> None:
+        self._lock_answer()
+
+    def _lock_answer(self) -> None:
         text = self._text.value.rstrip("".join(MARKS)).strip().replace("−", "-")
         if _GROUPED.fullmatch(text):
             ways = f"{text.replace(',', '.')} or {text.replace(',', '')}"

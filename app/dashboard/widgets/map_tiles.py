@@ -84,7 +84,8 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
     if points is None:
         return f'<div class="vs-checks"><div class="vs-note">{progress}</div></div>'
     numbers = points.number if naming.share else naming.factor * points.number
-    words = [f"{escape(naming.title)}{_what_of_it(plan, points, naming, whole=len(sweep.rows) == plan.count)}"]
+    title = naming.title[:1].upper() + naming.title[1:]
+    words = [f"{escape(title)}{_what_of_it(plan, points, naming, whole=len(sweep.rows) == plan.count)}"]
     if len(plan.sweep.vary) == 1:
         picture, ends, height = _course(plan, points, numbers, naming, present), [], COURSE_HEIGHT
     else:

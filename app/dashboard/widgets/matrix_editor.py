@@ -12,7 +12,6 @@ import viser
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.equation import symbol
 from app.dashboard.widgets.matrix_text import read_matrix, written_rows
 from app.dashboard.widgets.model_checks import blend_html
 from app.dashboard.widgets.model_fields import blending, model_edit, only
@@ -146,11 +145,11 @@ class MatrixEditor:
         if self._draft.n != n or self._accepted(snapshot) or (replaced and snapshot.blending is None):
             self._draft, self._running = Draft(n), {}
         self._matrix.value = self._name
-        self._show_blocks([symbol(coordinate.name) for coordinate in snapshot.coordinates])
+        self._show_blocks([coordinate.name for coordinate in snapshot.coordinates])
         matrix = self._current(snapshot)
         rows, columns, width = self._window(n)
         for i, row in enumerate(self._rows[width]):
-            label = symbol(snapshot.coordinates[rows + i].name)
+            label = snapshot.coordinates[rows + i].name
             if row.label != label:
                 row.label = label
             row.value = tuple(matrix[rows + i, columns : columns + width])

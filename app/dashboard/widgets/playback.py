@@ -8,7 +8,7 @@ from html import escape
 from typing import Literal, NamedTuple
 
 from app.analysis.run_events import Event, RunEvents
-from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
+from app.dashboard.theme.style import COMMITS, ESCAPED, MARKS, RELEASED
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk, asked
 from app.dashboard.widgets.field_words import field_in_words
@@ -234,7 +234,7 @@ class _Time:
         snapshot, text = self._desk.snapshot(), self._text.value.rstrip("".join(MARKS)).strip()
         if self._text.value.endswith((RELEASED, ESCAPED)):
             self._text.value = text
-        elif not self._text.value.endswith(COMMIT):
+        elif not self._text.value.endswith(COMMITS):
             self._answer.expect(snapshot, seconds=60.0)
         else:
             self._answer.expect(snapshot, seconds=0.0)
