@@ -109,10 +109,11 @@ def test_lines_and_folders_answer_to_keys_and_sliders_tell_their_value(session: 
 def test_controls_of_a_tab_have_names_of_their_own(session: PageSession):
     """What the true arm and the declared set have both is named with its folder."""
     page = session.page
+    in_tab = page.locator(".mantine-ScrollArea-content .mantine-ScrollArea-content *")
     for tab in ("Task", "Model", "Controller", "World", "Robot", "View"):
         session.tab(tab)
         for role in ("slider", "textbox"):
-            controls = page.get_by_role(role).locator("visible=true").and_(page.locator(".mantine-ScrollArea-content .mantine-ScrollArea-content *"))
+            controls = page.get_by_role(role).locator("visible=true").and_(in_tab)
             names = controls.evaluate_all("(all) => all.map((each) => each.getAttribute('aria-label') ?? '')")
             assert names
             assert not [name for name in set(names) if names.count(name) > 1], tab

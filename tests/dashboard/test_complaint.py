@@ -82,7 +82,7 @@ def test_a_refused_answer_is_taken_back_when_a_valid_one_came(
 ) -> None:
     """A refusal by the runner, which no answer has mended, stays."""
     shown, refused = complaint
-    monkeypatch.setattr(Runner, "post", lambda _, command: None)
+    monkeypatch.setattr(Runner, "post", lambda *_: None)
     now = time.monotonic()
     before = replace(refused, refusal_number=0)
     shown.refuse("your answer: 'x'; allowed: a number, such as 12.5")

@@ -2,8 +2,8 @@
 
 viser's text field sends every keystroke and has no event for "Enter or leaving the field". `rows.js` sees both: it
 appends the character ENTERED to the text on Enter and LEFT when the field is left, so a commit is an ordinary change
-of the value. (A submit of viser's form would not do: the client has one throttled message slot, and a submit within 50 ms of the last
-keystroke replaces that keystroke.)
+of the value. (A submit of viser's form would not do: the client has one throttled message slot, and a submit within
+50 ms of the last keystroke replaces that keystroke.)
 
 viser's slider has no event for "let go" either. The script notes which row's slider is held, by mouse, finger or arrow
 key. When it is let go, the script waits until the slider's last position has been sent, and then appends RELEASED, or

@@ -76,7 +76,8 @@ class NumberAnswer:
         self._form = desk.gui.add_form(None, visible=False)
         with self._form:
             self._text = desk.gui.add_text("", "")
-        self._lock = desk.gui.add_button("Lock my answer", visible=False, hint="It counts once, before the run. Key: Enter")
+        hint = "It counts once, before the run. Key: Enter"
+        self._lock = desk.gui.add_button("Lock my answer", visible=False, hint=hint)
         self._text.on_update(from_pages(self._on_text))
         self._lock.on_click(self._on_lock)
         self._question: object = None  # the shown one
