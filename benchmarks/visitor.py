@@ -11,7 +11,7 @@ from typing import Any
 
 from websockets.sync.connection import Connection
 
-from app.dashboard.theme.style import COMMIT, RELEASED
+from app.dashboard.theme.style import ENTERED, RELEASED
 from drivers.visitors import VisitingPage, connected
 
 WIDGETS = ("GuiTextMessage", "GuiSliderMessage", "GuiDropdownMessage", "GuiCheckboxMessage", "RegisterCommandMessage")
@@ -46,7 +46,7 @@ class Visitor(VisitingPage):
 
     def type(self, label: str, text: str) -> None:
         """Type into the row with this label, with Enter."""
-        self._update(self._find("GuiTextMessage", label)["uuid"], text + COMMIT)
+        self._update(self._find("GuiTextMessage", label)["uuid"], text + ENTERED)
 
     def choose(self, label: str, option: str) -> None:
         self._update(self._find("GuiDropdownMessage", label)["uuid"], option)

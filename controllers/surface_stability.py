@@ -82,7 +82,7 @@ def require_stable_on(model: TargetModel, surfaces: SurfaceRange) -> None:
         raise InvalidGain(
             f"target_model: the continuous model (8) is unstable by itself, with {worst.sentence}, whatever the "
             "control period; allowed: K_f^-1 M_m, K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a "
-            "multiple of the identity (27), or a smaller contact.K_e and controller.K_e_hat"
+            "multiple of the identity (27), or a smaller contact.K_e"
         )
 
 

@@ -7,13 +7,13 @@ A process for each core takes one number of joints after the other. At the end i
 from __future__ import annotations
 
 import gc
-import os
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 import app  # noqa: F401  # says where kernels are cached, which must come before numba
+from app.process.cores import usable_cores
 from app.process.precompile import mark
 
 
@@ -50,7 +50,7 @@ def main() -> None:
     if mark().exists():
         return
     began = time.monotonic()
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(usable_cores(), mp_context=get_context("spawn")) as pool:
         for n, took in zip(joints(), pool.map(compile_for, joints()), strict=True):
             print(f"drivers.kernels: {n} joints, {took:.0f} s", flush=True)
     mark().touch()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import re
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -21,6 +22,7 @@ import tyro
 from playwright.sync_api import Error, Page, expect, sync_playwright
 from playwright.sync_api import TimeoutError as PageTimeout
 
+from app.access.classroom import POINTS
 from app.dashboard.page import Dashboard
 from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Explain, Goal, LessonRun, NumberQuestion, StartScenario
 from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
@@ -45,7 +47,6 @@ from drivers.pages import (
 
 Means = Literal["keyboard", "mouse", "phone"]
 SIZES = {"keyboard": (1280, 720), "mouse": (1280, 720), "phone": (390, 844)}
-POINTS = 25  # of a drawn curve
 READY = re.compile("^(Next|Finish)$")  # names of the button where nothing is left to be done in a step
 # Script that returns the parts of the lesson's text that stick out of the panel or are cut.
 LOOKS = """() => {
@@ -242,9 +243,10 @@ def main(
                 faults = take(taker, lesson, memory, look)
             except (Error, AssertionError, TimeoutError) as error:
                 faults = [f"stuck at {page.locator('.vs-lesson[data-step]').all_inner_texts()}: {error}"[:600]]
-                page.screenshot(path=f"/tmp/stuck-{name}.png")
+                picture = Path(tempfile.mkdtemp()) / f"{name}.png"
+                page.screenshot(path=picture)
                 bad += 1
-                print(f"{name} by {means}: {faults[0]}")
+                print(f"{name} by {means}: {faults[0]}; see {picture}")
                 page.get_by_role("button", name="Leave the lesson").click()
                 continue
             bad += bool(faults)

@@ -90,7 +90,7 @@ _ROWS = """(labels) => labels.map((label) => {
   const row = [...document.querySelectorAll("form")].find((form) => form.checkVisibility() && named(form));
   const text = row?.querySelector("input.mantine-TextInput-input")?.value ?? "";
   const place = row?.querySelector("[role=slider]")?.ariaValueNow ?? NaN;
-  return [text.replace(/[\u200b-\u200d\u2060\u2061]/g, ""), Number(place)];
+  return [text.replace(/[\u200b-\u200d\u2060-\u2062]/g, ""), Number(place)];
 })"""
 PATIENCE = 240.0  # s: a busy machine may take long to start the process for previews
 

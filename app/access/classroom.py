@@ -107,8 +107,9 @@ def admitted(question: ClassQuestion, given: object) -> Given:
         values = msgspec.convert(given, list[float])
     except msgspec.ValidationError as error:
         raise AnswerRefusal(f"answer: {error}; allowed: {POINTS} numbers") from error
-    if len(values) != POINTS or not all(question.low <= value <= question.high for value in values):
-        raise AnswerRefusal(
-            f"answer: {len(values)} values; allowed: {POINTS} from {question.low:g} to {question.high:g}"
-        )
+    if len(values) != POINTS:
+        raise AnswerRefusal(f"answer: {len(values)} values; allowed: {POINTS}")
+    for value in values:
+        if not question.low <= value <= question.high:
+            raise AnswerRefusal(f"answer: {value:g}; allowed: {question.low:g} to {question.high:g}")
     return values

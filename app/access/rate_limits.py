@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import msgspec
 
 MEGABYTE = 2**20
+MOST_PARTS = 10_000  # of one file; pages send parts of half a megabyte
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,9 @@ class ConnectionRateLimiter:
 
     def _begin(self, envelope: _Envelope) -> None:
         size, limits = envelope.size_bytes, self._limits
-        if not 0 <= size <= limits.upload or envelope.part_count > limits.upload:
+        if envelope.part_count > MOST_PARTS:
+            raise Overrun(f"a file in {envelope.part_count} parts; allowed: at most {MOST_PARTS}")
+        if not 0 <= size <= limits.upload:
             raise Overrun(f"a file of {size / MEGABYTE:.1f} MB; allowed: {_megabytes(limits.upload)}")
         if sum(self._files.values()) + size > limits.uploads or len(self._files) >= 100:
             raise Overrun(f"files of more than {_megabytes(limits.uploads)} at once; allowed: one after the other")

@@ -1,4 +1,5 @@
-"""Command `vsmrc list`: shows the robots and the scenarios, or the fields of a section of scenarios."""
+"""Command `vsmrc list`: shows the robots and the scenarios, the fields of a section of scenarios, or the signals of a
+recording."""
 
 from __future__ import annotations
 
@@ -9,18 +10,28 @@ import tyro
 from app.cli.options import one_of
 from app.cli.status import DONE
 from app.scenario.data import shipped
+from app.scenario.errors import ScenarioError
 from app.scenario.field_info import FieldInfo, field_info, paths_below, types_of
 from app.scenario.schema import Scenario
 
 SECTIONS = tuple(name for name in Scenario.__struct_fields__ if types_of(Scenario, name))
 
 
-def list_(*, fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION")] = None) -> int:
-    """List the robots and the shipped scenarios, or the fields of a section of scenarios.
+def list_(*, fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION")] = None, signals: bool = False) -> int:
+    """List the robots and the shipped scenarios, the fields of a section of scenarios, or the signals of a recording.
 
     Args:
         fields: list the fields of this section instead, with unit, bounds and meaning: robot, truth, surface, ...
+        signals: list the signals of a recording instead, with unit and meaning
     """
+    if signals:
+        if fields is not None:
+            raise ScenarioError("--signals with --fields; allowed: one of them")
+        from app.simulation.signals import SIGNALS
+
+        for signal in SIGNALS:
+            print(f"{signal.name:16s}  {signal.width or 'n'!s:2s}  {signal.unit:8s}  {signal.doc}")
+        return DONE
     if fields is not None:
         for line in _fields_of(one_of("--fields", fields, SECTIONS)):
             print(line)

@@ -9,7 +9,7 @@ from typing import Annotated, get_args
 
 import tyro
 
-from app.access.admission import Names
+from app.access.admission import is_loopback
 from app.access.given_token import given_token
 from app.access.rate_limits import ConnectionLimits
 from app.cli.options import Default, Files, Settings, braces, configured, one_of, require_folder, typed, use_own
@@ -126,7 +126,7 @@ def serve(
         given=given_token(token_file, os.environ),
         crowded=bool(people),
     )
-    if people and Names(host).local and not origin:
+    if people and is_loopback(host) and not origin:
         print_line(f"{', '.join(people[:3])} can use this machine, too: the link has a token (--token never: none)")
     if server_settings.open:
         from app.gateway.serve import serve as serve_others
@@ -137,7 +137,7 @@ def serve(
     from app.dashboard.page import Dashboard
 
     open_files.require(FILES, "for the session and its pages")
-    dashboard = Dashboard(host=host, port=port, theme=chosen_theme, fps=fps, tokens=server_settings.tokens)
+    dashboard = Dashboard(host=host, port=port, theme=chosen_theme, fps=fps, tokens=server_settings.new_tokens())
     local_server.serve(chosen, dashboard, interruption, state_dir=state_dir, stateless=stateless)
     return DONE
 

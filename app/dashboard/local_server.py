@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import sys
 import threading
 import time
 from concurrent.futures import Future
@@ -16,7 +17,7 @@ from tqdm import tqdm
 from app.dashboard.page import Dashboard
 from app.dashboard.widgets.last_session import left_by
 from app.process import precompile
-from app.process.deadline import end_within
+from app.process.deadline import FAILED, end_within
 from app.process.interruption import Interruption
 from app.process.terminal_text import print_line
 from app.scenario.errors import ScenarioError, scenario_errors
@@ -68,7 +69,7 @@ def serve(
     finally:
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
-        end_within()
+        end_within(0 if sys.exc_info()[0] is None else FAILED)
         if autosave is not None:  # first, since another part that hangs may use up the time
             autosave.close()
         dashboard.close()

@@ -49,10 +49,15 @@ def render(figure: Figure, form: Format, options: FigureOptions | None = None) -
 
     To be called in a process without other tasks, as drawing takes a second and matplotlib is not made for threads.
     """
-    if not figure.charts:
-        raise ValueError("figure: no chart to draw")
+    require_charts(figure)
     options = options or FigureOptions()
     return file_of(lambda: drawn(figure, options), form, options.type_size)
+
+
+def require_charts(figure: Figure) -> None:
+    """Raise ValueError where the figure has no chart."""
+    if not figure.charts:
+        raise ValueError("figure: no chart to draw")
 
 
 def file_of(draw: Callable[[], Canvas], form: Format, type_size: float = TYPE) -> bytes:
@@ -71,7 +76,7 @@ def file_of(draw: Callable[[], Canvas], form: Format, type_size: float = TYPE) -
 
 @dataclass(frozen=True)
 class ChartPlace:
-    """Panel: place of a chart's axes over time in a figure.
+    """Place of a chart's axes over time in a figure.
     left, right, top, bottom: shares of the figure, from its upper left corner.
     first, last: ends of the time axis, s."""
 
@@ -93,13 +98,16 @@ class DrawnFigure:
 
 def svg_with_panels(figure: Figure, options: FigureOptions) -> DrawnFigure:
     """Figure as SVG, with the places of its charts. Raises ValueError as `render` does."""
-    from matplotlib import rc_context
+    canvases: list[Canvas] = []
 
-    svg = render(figure, "svg", options)
-    with rc_context(STYLE):
-        axes = drawn(figure, options).axes
+    def draw() -> Canvas:
+        canvases.append(drawn(figure, options))
+        return canvases[-1]
+
+    require_charts(figure)
+    svg = file_of(draw, "svg", options.type_size)
     panels = []
-    for each, chart in zip(axes, figure.charts, strict=True):
+    for each, chart in zip(canvases[-1].axes, figure.charts, strict=True):
         if chart.x_label == TIME:
             box, (first, last) = each.get_position(), each.get_xlim()
             panels.append(ChartPlace(*map(float, (box.x0, box.x1, 1.0 - box.y1, 1.0 - box.y0, first, last))))

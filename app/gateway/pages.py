@@ -6,7 +6,7 @@ import gzip
 import hashlib
 import io
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from html import escape
 from importlib import resources
 from string import Template
@@ -62,6 +62,7 @@ def classroom() -> str:
     return _page(_CLASS)
 
 
+@lru_cache(maxsize=64)
 def qr(text: str) -> bytes:
     """Picture (SVG) of a QR code of a text. Raises ValueError where it is too long."""
     picture = io.BytesIO()

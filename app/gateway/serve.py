@@ -12,7 +12,7 @@ from pathlib import Path
 
 import structlog
 
-from app.access.admission import Names, OriginError, Tokens
+from app.access.admission import Names, OriginError, Tokens, is_loopback
 from app.gateway.access_control import AccessSettings
 from app.gateway.connections import ARRIVING
 from app.gateway.server import Gateway, serving
@@ -80,11 +80,11 @@ def _names(server_settings: ServerSettings) -> Names:
 def _tokens(server_settings: ServerSettings) -> Tokens | None:
     """Tokens of the server, None for none. Raises ScenarioError where none is wanted and one is needed or given."""
     if server_settings.token == "never":
-        if not Names(server_settings.host).local:
+        if not is_loopback(server_settings.host):
             raise ScenarioError(f"--token: never, with --host {server_settings.host}; allowed: only with 127.0.0.1")
         if server_settings.given is not None:
             raise ScenarioError("--token: never, with a token given; allowed: auto, always")
-    return server_settings.tokens
+    return server_settings.new_tokens()
 
 
 async def _serve(

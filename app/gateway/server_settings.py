@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from app.access.admission import Names, Tokens
+from app.access.admission import Tokens, is_loopback
 
 Token = Literal["auto", "always", "never"]
 
@@ -50,13 +50,12 @@ class ServerSettings:
     @property
     def open(self) -> bool:
         """Whether a gateway is needed."""
-        others = bool(self.origins) or not Names(self.host).local
+        others = bool(self.origins) or not is_loopback(self.host)
         return self.shared or self.classes or others or self.token == "always" or self.given is not None
 
-    @property
-    def tokens(self) -> Tokens | None:
-        """Tokens that visitors have to show, None for none."""
+    def new_tokens(self) -> Tokens | None:
+        """Tokens that visitors have to show, drawn anew unless they are given; None for none."""
         if self.given is not None:
             return Tokens.given(self.given)
-        asks = self.token == "always" or self.crowded or bool(self.origins) or not Names(self.host).local
+        asks = self.token == "always" or self.crowded or bool(self.origins) or not is_loopback(self.host)
         return Tokens() if asks and self.token != "never" else None

@@ -11,6 +11,7 @@ import msgspec
 
 from app.process.atomic_write import write_whole
 from app.storage.session_index import StateError
+from environments.regular_file import read_regular
 
 LARGEST = 64_000_000  # bytes of a file: 800 curves drawn by a hundred students
 _PRIVATE = 0o600
@@ -30,8 +31,7 @@ class KeptFile(Generic[T]):
         """Value of the file, None where there is none, and a sentence where the file cannot be read, else "". A file
         that cannot be read is renamed, so that it is not overwritten. Raises StateError where it cannot be renamed."""
         try:
-            with self._path.open("rb") as file:
-                return msgspec.json.decode(file.read(LARGEST + 1), type=self._kind), ""
+            return msgspec.json.decode(read_regular(self._path, LARGEST + 1), type=self._kind), ""
         except FileNotFoundError:
             return None, ""
         except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

@@ -27,6 +27,7 @@ from app.scenario.data import LARGEST, shipped, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.scenario.struct_refusals import struct_refusal
+from environments.regular_file import read_regular
 from parameters import allowed
 
 FENCE = re.compile(r"^(`{3,})[ \t]*(\w*)[ \t]*$")
@@ -125,8 +126,7 @@ def load_file(path: Path) -> Lesson:
     """Lesson from a lesson.md, or from the folder that holds one. Raises LessonError."""
     path = path / f"{FILE}.md" if path.is_dir() else path
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST + 1)
+        content = read_regular(path, LARGEST + 1)
         text = content.decode("utf-8-sig").replace("\r\n", "\n")
     except OSError as error:
         raise LessonError(f"lesson {str(path)!r:.200}: cannot be read: {error.strerror}") from error

@@ -11,13 +11,13 @@ import threading
 from typing import NoReturn
 
 ENDING = 1.8  # s
-UNWRITTEN = 1  # exit status where what was printed is lost
+FAILED = 1  # exit status after a failure, also where what was printed is lost
 
 
-def end_within(seconds: float = ENDING) -> None:
-    """End the process after `seconds` if it has not ended by itself, whatever hangs."""
+def end_within(status: int = 0) -> None:
+    """End the process with this status after `ENDING` if it has not ended by itself, whatever hangs."""
     # while the interpreter is being taken down the timer does not fire any more: see `end`
-    timer = threading.Timer(seconds, os._exit, (0,))
+    timer = threading.Timer(ENDING, os._exit, (status,))
     timer.daemon = True
     timer.start()
 
@@ -37,7 +37,7 @@ def end(status: int) -> NoReturn:
     except BrokenPipeError:
         pass  # the reader of the pipe has closed it, as `head` does
     except OSError as error:
-        status = status or UNWRITTEN
+        status = status or FAILED
         with contextlib.suppress(OSError):
             os.write(2, f"vsmrc: standard output cannot be written: {error.strerror}\n".encode())
     os._exit(status)

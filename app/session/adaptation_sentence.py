@@ -42,6 +42,8 @@ def adaptation_sentence(requested: Scenario, done: Scenario, units: Units) -> st
     adaptations += [f"{each} surface taken away" for each in taken]
     if requested.face.flat and not done.face.flat:
         adaptations.append("the tool touches with a point")
+    if requested.target_model != done.target_model:
+        adaptations.append("target model back at the mode's defaults")
     if requested.controller.K_s != done.controller.K_s:
         layer = f"{done.controller.layer:.3g} {unit_in(units, 'controller.layer', 'm/s')}"
         adaptations.append(f"boundary layer {layer}, and K_s, converted by the characteristic length ℓ")

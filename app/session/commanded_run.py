@@ -308,13 +308,19 @@ class CommandedRun:
             case Edit("face.flat", bool() as flat):
                 self._adapt(edited(scenario_now, "face.flat", flat), changes.with_face(scenario_now, flat=flat))
             case Edit("second.control" | "third.control" as path, value):
+                requested = edited(scenario_now, path, value)
                 self._edit(changes.with_control(scenario_now, path, value))
+                self._say_adaptation(requested)
             case Edit(path, value):
                 self._edit(edited(scenario_now, path, value))
 
     def _adapt(self, requested: Scenario, scenario: Scenario) -> None:
         """Edit to the nearest scenario that can run, and say how it differs from what was asked."""
         changes.possible(scenario, self._edit)
+        self._say_adaptation(requested)
+
+    def _say_adaptation(self, requested: Scenario) -> None:
+        """Say how the scenario that runs differs from what was asked."""
         self._adaptation = adaptation_sentence(requested, self.loop.system.scenario, self.loop.system.units)
 
     def _edit(self, scenario: Scenario, *, as_it_is: bool = False) -> None:

@@ -12,7 +12,7 @@ from environments.push import Grip
 
 # fields that decide which kernels run
 _WITH_KERNELS = re.compile(
-    r"mode|robot\..*|task_space\.(kind|supplemental)|face\.flat"
+    r"mode|robot\..*|task_space\.(kind|supplemental)|face\.flat|motion(\.kind)?"
     r"|((second|third)\.)?(surface(\.kind)?|contact\.kind|control)"
 )
 

@@ -22,7 +22,7 @@ from app.simulation.view import View
 from environments.robots import Robot
 from environments.surfaces.table import Surface
 
-PREPARING = "preparing another arm or contact; the first one of its kind is compiled, which may take a minute"
+PREPARING = "preparing another arm, contact or path; the first one of its kind is compiled, which may take a minute"
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ class PremiseWatch:
         self.system = system
         self._state, self._arm, self._h = state, arm, system.scenario.controller.period
         self.every = periods_between_checks.py_func(self._h)
-        self._stations, self._centres = system.stations, system.constants.centres
+        self._stations = system.stations
         self._table = state.evaluation.views.table
         self._sampled: SampledLoop | None = None
         self._loops = SampledLoops(system)

@@ -67,9 +67,12 @@ def occupied(path: Path) -> tuple[Path, int]:
         raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
+    except BlockingIOError as error:
         os.close(lock)
         raise StateError(f"--state-dir {path}: another server uses it; allowed: a folder of its own") from error
+    except OSError as error:
+        os.close(lock)
+        raise StateError(f"--state-dir {path}: cannot be locked: {error.strerror}; allowed: another disk") from error
     return path, lock
 
 

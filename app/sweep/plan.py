@@ -27,6 +27,7 @@ from app.simulation.engines import Engine
 from app.simulation.environment_builder import robot_of
 from app.storage.joint_kinds import units_of
 from app.sweep.axes import Axis, Value, require_axis
+from environments.regular_file import read_regular
 from environments.robots import CATALOGUE
 from environments.urdf import RobotError
 from parameters import allowed
@@ -317,8 +318,7 @@ def to_toml(sweep: Sweep) -> str:
 def read(path: Path, kind: type[SweepT] = Sweep) -> SweepT:
     """Sweep, or another definition of this kind, of a file. Raises ScenarioError."""
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
+        content = read_regular(path, LARGEST_FILE + 1)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
     if len(content) > LARGEST_FILE:

@@ -72,7 +72,7 @@ COLUMNS: dict[str, Column] = {
         "s", "until the force, or without force control the path, stays within 2 %", may_never=True
     ),
     "reaching_time": Column("s", "until ‖s‖ is within the boundary layer", may_never=True),
-    "layer_time_bound": Column("s", "until ‖s‖ is within the boundary layer by (18), as promised", may_never=True),
+    "layer_time_bound": Column("s", "until ‖s‖ is within the boundary layer, as (20) promises", may_never=True),
     "reaching_time_bound": Column("s", "t_r of (18), for s = 0, also where nothing is promised"),
     "band_time": Column("s", "until ‖s‖ is within its band", may_never=True),
     "band_time_bound": Column("s", "until ‖s‖ is within its band, as promised", may_never=True),
@@ -138,7 +138,7 @@ class SweepRunner:
                 previous=self._previous,
                 memory=self._memory,
             )
-        except (ScenarioError, ArithmeticError, np.linalg.LinAlgError) as error:
+        except (ScenarioError, ArithmeticError, ValueError) as error:
             return begun | {"stopped": f"{REFUSED}{error}", "wall_time": time.perf_counter() - started}
         self._previous = loop.system
         inside = all(each.failed is None for each in metrics.premises if each.premise == "declared")

@@ -4,6 +4,7 @@ is killed loses what it had under way only."""
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 from collections import Counter
@@ -17,6 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from app.process.atomic_write import write_whole
+from app.process.json_text import decode_json
 from app.scenario.errors import ScenarioError
 from app.storage.joint_kinds import units_of
 from app.sweep.fingerprint import another_program, fingerprint
@@ -79,7 +81,7 @@ class RunStore:
         """Keep the metrics of a run. Raises OSError where they cannot be written."""
         line = msgspec.json.encode(metrics) + b"\n"
         if os.write(self._journal, line) != len(line):
-            raise OSError(28, "No space left on device")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self._coming.rows.append(metrics)
         self.done[metrics["row"]] = True
         if len(self._coming.rows) >= ROWS:
@@ -133,8 +135,8 @@ def journaled(folder: Path, count: int) -> list[RunMetrics]:
     rows = []
     for line in path.read_bytes().split(b"\n") if path.exists() else []:
         try:
-            row = msgspec.json.decode(line)
-        except msgspec.DecodeError:
+            row = decode_json(line, object)
+        except ValueError:
             continue
         number = row.get("row") if isinstance(row, dict) else None
         if type(number) is int and 0 <= number < count:

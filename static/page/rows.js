@@ -24,11 +24,6 @@ const sendMarked = (input, text, mark) => {
   };
   send(plain + (turn.even ? mark + mark : mark), 3);
 };
-const commit = (input, text, mark = LEFT) => {
-  if (input.dataset.pending === undefined) return;
-  sendMarked(input, text, mark);
-  delete input.dataset.pending;
-};
 // What is typed counts, also where a value that the server had sent before it knew comes in between.
 document.addEventListener("beforeinput", (e) => {
   const input = field(e);
@@ -49,8 +44,9 @@ document.addEventListener("keydown", (e) => {
   const input = field(e);
   if (!input || (e.key !== "Enter" && e.key !== "Escape")) return;
   e.preventDefault();
-  if (e.key === "Enter") commit(input, input.vsmrcDraft, ENTERED);
-  else commit(input, "");
+  if (e.key === "Enter") sendMarked(input, input.dataset.pending === undefined ? input.value : input.vsmrcDraft, ENTERED);
+  else if (input.dataset.pending !== undefined) sendMarked(input, "", LEFT);
+  delete input.dataset.pending;
   input.blur(); // keys are commands again
 }, true);
 // A tick of the timeline is looked at: its instant is typed into the field of the time, which stands behind the ticks.
@@ -62,7 +58,12 @@ document.addEventListener("pointerdown", (e) => {
 }, true);
 // Another script has a mark to send (rowmenu.js).
 document.addEventListener("vsmrc-mark", (e) => sendMarked(e.target, e.target.value, e.detail));
-document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.vsmrcDraft); }, true);
+document.addEventListener("focusout", (e) => {
+  const input = field(e);
+  if (!input || input.dataset.pending === undefined) return;
+  sendMarked(input, input.vsmrcDraft, LEFT);
+  delete input.dataset.pending;
+}, true);
 
 const SLOT = 60; // ms, longer than viser waits between two messages
 let held = null, byKey = false;

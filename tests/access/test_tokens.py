@@ -61,9 +61,10 @@ def test_a_token_is_asked_for_wherever_others_can_come() -> None:
         ServerSettings("0.0.0.0"), ServerSettings(token="always"), ServerSettings(origins=("https://lab.example.org",)),
         ServerSettings(crowded=True), ServerSettings(shared=True, crowded=True), ServerSettings(given=OWN),
     ]  # fmt: skip
-    assert all(server_settings.tokens for server_settings in asked)
+    assert all(server_settings.new_tokens() for server_settings in asked)
     assert not any(
-        server_settings.tokens for server_settings in (ServerSettings(), ServerSettings(crowded=True, token="never"))
+        server_settings.new_tokens()
+        for server_settings in (ServerSettings(), ServerSettings(crowded=True, token="never"))
     )
     with pytest.raises(ScenarioError, match="--token: never, with a token given; allowed: auto, always"):
         serve(load("ur5-hybrid"), PageStyle(), ServerSettings(token="never", given=OWN), None)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import pytest
 import viser
 
-from app.dashboard.theme.style import COMMIT, RELEASED
+from app.dashboard.theme.style import LEFT, RELEASED
 from app.dashboard.transport.repeated_inputs import REPEATS, RepeatedInputs
 from drivers.visitors import VisitingPage, visiting
 from drivers.waiting import until
@@ -48,12 +48,12 @@ def field(viser_server: viser.ViserServer) -> Field:
 
 
 def test_what_a_page_says_again_takes_effect_once(field: Field) -> None:
-    values = ["1", "1" + COMMIT, "1" + 3 * COMMIT, "1" + 5 * COMMIT, "1" + 2 * COMMIT, "1" + 4 * COMMIT]
+    values = ["1", "1" + LEFT, "1" + 3 * LEFT, "1" + 5 * LEFT, "1" + 2 * LEFT, "1" + 4 * LEFT]
     values += ["1" + 2 * RELEASED, "2" + 2 * RELEASED, "2" + RELEASED]
     with visiting(f"http://127.0.0.1:{field.server.get_port()}") as page:
         until(lambda: field.server.get_clients(), "no page")
         field.send_and_wait(page, *values)
-    again = ("1" + 3 * COMMIT, "1" + 5 * COMMIT, "1" + 4 * COMMIT)
+    again = ("1" + 3 * LEFT, "1" + 5 * LEFT, "1" + 4 * LEFT)
     assert field.received == [value for value in values if value not in again]
 
 
@@ -61,18 +61,18 @@ def test_a_field_that_was_hidden_meanwhile_counts_anew(field: Field) -> None:
     with visiting(f"http://127.0.0.1:{field.server.get_port()}") as page:
         until(lambda: field.server.get_clients(), "no page")
         for _ in range(3):  # as long as it is said again it is the same, however long that takes
-            field.send_and_wait(page, "30" + 2 * COMMIT)
+            field.send_and_wait(page, "30" + 2 * LEFT)
             field.now[0] += 0.9 * REPEATS
         field.now[0] += REPEATS
-        field.send_and_wait(page, "30", "30" + 2 * COMMIT, "30" + 4 * COMMIT)
-    assert field.received == ["30" + 2 * COMMIT, "30", "30" + 2 * COMMIT]
+        field.send_and_wait(page, "30", "30" + 2 * LEFT, "30" + 4 * LEFT)
+    assert field.received == ["30" + 2 * LEFT, "30", "30" + 2 * LEFT]
 
 
 def test_what_one_page_says_again_undoes_nothing_of_another(field: Field) -> None:
     url = f"http://127.0.0.1:{field.server.get_port()}"
     with visiting(url) as one, visiting(url) as other:
         until(lambda: len(field.server.get_clients()) == 2, "no pages")
-        field.send_and_wait(one, "5" + COMMIT)
-        field.send_and_wait(other, "6" + COMMIT)
-        field.send_and_wait(one, "5" + 3 * COMMIT)
-    assert field.received == ["5" + COMMIT, "6" + COMMIT]
+        field.send_and_wait(one, "5" + LEFT)
+        field.send_and_wait(other, "6" + LEFT)
+        field.send_and_wait(one, "5" + 3 * LEFT)
+    assert field.received == ["5" + LEFT, "6" + LEFT]

@@ -22,6 +22,7 @@ from app.scenario.data import edited, from_toml, load, to_toml
 from app.scenario.field_info import field_info, types_of
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT
+from app.simulation.closed_loop import ClosedLoop
 from tests.support.commands import Done, vsmrc
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -128,7 +129,11 @@ def test_runs_are_compared_side_by_side(here: Callable[..., Done]) -> None:
     assert done.returncode == 0, done.stderr
     figures = {line.split("│")[1].strip(): line.split("│")[2:4] for line in done.stdout.splitlines() if "│" in line}
     assert len(figures) == len(ACCOUNT_METRICS)
-    assert all(float(value) >= 0.0 for value in figures["‖s‖, largest [mm/s]"])
+    for name, shown in zip(("planar3r-hybrid", "planar2r-semicircle"), figures["‖s‖, largest [mm/s]"], strict=True):
+        loop = ClosedLoop.from_scenario(load(name))
+        loop.advance(300)
+        largest = 1e3 * float(loop.recording.stretch()["s_norm"][-100:].max())
+        assert float(shown) == pytest.approx(largest, rel=1e-2)
 
 
 def test_what_is_said_when_nobody_reads_any_more_stops_nothing() -> None:

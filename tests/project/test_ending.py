@@ -72,7 +72,7 @@ def test_the_end_does_not_wait_for_the_interpreter_to_be_taken_down(shared: tupl
     program = """
 import atexit, sys, threading
 import app.process.deadline
-app.process.deadline.end_within = lambda: None
+app.process.deadline.end_within = lambda *_: None
 threading.Thread(target=threading.Event().wait).start()  # an interpreter waits for it for ever
 atexit.register(lambda: print("what was registered"))
 from app.__main__ import main

@@ -100,7 +100,7 @@ def test_arms_in_two_threads_share_no_model_of_the_arm(monkeypatch: pytest.Monke
     loop = running(edited(shipped()["ur5-hybrid"], "controller.estimates", "along-reference"))
     arms, stretch = true_arms(), preview_run_of(loop, loop.system.scenario).stretch
     whole(arms.run(stretch, COUNT))
-    systems = [system for system in (arms._begun.system, *arms._systems.values()) if arms._begun]
+    systems = [arms._begun.system, *arms._systems.values()]
     assert len({id(system.nominal.data) for system in systems}) == COUNT + 1
     assert all(system.observer.model is system.nominal for system in systems)
     band = whole(arms.run(stretch, COUNT))

@@ -201,10 +201,10 @@ class ExportPanel:
         snapshot = self._desk.snapshot()
         self._delivery.give(event, what, file_name(snapshot.scenario.name, snapshot.t, extension, content), make)
 
-    async def _on_upload(self, event: viser.GuiEvent) -> None:
+    async def _on_upload(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
         if event.client is None:
             return
-        name, content = self._upload.value.name, self._upload.value.content
+        name, content = event.target.value.name, event.target.value.content
         try:
             self._desk.post(Load(await asyncio.to_thread(from_file, content)))
         except ScenarioError as error:

@@ -21,7 +21,7 @@ from app.dashboard.widgets.lesson_answers import CurveAnswer, GoalControls, Numb
 from app.dashboard.widgets.lesson_list import LessonList
 from app.dashboard.widgets.outcome_chart import outcome_html
 from app.export.export_jobs import FigureJob
-from app.export.formats import Format
+from app.export.formats import FIGURE_FORMATS
 from app.lessons import blocks
 from app.lessons.answers import Answer
 from app.lessons.course import LessonCourse
@@ -36,7 +36,6 @@ from app.simulation.search_memory import Memory
 
 log = structlog.get_logger()
 
-FORMATS: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
 _KINDS = {
     "scenario": "the scene",
     "predict": "the prediction",
@@ -57,7 +56,6 @@ class LessonsPanel:
         self._memory = Memory()
         self._delivery = FileDelivery()
         self._busy: threading.Thread | None = None
-        self._draft: object = None
         self._shown: object = None
         self._entered = 0
         self._list = LessonList(desk, self._lessons, self._open)
@@ -72,7 +70,7 @@ class LessonsPanel:
             self._run.on_click(self._on_run)
             self._picture = gui.add_html("")
             self._figure = gui.add_button_group(
-                "Figure", tuple(FORMATS), visible=False, hint="Saves this picture on white."
+                "Figure", tuple(FIGURE_FORMATS), visible=False, hint="Saves this picture on white."
             )
             self._goal = GoalControls(desk)
             self._next = gui.add_button("Next", hint="Key: J")
@@ -135,7 +133,7 @@ class LessonsPanel:
         course = self._course
         if course is None or (run := course.last_run) is None or (outcome := course.outcomes.get(run.number)) is None:
             return
-        form = FORMATS[event.target.value]
+        form = FIGURE_FORMATS[event.target.value]
         figure = figure_of_run(course.lesson, run, outcome, course.traces(run), course.predictions(run))
         job = FigureJob(figure, form)
         name = name_of_figure(course.lesson, run, form)

@@ -87,7 +87,9 @@ class _Guarded(library.serve):
 
 def _refused(names: Names, key: str | None, request: Request) -> Response | None:
     headers = request.headers
-    if key is not None and not secrets.compare_digest(headers.get(KEY_HEADER, "").encode(), key.encode()):
+    if key is not None and not secrets.compare_digest(
+        headers.get(KEY_HEADER, "").encode(errors="surrogateescape"), key.encode()
+    ):
         return _answer(http.HTTPStatus.FORBIDDEN, "this session is reached through its gateway only")
     acting = "Upgrade" in headers
     if refusal := names.refusal(headers, acting=acting):

@@ -200,8 +200,6 @@ def _sub(base: str, index: str) -> str:
     return f"<msub><mi>{base}</mi><mi>{index}</mi></msub>"
 
 
-def _error(accent: str, index: str = "") -> str:
+def _error(accent: str) -> str:
     # composed letters, as a separate accent (<mover>) cannot be seen in small type
-    letter = _LETTERS[accent]
-    styled = f'<mi style="font-style: italic">{letter}</mi>'
-    return f"<msub>{styled}<mi>{index}</mi></msub>" if index else styled
+    return f'<mi style="font-style: italic">{_LETTERS[accent]}</mi>'

@@ -13,7 +13,7 @@ from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.file_delivery import FileDelivery
 from app.dashboard.widgets.impedance_map import impedance_html
 from app.export.export_jobs import ExportError, FigureJob, MadeJob, file_name
-from app.export.formats import Format
+from app.export.formats import FIGURE_FORMATS
 from app.export.response_files import figure_of, force_table_of, table_of
 from app.scenario.caption import title_of
 from app.scenario.data import shipped
@@ -26,7 +26,6 @@ from app.simulation.push_response import PushResponse
 from app.simulation.sampled_stability import RespondingLoop
 from app.storage.recording_files import ProgressCallback
 
-FIGURES: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
 _SIZES = f"{push_measurement.NEWTONS:g} N, or {push_measurement.NEWTON_METRES:g} N·m,"
 RESPONSE, FORCE_LOOP = "CSV", "force loop"
 
@@ -64,7 +63,10 @@ class ImpedanceView:
         )
         self._button = gui.add_button("Measure with a push", color="gray", visible=False, hint=hint)
         self._files = gui.add_button_group(
-            "This response", (*FIGURES, RESPONSE, FORCE_LOOP), visible=False, hint="With measured points, if any."
+            "This response",
+            (*FIGURE_FORMATS, RESPONSE, FORCE_LOOP),
+            visible=False,
+            hint="With measured points, if any.",
         )
         self._busy, self._delivery = threading.Lock(), FileDelivery()
         self._measurement: _Measurement | None = None
@@ -103,11 +105,11 @@ class ImpedanceView:
                 self._desk.complain("force loop: the law reads no sampled force of a contact; allowed: CSV")
                 return
             what, table = "force-loop", force_table_of(loop.force_loop)
-        name = file_name(f"{snapshot.scenario.name}-{what}", t, FIGURES.get(chosen, "csv"))
+        name = file_name(f"{snapshot.scenario.name}-{what}", t, FIGURE_FORMATS.get(chosen, "csv"))
 
         def make(on_progress: ProgressCallback) -> bytes:
-            if chosen in FIGURES:
-                return self._desk.export_jobs.made(FigureJob(figure, FIGURES[chosen]), on_progress)
+            if chosen in FIGURE_FORMATS:
+                return self._desk.export_jobs.made(FigureJob(figure, FIGURE_FORMATS[chosen]), on_progress)
             return table.encode()
 
         self._delivery.give(event, "Response", name, make)

@@ -21,7 +21,7 @@ class LessonList:
     """List of lessons, with the progress in each, and the answers as files."""
 
     def __init__(self, desk: Desk, lessons: dict[str, Lesson], open_lesson: Callable[[Lesson], None]) -> None:
-        self._desk, self._lessons, self._open = desk, lessons, open_lesson
+        self._desk, self._open = desk, open_lesson
         self._titles = {_title(name, lesson): lesson for name, lesson in lessons.items()}
         self._folder = desk.gui.add_folder(None)
         with self._folder:
@@ -59,10 +59,10 @@ class LessonList:
     async def _on_goal(self, _: object) -> None:
         self._open(self._titles[self._choice.value])
 
-    async def _on_file(self, event: viser.GuiEvent) -> None:
+    async def _on_file(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
         if event.client is None:
             return
-        form, progress = self._files.value.lower(), self._desk.notebook.progress
+        form, progress = event.target.value.lower(), self._desk.notebook.progress
         text = csv_of(progress) if form == "csv" else json_of(progress)
         event.client.send_file_download(f"lessons.{form}", text.encode(), save_immediately=True)
 

@@ -26,7 +26,7 @@ from app.dashboard.widgets.swept_fields import (
     unmarked,
 )
 from app.export.export_jobs import MadeJob, file_name
-from app.export.formats import Format
+from app.export.formats import FIGURE_FORMATS
 from app.scenario.data import with_value
 from app.scenario.departures import DRAWN
 from app.scenario.errors import ScenarioError
@@ -57,7 +57,6 @@ METRICS = {  # columns by title, and by which factor they are shown
     "share of the run that is promised": ("promised_share", 100.0),
 }
 FOLDER = "sweep folder"
-FORMATS: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
 
 
 class RobustnessMap(BesideLoop[BackgroundSweep]):
@@ -87,7 +86,10 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         )
         self._add_button()
         self._files = gui.add_button_group(
-            "This map", (*FORMATS, FOLDER), visible=False, hint="As a figure, or with all its runs for `vsmrc sweep`."
+            "This map",
+            (*FIGURE_FORMATS, FOLDER),
+            visible=False,
+            hint="As a figure, or with all its runs for `vsmrc sweep`.",
         )
         self._add_mark(FIELD)
         self._within.on_update(from_pages(unmarked))
@@ -117,7 +119,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
 
             job, extension = MadeJob(folder.zipped, (request, rows)), "zip"
         else:
-            form = FORMATS[chosen]
+            form = FIGURE_FORMATS[chosen]
             job, extension = MadeJob(charts.chart, (request, columns_of(rows), view, form)), form
         name = file_name(f"{request.scenario.name}-map", request.length, extension, shown_by(request, view))
 
