@@ -15,7 +15,7 @@ class Held(NamedTuple):
     """Quantities of the previous period.
     model: (n,) N m, the terms of (25) without the robust ones.
     z_dot: (n,) m/s^2.
-    r: (n,) m, of the arm.
+    r: (n,) m, of the arm; s_norm: m/s.
     push: (6,), a wrench.
     r_d, r_d_dot, r_d_ddot: (n,), of the reference, m, m/s, m/s^2.
     known: whether there is a period before under the same law."""
@@ -23,6 +23,7 @@ class Held(NamedTuple):
     model: np.ndarray
     z_dot: np.ndarray
     r: np.ndarray
+    s_norm: float
     push: np.ndarray
     r_d: np.ndarray
     r_d_dot: np.ndarray
@@ -33,7 +34,7 @@ class Held(NamedTuple):
     def zeros(cls, n: int) -> Held:
         """Quantities for n coordinates, before the first period."""
         v = np.zeros(n)
-        return cls(model=v, z_dot=v, r=v, push=np.zeros(6), r_d=v, r_d_dot=v, r_d_ddot=v, known=False)
+        return cls(model=v, z_dot=v, r=v, s_norm=0.0, push=np.zeros(6), r_d=v, r_d_dot=v, r_d_ddot=v, known=False)
 
 
 @inline

@@ -103,6 +103,7 @@ class PostureCheck(NamedTuple):
     d: N, on the sliding surface.
     d_now: N, at the s of that instant.
     growth_by_speed: 1, part of `Premise.GAIN_BY_CHATTER` that comes through q_dot.
+    growth_by_damping: s, the rest of it per 1/s of ||M_m^-1 B_m + A||.
     layer_width: m/s, of the boundary layer.
     radius: m/s, V falls while ||s|| is beyond it.
     V_band: J, once V is below this it stays so.
@@ -114,6 +115,7 @@ class PostureCheck(NamedTuple):
     d: float
     d_now: float
     growth_by_speed: float
+    growth_by_damping: float
     layer_width: float
     radius: float
     V_band: float
@@ -129,6 +131,7 @@ class PostureCheck(NamedTuple):
             d=0.0,
             d_now=0.0,
             growth_by_speed=0.0,
+            growth_by_damping=0.0,
             layer_width=0.0,
             radius=0.0,
             V_band=0.0,
@@ -296,7 +299,8 @@ def _falling_from(alpha, beta, period, H_min, gains):
     linear = beta * (1.0 - 2.0 * tau * alpha) - gains.reaching_share * gains.epsilon
     if square <= 0.0:
         return np.inf
-    return (np.sqrt(linear**2 + 4.0 * square * tau * beta**2) - linear) / (2.0 * square)
+    root = np.sqrt(linear**2 + 4.0 * square * tau * beta**2)
+    return 2.0 * tau * beta**2 / (root + linear) if linear > 0.0 else (root - linear) / (2.0 * square)
 
 
 @inline
@@ -309,11 +313,13 @@ def check_posture(given, output, record, period, scratch, table, check):
     u = gains.uncertainty
     check.H_min, check.H_max = inertia_range(given, work)
     check.d, check.d_now = gain_on_surface(given, output, scratch), output.d
-    steepness = growth = check.growth_by_speed = 0.0
+    steepness = growth = check.growth_by_speed = check.growth_by_damping = 0.0
     if gains.by_theorem:
         by_speed = growth_with_speed(given, scratch.equivalent)
-        steepness = inertia_error(given, work) * gains.damping_rate + by_speed  # by which (17) grows with ||s||, N s/m
+        error = inertia_error(given, work)
+        steepness = error * gains.damping_rate + by_speed  # by which (17) grows with ||s||, N s/m
         growth, check.growth_by_speed = steepness * period / check.H_min, by_speed * period / check.H_min
+        check.growth_by_damping = error * period / check.H_min
     table.limit[GAIN_BY_CHATTER] = 1.0 if gains.by_theorem else np.nan
     table.value[GAIN_BY_CHATTER] = growth
     raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # largest factor of chattering on d

@@ -42,7 +42,7 @@ class ReachingCertificate:
         radius."""
         rest, begun = np.sqrt(0.5 * self.k_r_low) * radius, np.sqrt(self.V_0)
         ratio = self.c_2 / self.c_1
-        return 2.0 / self.c_1 * max(float(np.log((begun + ratio) / (rest + ratio))), 0.0)
+        return 2.0 / self.c_1 * float(np.log1p(max(begun - rest, 0.0) / (rest + ratio)))
 
     @property
     def bound(self) -> ReachingBound:
@@ -71,8 +71,8 @@ class ReachingBound(NamedTuple):
 @kernel
 def lyapunov_bound(bound, t):
     """Bound of V (J) at t s after s(0), (24)."""
-    ratio = bound.c_2 / bound.c_1
-    root = (np.sqrt(bound.V_0) + ratio) * np.exp(-0.5 * bound.c_1 * t) - ratio
+    ratio, x = bound.c_2 / bound.c_1, 0.5 * bound.c_1 * t
+    root = np.sqrt(bound.V_0) * np.exp(-x) + ratio * np.expm1(-x)
     return np.maximum(root, 0.0) ** 2
 
 

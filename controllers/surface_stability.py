@@ -118,8 +118,8 @@ def passive_throughout(start: TargetModel, end: TargetModel, first: int = 0) -> 
 def unstable_surface(start: TargetModel, end: TargetModel, surfaces: SurfaceRange) -> Unstable | None:
     """Surface with the rightmost pole that was found, where that is unstable, for the models of a blend, in which
     M_m^-1, M_m^-1 B_m, M_m^-1 K_m and M_m^-1 K_f go from those of `start` to those of `end`."""
-    if surfaces.first == start.n:
-        return None  # a force is controlled in every coordinate: no model is left that a surface could destabilise
+    if surfaces.first == start.n or surfaces.directions == 0:
+        return None  # a force is controlled in every coordinate that a surface can push
     if passive_throughout(start, end, surfaces.first):
         return None
     from scipy.optimize import minimize  # takes 0.1 s: where no search is needed, a run does not wait for it

@@ -13,7 +13,7 @@ import numpy as np
 
 from app.scenario.field_info import field_info
 from app.scenario.schema import Scenario
-from app.scenario.units import JOINT, unit_in
+from app.scenario.units import JOINT, indexed, unit_in
 from app.simulation.signals import SIGNALS
 from app.simulation.system import System
 from environments.contact_kinds import ContactKind
@@ -161,7 +161,7 @@ GLOSSARY: tuple[Symbol, ...] = (
     _signal("F_cd", "F_cd", "(8)", "desired normal"),
     _signal("F", "F", "(8)", "force on the environment"),
     _signal("M", "moment", "(8)", "moment on the environment"),
-    _signal("q", "q", "(3)", *(f"q{joint}" for joint in range(1, MOST_JOINTS + 1))),
+    _signal("q", "q", "(3)", *(indexed("q", joint) for joint in range(1, MOST_JOINTS + 1))),
     _own("ℓ·θ", "rotation of the tool of a planar arm, times ℓ", "(3)", "m", ("θ",)),
     _own("ℓ·α", "rotation of the tool about its own x axis at the start, times ℓ", "(3)", "m", ("α",)),
     _own("ℓ·β", "rotation of the tool about its own y axis at the start, times ℓ", "(3)", "m", ("β",)),

@@ -29,6 +29,7 @@ def list_(*, fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION")] = N
             raise ScenarioError("--signals with --fields; allowed: one of them")
         from app.simulation.signals import SIGNALS
 
+        print("n: joints, or task coordinates, which are as many; units for revolute joints and where r is in metres")
         for signal in SIGNALS:
             print(f"{signal.name:16s}  {signal.width or 'n'!s:2s}  {signal.unit:8s}  {signal.doc}")
         return DONE

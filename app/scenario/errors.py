@@ -44,7 +44,12 @@ class TooStiff(ScenarioError):
 
 
 class PullingForce(ScenarioError):
-    """A scenario whose desired force pulls at a surface that only pushes."""
+    """A scenario whose desired force pulls at a surface that only pushes.
+    path: beginning of the dotted paths of that surface's fields, "" for the first one."""
+
+    def __init__(self, sentence: str, path: str) -> None:
+        super().__init__(sentence)
+        self.path = path
 
 
 class ForceInJoints(ScenarioError):

@@ -66,8 +66,8 @@ def way_out(requested: Scenario, error: ScenarioError) -> WayOut | None:
             return WayOut("Touch with a point", with_face(requested, flat=False))
         case SurfaceOutOfReach():
             return WayOut("Move the surface under the tool", adapted(requested, requested))
-        case PullingForce():
-            return WayOut("Let the surface pull, too", edited(requested, "contact.unilateral", False))
+        case PullingForce(path=str(path)):
+            return WayOut("Let the surface pull, too", edited(requested, f"{path}contact.unilateral", False))
         case TooStiff(substeps=int(substeps)):
             return WayOut(f"Take {substeps} steps per period", edited(requested, "simulation.substeps", substeps))
         case _:

@@ -270,6 +270,7 @@ class ClosedLoop:
 
     def step(self) -> None:
         """Compute one control period. To be called only while `stopped` is None."""
+        self._stage = "the blend"
         if self.system.blend is not None:
             self._blend(self.system.blend)
         state, arm = self.state, self.controlled_arm

@@ -66,6 +66,7 @@ class RunData(NamedTuple):
     `implicit_force`.
     station: where the sampled loops were judged last, -1 off the reference.
     close: rad; nearer than this to a centre of Omega of that station, the sampled loops need not be judged again.
+    known_until: s; later than this, every check has to be judged.
     nearest: centre of Omega at which the sampled loops have to be judged now, -1 for none.
     steps: periods since the epoch began, at the call.
     read: readings that were taken before the call.
@@ -102,6 +103,7 @@ class RunData(NamedTuple):
     inverse: np.ndarray
     station: int
     close: float
+    known_until: float
     nearest: int
     steps: int
     read: int
@@ -308,7 +310,8 @@ def run_periods(
             data.moving = True
             if (data.steps + k) % periods_between_checks(data.period) == 0 or evaluation[0].check_due:
                 nearest = ask_integer(data.period_kernels.check, (setting, evaluation, centres))
-                if evaluation[0].table.value[DOMAIN] > data.close or stations[nearest] != data.station:
+                near = evaluation[0].table.value[DOMAIN] <= data.close and stations[nearest] == data.station
+                if not near or t[k] > data.known_until + 0.5 * data.period:
                     data.nearest = nearest
             if data.unsolved or data.nearest >= 0:
                 return

@@ -49,23 +49,27 @@ class PostureChecks(NamedTuple):
     """Posture checks of a compiled run: where the sampled loops need not be judged again.
     close: rad, distance from a centre of Omega within which they were judged at its station.
     stations: (k,), station of each centre.
-    judged_station: the station where they were judged last."""
+    judged_station: the station where they were judged last.
+    known_until: s, see `PremiseWatch`."""
 
     close: float
     stations: np.ndarray
     judged_station: Callable[[], int]
+    known_until: float
 
     @classmethod
     def of(cls, loop: ClosedLoop) -> PostureChecks:
         """Checks as `ClosedLoop.step` makes them."""
-        close = min(loop.premise_watch.near, loop.system.constants.radius)
-        return cls(close, loop.system.stations.of, lambda: loop.premise_watch.judged_station)  # its watch can change
+        watch = loop.premise_watch
+        close = min(watch.near, loop.system.constants.radius)
+        # the loop's watch can change
+        return cls(close, loop.system.stations.of, lambda: loop.premise_watch.judged_station, watch.known_until)
 
     @classmethod
     def none(cls, loop: ClosedLoop) -> PostureChecks:
         """Checks that never find anything to judge, for a run whose premises are not asked for: it takes a third less
         time. The arm's motion is the same to the last bit, unless a broken promise stops the run."""
-        return cls(np.inf, np.zeros_like(loop.system.stations.of), lambda: 0)
+        return cls(np.inf, np.zeros_like(loop.system.stations.of), lambda: 0, np.inf)
 
 
 class CompiledRun:
@@ -114,6 +118,7 @@ class CompiledRun:
                 inverse=np.zeros((3, 3)),
                 station=-1,
                 close=self._checks.close,
+                known_until=self._checks.known_until,
                 nearest=-1,
                 steps=0,
                 read=0,

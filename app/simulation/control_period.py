@@ -266,7 +266,7 @@ def _fill_table(setting, evaluation, arm, t):
     table.value[DRIVES], table.limit[DRIVES] = _share_of_drives(setting.torque_limit, output.tau), 1.0
     table.value[JOINTS], table.limit[JOINTS] = _share_of_range(setting.limits, arm.q), 1.0
     table.value[GAIN], table.limit[GAIN] = required_d(output.needed), output.d
-    spared = SAMPLING_SHARE * gains.K_s_smallest * output.s_norm
+    spared = SAMPLING_SHARE * gains.K_s_smallest * held.s_norm  # at the sample whose torque was held
     table.value[HELD], table.limit[HELD] = 0.0, check.held_limit + spared
     if held.known:
         F, worst = scratch.F, 0.0
@@ -287,6 +287,7 @@ def _remember(evaluation, held):
         held.model[i] = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
     copy(output.z_dot, held.z_dot)
     copy(evaluation.seen.task.r, held.r)
+    held.s_norm = output.s_norm
     copy(evaluation.push, held.push)
     copy(reference.r_d, held.r_d)
     copy(reference.r_d_dot, held.r_d_dot)

@@ -136,9 +136,10 @@ def _nowhere(omega: Omega, sigma_min: float, uncertainty: Uncertainty, observer:
     certain = uncertainty._replace(rho=0.0, rho_rotor=0.0, rho_centre=0.0, rho_shape=0.0)
     lightness, _ = _inertia_objectives(sigma_min, certain, observer)(omega.places(INERTIA.draws))
     if (lightness.room >= 0.0).any():
+        name = "link_centre" if uncertainty.rho_centre > 0.0 else "link_shape"
         return (
-            "declared.link_centre: with the other declared errors of the links, some arm would have no inertia left "
-            "(k_r′ ≤ 0); allowed: a smaller link_centre, link_shape or link_scaling"
+            f"declared.{name}: with the other declared errors of the links, their bound E would leave some arm no "
+            "inertia (k_r′ ≤ 0); allowed: a smaller link_centre, link_shape or link_scaling"
         )
     return "robot.posture: J_q is singular around it; allowed: a posture away from singularities"
 

@@ -117,7 +117,8 @@ def require_pushing(scenario: Scenario, mode: Mode) -> None:
             what, allowed = pulling
             raise PullingForce(
                 f"{each.path}{what}, but the surface only pushes ({each.path}contact.unilateral); allowed: {allowed}, "
-                f"or {each.path}contact.unilateral = false"
+                f"or {each.path}contact.unilateral = false",
+                each.path,
             )
 
 
@@ -175,7 +176,7 @@ def _require_sampled_paths(scenario: Scenario) -> None:
 
 def _require_sampled_frequencies(scenario: Scenario) -> None:
     """Raise ScenarioError for a desired force, or a surface that moves or tilts, at half the control rate or faster:
-    the loop sees a slower one."""
+    the loop sees a slower one; and for a disturbance at half the rate of the plant's steps or faster."""
     half = 0.5 / scenario.controller.period
     for each in scenario.surfaces:
         sections = {"surface.motion": each.form.motion, "surface.tilt": getattr(each.form, "tilt", None)}
@@ -186,3 +187,9 @@ def _require_sampled_frequencies(scenario: Scenario) -> None:
                     f"{each.path}{name}.frequency: {frequency:g} Hz, at least half the control rate, so that the loop "
                     f"sees a slower one; allowed: below {half:g} Hz, or a shorter controller.period"
                 )
+    truth, finest = scenario.truth, half * scenario.simulation.substeps
+    if truth.disturbance > 0.0 and truth.disturbance_frequency >= finest:
+        raise ScenarioError(
+            f"truth.disturbance_frequency: {truth.disturbance_frequency:g} Hz, at least half the rate of the plant's "
+            f"steps, so that the arm feels a slower one; allowed: below {finest:g} Hz, or more simulation.substeps"
+        )

@@ -111,7 +111,7 @@ class PeriodMap:
         self._still = still = replace(
             system,
             plant=system.plant.smooth(range(len(system.surfaces)) if touched is None else touched),
-            sensor=system.sensor.steady(),
+            sensor=(system.sensor if self._felt == 6 else system.sensor.of_forces()).steady(),
             push=NO_PUSH,
             blend=None,
         )
@@ -171,7 +171,12 @@ class PeriodMap:
         count, layer = 2 * f + rest, self._still.controller.layer
         speed = STEP * (layer if layer > 0.0 else 1.0)
         self._steps = np.full(count, FORCE_STEP)
-        self._steps[:f], self._steps[f : 2 * f + self._speeds] = 0.1 * speed, speed
+        self._steps[f : 2 * f + self._speeds] = speed
+        # steps by which s stays as small: s contains F_1 e and F_2 z
+        compensator = self._still.controller.compensator
+        self._steps[:f] = speed / max(10.0, float(np.abs(compensator.F_1).max()))
+        if self._still.controller.law.robust:
+            self._steps[2 * f : 2 * f + n] = speed / np.abs(np.diag(compensator.F_2))
         self._ways, self._gather = np.zeros((count, 2 * n + rest)), np.zeros((count, 2 * n + rest))
         self._ways[:f, :n] = self._ways[f : 2 * f, n : 2 * n] = spread.T
         self._gather[:f, :n] = self._gather[f : 2 * f, n : 2 * n] = gather

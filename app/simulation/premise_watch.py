@@ -14,7 +14,7 @@ from app.scenario.units import Units, unit_of_joint
 from app.simulation.alarms import Alarm
 from app.simulation.control_period import Evaluation
 from app.simulation.controlled_arm import ControlledArm
-from app.simulation.domain import recurring
+from app.simulation.domain import SLOWEST, frequencies_of, recurring
 from app.simulation.recording import Epoch
 from app.simulation.sampled_force_loop import worst_gain_by_force
 from app.simulation.sampled_stability import RespondingLoop, SampledLoop, SampledLoops
@@ -52,6 +52,7 @@ class PremiseWatch:
     system: follows the target model in force during a blend; share: of that blend, 0 without one.
     every: control periods from one posture check to the next.
     near: rad, distance from a centre of Omega within which its station stands for the arm's posture.
+    known_until: s, from which instant on Omega does not cover the surfaces any more; infinite where they come back.
     """
 
     def __init__(self, system: System, state: State, arm: ControlledArm) -> None:
@@ -66,8 +67,10 @@ class PremiseWatch:
         stated_in_time = isinstance(system.scenario.declared.delta_f, str)
         self._changing = stated_in_time or any(each.turning for each in system.surfaces)
         self.near = APART if all(each.form.normal_fixed for each in system.surfaces) else NEAR
-        come_back = not system.mode.on_surface or recurring(system.surfaces)  # the surfaces that r is about
-        self._known_until = np.inf if come_back else system.constants.omega.span
+        slow = any(0.0 < frequency < SLOWEST for frequency in frequencies_of(system.surfaces))
+        come_back = recurring(system.surfaces) and not slow
+        # of the surfaces that r is about
+        self.known_until = np.inf if come_back or not system.mode.on_surface else system.constants.omega.span
 
     def follow(self, system: System, share: float) -> None:
         """Follow a blend of the target model: the system with the model in force, and the share of the blend."""
@@ -88,9 +91,9 @@ class PremiseWatch:
         state.evaluation.data["posture_check"] = begun.data["posture_check"]
         found = begun.views.table
         judge.py_func(found, state.t)  # once more: the check has found what the period before it did not know
-        self._table.failing[:] = found.failing
-        for premise in (Premise.LAYER, Premise.GAIN_BY_CHATTER):
-            self._state_premise(premise, found.value[premise], found.limit[premise])
+        for name in ("value", "limit", "failing"):
+            getattr(self._table, name)[:] = getattr(found, name)
+        state.evaluation.data["errors"] = begun.data["errors"]
         if not found.failing.any():
             state.epoch = self._with_instants(state.epoch)
 
@@ -151,7 +154,7 @@ class PremiseWatch:
         state, distance = self._state, self._table.value[Premise.DOMAIN]
         if distance > self.system.constants.radius:
             self.leave_domain("flag", f"q has left Ω, over which the constants of (19) were computed{self._outlasted}")
-        if state.t > self._known_until + 0.5 * self._h:
+        if state.t > self.known_until + 0.5 * self._h:
             self._table.value[Premise.DOMAIN] = np.inf
             self.leave_domain("flag", sentence(Premise.DOMAIN, np.inf, self.system.constants.radius, self.system.units))
         station, judged, q = int(self._stations.of[nearest]), state.judged, state.arm.views.q
@@ -243,17 +246,17 @@ class PremiseWatch:
 
     def require_bounded_blend(self, blend: ModelBlend | None) -> None:
         """Raise UnboundedGain where the gain by (17) would feed itself with a model on the way of this blend."""
-        controller, chatter = self.system.controller, self.fed_back.chatter
+        controller = self.system.controller
         if blend is None or not controller.law.robust or controller.d is not None:
             return
         q, t = self._state.arm.views.q, self._state.t
-        by_speed = self._state.evaluation.part("posture_check").growth_by_speed
+        check = self._state.evaluation.part("posture_check")
         lead = f"blend.to: on the way to this target model, with controller.bounds {controller.bounds!r},"
         for share in ON_THE_WAY:
             following = controller.following(blended(blend.start, blend.end, share))
-            growth = following.gains.damping_rate / controller.gains.damping_rate
+            chatter = check.growth_by_speed + check.growth_by_damping * following.gains.damping_rate
             force = worst_gain_by_force(self.system.with_controller(following), q, t)
-            self._require_bounded(by_speed + (chatter - by_speed) * growth, force, lead)
+            self._require_bounded(chatter, force, lead)
 
     def _require_bounded(self, chatter: float, force: float, lead: str) -> None:
         """Raise UnboundedGain where a share that is fed back is 1 or more. lead: beginning of the sentence."""
@@ -262,8 +265,8 @@ class PremiseWatch:
             return
         if chatter == np.inf:
             raise UnboundedGain(
-                f"{self._declared_bound()}: the declared errors leave no inertia at this posture (M̂ - E of (6) is "
-                "not positive definite), so no gain by (17) suffices; allowed: a smaller value"
+                f"{self._without_inertia()}: the bound E of the declared errors leaves no inertia at this posture "
+                "(M̂ - E is not positive definite), so no gain by (17) suffices; allowed: a smaller value"
             )
         others = "controller.bounds = 'tight', " if controller.bounds == "paper" else ""
         others += f"controller.gain = 'constant', or a smaller {self._declared_bound()}"
@@ -278,6 +281,13 @@ class PremiseWatch:
                 f"{lead} the gain (17) and the force on the surface raise each other: {force:.3g} of each change "
                 f"comes back (must be below 1), and no control period helps; allowed: {others}"
             )
+
+    def _without_inertia(self) -> str:
+        """Dotted path of the declared bound that leaves no inertia: masses and rotors alone, which are known within
+        less than 1, always leave some."""
+        declared = self.system.scenario.declared
+        names = ("link_centre", "link_shape") if declared.delta_M is None else ("delta_M",)
+        return f"declared.{next((name for name in names if getattr(declared, name)), 'link_scaling')}"
 
     def _declared_bound(self) -> str:
         """Dotted path of the declared bound from which most of the growth of (17) with s follows, the first one of

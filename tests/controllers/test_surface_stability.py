@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
-from app.session.changes import blending_to, in_mode
+from app.session.changes import blending_to, in_mode, with_further
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.controller_builder import surfaces_met
@@ -152,6 +152,17 @@ def test_a_model_that_a_surface_makes_unstable_is_refused_as_the_models_fault(ki
         assemble(twisted(kind))
     assert "allowed: K_f^-1 M_m, K_f^-1 B_m" in str(refused.value)
     assert "sampled" not in str(refused.value)
+
+
+def test_a_model_whose_other_coordinates_no_point_contact_can_push_is_admitted() -> None:
+    """Three pressed planes; the angles' block is not passive."""
+    scenario = in_mode(shipped()["ur5-corner"], "hybrid-impedance")
+    scenario = with_further(edited(scenario, "second.control", "force"), "third", "elastic")
+    scenario = edited(edited(scenario, "third.control", "force"), "motion", "hold")
+    K_m, K_f = np.diag([0.0, 0.0, 0.0, 1000.0, 4000.0, 4000.0]), np.eye(6)
+    K_f[3:5, 3:5] = [[1.0, 0.5], [0.5, 2.0]]
+    given = {"K_m": K_m.tolist(), "K_f": K_f.tolist()}
+    assert assemble(edited(scenario, "target_model", given)).controller.model.K_f[3, 4] == 0.5
 
 
 def test_it_is_refused_when_the_surface_comes_later_or_grows_stiffer() -> None:

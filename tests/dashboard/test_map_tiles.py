@@ -176,7 +176,7 @@ def test_one_run_that_is_not_drawn_keeps_a_limit_or_does_not() -> None:
         drawn = picture(SweepView("force_error", within=0.15), sweep=sweep, rows=[None] * SweepPlan(sweep).count)
         labels = labels_in(drawn)
         kept = sum(": keeps the limit" in label for label in labels)
-        assert f"force error: {kept} of {len(labels)} runs keep the limit of &lt;7&gt; mN. " in drawn
+        assert f"Force error: {kept} of {len(labels)} runs keep the limit of &lt;7&gt; mN. " in drawn
         assert ": keeps the limit of &lt;7&gt; mN" in labels[0]
         assert ": does not keep the limit of &lt;7&gt; mN" in labels[2]
         assert not re.search(r"95 %|vs-interval|share", drawn)

@@ -1,7 +1,9 @@
 """Colours that can be read in both themes; keys, commands and help that say the same."""
 
 import asyncio
+import re
 from dataclasses import dataclass, field
+from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -9,12 +11,14 @@ from typing import Any, cast
 import pytest
 
 from app.dashboard.theme.colors import EDGE, INKS, MEASURED, PAGE, SERIES, Rgb, css, css_variables, line_css, on_white
+from app.dashboard.theme.style import MARKS
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.help import DOCUMENTS, help_html
 from app.dashboard.widgets.shortcuts import Shortcuts
 from app.scenario.data import shipped
 from app.session.commands import BeginScenario, Edit
 from controllers.modes import MODES
+from drivers.pages import _ROWS
 from tests.support.desks import Posted
 
 ROOT = Path(__file__).parents[2]
@@ -120,3 +124,17 @@ def test_help_names_modes_by_their_number_and_documents_that_exist():
     for digit, title in enumerate((mode.label for mode in MODES.values()), start=1):
         assert f"<kbd>{digit}</kbd></td><td>{title.lower()}" in text
     assert all((ROOT / name).is_file() for name in DOCUMENTS)
+
+
+def test_the_page_s_scripts_and_the_tests_driver_know_the_marks_of_texts() -> None:
+    """The scripts write the characters, the driver takes them off what it reads."""
+    page = resources.files("static.page")
+    rows, menu = (page.joinpath(name).read_text("utf-8") for name in ("rows.js", "rowmenu.js"))
+    written = {chr(int(code, 16)) for code in re.findall(r'"\\u([0-9a-f]{4})"', rows + menu)}
+    assert written == set(MARKS)
+    taken_off = re.search(r"const MARKS = /(\[.*?\])/g", rows)
+    assert taken_off is not None
+    driver = re.search(r"replace\(/(\[.*?\])/g", _ROWS)
+    assert driver is not None
+    for characters in (taken_off[1], driver[1]):
+        assert re.sub(characters, "", "".join(MARKS)) == ""

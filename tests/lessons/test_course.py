@@ -193,7 +193,7 @@ def test_a_damaged_file_of_progress_is_set_aside_and_lessons_go_on(damaged: byte
 def test_progress_that_cannot_be_read_is_not_written_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / FILE).write_text("{}")
     with monkeypatch.context() as broken:
-        broken.setattr(Path, "open", unreadable)
+        broken.setattr("app.lessons.kept_file.read_regular", unreadable)
         notebook = Notebook()
         problem = notebook.keep_in(tmp_path)
     assert problem.endswith(f"cannot be read: Input/output error; it is kept as {tmp_path / f'set-aside-{FILE}'}")

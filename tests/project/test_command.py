@@ -23,6 +23,8 @@ from app.scenario.field_info import field_info, types_of
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
+from app.simulation.signals import SIGNALS
 from tests.support.commands import Done, vsmrc
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -115,6 +117,14 @@ def test_the_fields_of_each_section_are_listed(section: str, capsys: pytest.Capt
     assert capsys.readouterr().err.endswith("simulation; did you mean surface?\n")
 
 
+def test_the_signals_of_a_recording_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["list", "--signals"]) == 0
+    listed = [line.split(maxsplit=3) for line in capsys.readouterr().out.splitlines()[1:]]
+    assert listed == [[each.name, str(each.width or "n"), each.unit, each.doc] for each in SIGNALS]
+    assert execute(["list", "--signals", "--fields", "robot"]) == 2
+    assert capsys.readouterr().err == "vsmrc: --signals with --fields; allowed: one of them\n"
+
+
 def test_figures_that_a_law_has_not_are_not_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     own = ("controller.law=computed-torque",)
     assert run("planar2r-semicircle", out=tmp_path, duration=0.05, settings=(own,)) == 0
@@ -131,7 +141,7 @@ def test_runs_are_compared_side_by_side(here: Callable[..., Done]) -> None:
     assert len(figures) == len(ACCOUNT_METRICS)
     for name, shown in zip(("planar3r-hybrid", "planar2r-semicircle"), figures["‖s‖, largest [mm/s]"], strict=True):
         loop = ClosedLoop.from_scenario(load(name))
-        loop.advance(300)
+        CompiledRun(loop).advance(300)
         largest = 1e3 * float(loop.recording.stretch()["s_norm"][-100:].max())
         assert float(shown) == pytest.approx(largest, rel=1e-2)
 

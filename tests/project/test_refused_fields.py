@@ -74,6 +74,17 @@ pytestmark = pytest.mark.slow  # processes of its own
         (
             (
                 "run",
+                "ur5-motion",
+                "--set",
+                "truth.disturbance=10",
+                "truth.disturbance_frequency=100",
+                "controller.period=0.005",
+            ),
+            "truth.disturbance_frequency: 100 Hz, at least half the rate of the plant's steps, so that the arm feels a",
+        ),
+        (
+            (
+                "run",
                 "ur5-groove-moving",
                 "--set",
                 "second.surface.motion.amplitude=0.001",

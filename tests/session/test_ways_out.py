@@ -32,6 +32,7 @@ SKEWED = (400.0 * np.eye(6) + 50.0 * np.eye(6, k=1)).tolist()
         ("ur5-hybrid", {"surface.origin": [0.0, 0.0, -3.0]}, "Move the surface under the tool", None, None),
         ("ur5-hybrid", {"contact.B_e": 1e5}, "Take 13 steps per period", "contact.B_e", 1e5),
         ("ur5-hybrid", {"force.value": -20.0}, "Let the surface pull, too", "force.value", -20.0),
+        ("ur5-corner", {"second.force.value": -5.0}, "Let the surface pull, too", "second.force.value", -5.0),
         ("ur5-hybrid", {"motion.radius": 2.0}, "Take a path that the arm can follow", None, None),
         ("ur5-hybrid", {"target_model.M_m": [0.0] * 6}, "Go 80 % of the way to it", None, None),
         ("ur5-hybrid", {"target_model.B_m": [-200.0, *[400.0] * 5]}, "Go 61 % of the way to it", None, None),

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.scenario.data import edited, load, shipped
+from app.scenario.data import edited, load, shipped, with_values
 from app.scenario.schema import Scenario
 from app.session.changes import blending_to
 from app.simulation.closed_loop import ClosedLoop
@@ -103,6 +103,28 @@ def test_compiled_run_has_the_rows_of_the_steps(name: str) -> None:
     stepped, compiled = loops(scenarios()[name], PERIODS)
     assert (stepped.stopped is not None) == name.endswith("until it stops")
     require_same_rows(stepped, compiled)
+
+
+def test_both_lose_the_promise_where_surfaces_go_where_no_search_has_been() -> None:
+    """Two planes move at frequencies that do not go together, and the run outlasts its duration."""
+    scenario = with_values(
+        load("ur5-corner"),
+        {
+            "motion": "hold",
+            "surface.motion.amplitude": 0.003,
+            "surface.motion.frequency": 0.5,
+            "second.surface.motion.amplitude": 0.003,
+            "second.surface.motion.frequency": 0.7,
+            "second.surface.motion.direction": [0.0, 1.0, 0.0],
+            "simulation.duration": 0.1,
+        },
+    )
+    stepped, compiled = loops(scenario, (60, 20, 170))
+    require_same_rows(stepped, compiled)
+    for loop in (stepped, compiled):
+        (found,) = [each for each in loop.standing.findings if each.premise == "domain"]
+        assert found.failed == pytest.approx(0.12, abs=0.021)
+        assert np.isnan(loop.recording.stretch()["s_bound"][-1])
 
 
 @pytest.mark.slow

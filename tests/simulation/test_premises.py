@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -90,6 +91,27 @@ def test_what_must_be_below_its_limit_fails_at_it() -> None:
     assert not judge.py_func(table, 0.5)
     failing = {premise for premise in Premise if table.failing[premise]}
     assert failing == {premise for premise, statement in STATEMENTS.items() if statement.sign == "<"}
+
+
+def test_a_verdict_before_the_first_period_has_the_numbers_of_the_law_in_force() -> None:
+    weak = edited(edited(short("ur5-motion"), "controller.gain", "constant"), "controller.d", 0.5)
+    begun, changed = ClosedLoop.from_scenario(weak), ClosedLoop.from_scenario(short("ur5-motion"))
+    for _ in range(10):
+        changed.advance()
+    changed.edit(weak)
+    for loop in (begun, changed):
+        found = re.search(r"the gain d = (\S+) N is below the (\S+) N that \(17\) requires", loop.standing.now.because)
+        assert found is not None
+        assert float(found[1]) == 0.5 < float(found[2])
+
+
+def test_a_blend_from_a_model_whose_damping_A_takes_away_is_judged() -> None:
+    """M_m^-1 B_m + A = 0: nothing of chattering comes back through r_eq_ddot."""
+    still = edited(short("ur5-motion"), "controller.A", -40.0)
+    loop = ClosedLoop.from_scenario(edited(still, "blend.to", {"K_m": [500.0] * 6}))
+    assert loop.premise_watch.fed_back.chatter == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(UnboundedGain, match=r"^blend.to: on the way to this target model"):
+        ClosedLoop.from_scenario(edited(still, "blend.to", {"B_m": [60000.0] * 6}))
 
 
 def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:
@@ -349,10 +371,10 @@ def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> Non
         assert (evaluated.part("posture_check").H_min > 0.0) == definite
         assert (evaluated.part("table").value[Premise.LAYER] < np.inf) == definite
     assert found == {False, True}
-    doubted = ClosedLoop.from_scenario(short("ur5-hybrid"))
+    doubted = ClosedLoop.from_scenario(short("ur5-hybrid", declared__link_centre=0.001))
     doubted.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER] = np.inf
     with pytest.raises(
-        UnboundedGain, match=r"declared\.link_scaling: .* leave no inertia .*; allowed: a smaller value"
+        UnboundedGain, match=r"^declared\.link_centre: .* leaves no inertia .*; allowed: a smaller value"
     ):
         doubted.premise_watch.require_bounded_gain(GainFeedbackShares(np.nan, np.nan))
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.scenario.data import edited, shipped, with_values
+from app.scenario.data import edited, load, shipped, with_values
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot
 from app.simulation.assembly import assemble
@@ -192,6 +192,28 @@ def test_a_delay_of_a_reading_that_does_not_tell_of_the_arm_changes_nothing_of_t
     growths = [growth_per_period(assemble(each)) for each in (prompt, late)]
     assert growths[0] == growths[1]
     assert (growths[0] > 1.0) == ("target_model.B_m" in fields)
+
+
+def test_a_late_moment_is_no_late_force() -> None:
+    """A contact in a point exerts no moment, on a spring and on a rigid surface behind a low-pass."""
+    for name, fields in (("ur5-hybrid", {}), ("ur5-constrained", {"sensor.cutoff": 100.0})):
+        prompt = with_values(shipped()[name], fields)
+        late = edited(prompt, "sensor.moment_delay", 0.2)
+        found = [sampled_loop(system := assemble(each), system.q_0, 0.0) for each in (prompt, late)]
+        assert found[0].premises == found[1].premises
+        assert found[0].force_factor == pytest.approx(found[1].force_factor, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    "fields", [{"controller.F_2": 1e4}, {"controller.F_2": 1e-3}, {"controller.F_2": [1e5, *[1.0] * 5]}]
+)
+def test_the_unit_of_z_changes_nothing_of_the_judgement(fields: dict[str, object]) -> None:
+    """F_2 scales z and nothing else, so the poles stay."""
+    usual, scaled = (assemble(each) for each in (load("ur5-hybrid"), with_values(load("ur5-hybrid"), fields)))
+    poles = [np.sort_complex(np.linalg.eigvals(PeriodMap(each, Posture.of(each, each.q_0, 0.0)).jacobian()))
+             for each in (usual, scaled)]  # fmt: skip
+    np.testing.assert_allclose(poles[1], poles[0], atol=2e-5)
+    assert growth_per_period(scaled) == pytest.approx(growth_per_period(usual), abs=1e-5)
 
 
 def test_an_arm_that_may_leave_its_surfaces_is_judged_with_each_choice_of_them() -> None:

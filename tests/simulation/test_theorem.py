@@ -192,6 +192,15 @@ def test_below_the_gain_condition_nothing_is_promised() -> None:
     assert s_norm["s_norm"].max() > 0.3
 
 
+def test_the_envelope_keeps_its_digits_where_K_s_is_almost_nothing() -> None:
+    """Then V' = -c_2 sqrt(V), whose solution is a parabola."""
+    c = ReachingCertificate(k_r_low=2.0, k_r_high=40.0, lambda_min_K_s=1e-15, epsilon=1.5, V_0=0.01)
+    root = np.sqrt(c.V_0) - 0.5 * c.c_2 * (t := np.linspace(0.0, 0.5, 20))
+    np.testing.assert_allclose(lyapunov_bound(c.bound, t), root**2, rtol=1e-9)
+    assert c.time_to(0.0) == pytest.approx(2.0 * np.sqrt(c.V_0) / c.c_2, rel=1e-9)
+    assert c.t_r == pytest.approx(c.time_to(0.0), rel=1e-9)
+
+
 def test_envelope_solves_the_comparison_equation() -> None:
     """(23), (24): V' = -c_1 V - c_2 sqrt(V), V = 0 at t_r (18)."""
     c = ReachingCertificate(k_r_low=2.0, k_r_high=30.0, lambda_min_K_s=50.0, epsilon=4.0, V_0=0.3)
