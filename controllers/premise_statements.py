@@ -142,9 +142,9 @@ STATEMENTS: dict[Premise, Statement] = {
         "largest growth of a small deviation over one control period with the torque held, for the present model and "
         "posture, on each choice of elastic surfaces that may be left, with Coulomb friction in the worst direction of "
         "slip; under the discontinuous law that of the motion on s = 0; infinite (not known) where the reading of a "
-        "contact's force is late by more than 100 periods",
+        "contact's force is late by more than 100 periods, or the loop has no linearisation",
         unknown="whether the sampled loop is stable is not known: the force sensor is late by more than 100 control "
-        "periods; choose a smaller delay",
+        "periods, or the loop has no linearisation here; choose a smaller delay, or another posture",
     ),
     Premise.CONTACT: Statement(
         "contact kept, no impact",

@@ -81,7 +81,7 @@ def score_curve(question: CurveQuestion, given: list[tuple[float, float]], trace
     """Score of a drawn curve, by its RMS distance to the measured one."""
     t = np.linspace(question.start, question.end, 200)
     drawn = np.interp(t, *np.array(given).T)
-    off = float(np.sqrt(np.mean((drawn - np.interp(t, trace.t, trace.values)) ** 2)))
+    off = float(np.sqrt(np.mean((drawn - trace.at(t)) ** 2)))
     distance = MeasuredNumber(off, question.line.unit)
     if off <= question.tolerance:
         return Score(1.0, f"your line is off by {distance} (RMS)")

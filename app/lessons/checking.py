@@ -138,13 +138,13 @@ def _scored(step: LessonStep, checked: Checked) -> Iterator[str]:
             if trace is None:
                 yield f"curve: no run after it shows {question.line.signal!r:.40}"
                 return
-            inside = (trace.t >= question.start) & (trace.t <= question.end)
+            inside = (trace.t >= question.start) & (trace.t <= question.end) & np.isfinite(trace.values)
             if inside.sum() < 2:
                 yield "start, end: the run has ended before"
                 return
             values = trace.values[inside]
             places = np.linspace(question.start, question.end, POINTS)  # as a hand can draw it
-            reference = list(zip(places.tolist(), np.interp(places, trace.t, trace.values).tolist(), strict=True))
+            reference = list(zip(places.tolist(), trace.at(places).tolist(), strict=True))
             if score_curve(question, reference, trace).points < 1.0:
                 yield "the reference answer does not count in full"
             if values.min() < question.low or values.max() > question.high:

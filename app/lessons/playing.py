@@ -27,12 +27,17 @@ class Trace:
     """Points of a line of a run's picture.
     run: title of the run.
     t: (N,) s.
-    values: (N,) in the unit of the line."""
+    values: (N,) in the unit of the line, nan where the signal has none."""
 
     run: str
     line: PictureLine
     t: np.ndarray
     values: np.ndarray
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """Values at t s, on straight lines between the known points."""
+        known = np.isfinite(self.values)
+        return np.interp(t, self.t[known], self.values[known])
 
 
 @dataclass(frozen=True)
@@ -104,14 +109,13 @@ def _trace(system: System, recording: Recording, line: PictureLine, title: str) 
         raise ScenarioError(f"show: {line.signal!r:.40}: nothing is recorded; allowed: a run that lasts")
     values = signal_of(system, record, line.signal)
     values = factor_for(line.unit, si_unit_of(system, line.signal), f"the signal {line.signal}") * values
-    known = np.isfinite(values)
-    t, values = record["t"][known], values[known]
+    t, known = record["t"], np.isfinite(values)
     if len(t) > POINTS:
         grid = BucketGrid.over(float(t[0]), float(t[-1]), POINTS // 2)
-        thinned = grid.thin(t, values[:, None])[:, 0]
-        known = np.isfinite(thinned)
-        t, values = grid.times[known], thinned[known]
-    return Trace(title, line, t, values)
+        t, values = grid.times, grid.thin(t[known], values[known, None])[:, 0]
+    there = np.flatnonzero(np.isfinite(values))
+    stretch = slice(there[0], there[-1] + 1)
+    return Trace(title, line, t[stretch], values[stretch])
 
 
 def reached(step: LessonStep, values: dict[str, float], memory: Memory | None = None) -> dict[str, MeasuredNumber]:

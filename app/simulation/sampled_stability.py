@@ -116,6 +116,9 @@ class SampledLoops:
             return replace(self._prompt.at(q, t), A=None, C=None)
         try:
             at = Posture.of(system, q, t)
+        except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
+            return SampledLoop(math.nan, {}, None, None)
+        try:
             loads = unit_loads(system, at)
             feedback = gain_by_force(system, at, loads)
             force_loop = worst_force_loop(system, at, loads, tuple(each.added for each in feedback))
@@ -127,8 +130,8 @@ class SampledLoops:
                 growth = max(growth for _, growth in judged)
                 if not _chatters(system):
                     A, C = judged[0][0].A, judged[0][0].C
-        except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
-            return SampledLoop(math.nan, {}, None, None)
+        except (ValueError, np.linalg.LinAlgError):
+            return SampledLoop(math.nan, {Premise.SAMPLED_LOOP: math.inf}, None, None)
         premises = {
             Premise.FORCE_LOOP: force_loop.premise,
             Premise.GAIN_BY_FORCE: max(each.gain for each in feedback),

@@ -65,6 +65,21 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: PageSession):
     assert session.now.phase == "paused"
     button.blur()
 
+    text.focus()
+    page.keyboard.press("Control+k")  # also from a text field
+    expect(page.get_by_placeholder("Search commands")).to_be_focused()
+    page.keyboard.press("Escape")
+    expect(page.get_by_placeholder("Search commands")).to_have_count(0)
+
+    explain = page.get_by_role("button", name="?", exact=True).first
+    explain.focus()
+    page.keyboard.press("Enter")
+    page.locator(".vs-help").wait_for()
+    page.keyboard.press("Escape")
+    page.locator(".vs-help").wait_for(state="detached")
+    expect(explain).to_be_focused()
+    explain.blur()
+
     page.keyboard.press("?")
     page.locator(".vs-help").wait_for()
     run = session.now.run

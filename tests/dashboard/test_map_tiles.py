@@ -17,6 +17,8 @@ from app.dashboard.widgets.robustness_map import RobustnessMap, badness
 from app.dashboard.widgets.swept_fields import FIELDS
 from app.scenario.data import edited, load
 from app.scenario.errors import ScenarioError
+from app.scenario.schema import Scenario
+from app.session.changes import in_mode
 from app.sweep.background import BackgroundSweep, coarse_first
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import SweepView, points_of
@@ -301,3 +303,19 @@ def test_a_map_beyond_what_its_field_allows_is_refused_and_a_limit_that_is_none_
     robustness._within.value = "abc"
     assert robustness._limit == "Limit: 'abc'; allowed: a number"
     assert robustness._view.within is None
+
+
+@pytest.mark.parametrize(
+    ("scenario", "earlier"),
+    [(edited(SWEEP.scenario, "contact.K_e", 2e4), False), (in_mode(SWEEP.scenario, "impedance"), True)],
+    ids=["a softer surface", "another mode"],
+)
+def test_a_map_of_an_earlier_scenario_says_so(
+    viser_server: viser.ViserServer, scenario: Scenario, earlier: bool
+) -> None:
+    page = BareDesk(viser_server, scenario)
+    robustness = RobustnessMap(page.desk)
+    robustness._fields = {each.path: each for each in FIELDS}
+    work = SimpleNamespace(plan=SweepPlan(SWEEP), rows=[], going=True, waiting=False, problem="")
+    drawn = robustness._drawn(cast(BackgroundSweep, work), page.snapshot())
+    assert ("The map is of an earlier scenario: mode, arm or surfaces were others." in drawn) == earlier

@@ -25,7 +25,7 @@ from app.dashboard.plots.lesson_figures import run_colors
 from app.dashboard.theme.colors import MEASURED, line_css
 from app.dashboard.widgets.lesson_answers import CurveAnswer, NumberAnswer
 from app.dashboard.widgets.lesson_list import _state
-from app.dashboard.widgets.outcome_chart import outcome_html
+from app.dashboard.widgets.outcome_chart import _Frame, _path, outcome_html
 from app.lessons.answers import (
     FILE,
     Answer,
@@ -42,11 +42,12 @@ from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Goal, LessonRun, N
 from app.lessons.course import LessonCourse
 from app.lessons.lesson import LessonStep, shipped_lessons
 from app.lessons.measures import MeasuredNumber
-from app.lessons.playing import Trace, performance, play, runs
-from app.scenario.data import shipped
+from app.lessons.playing import POINTS, Trace, _trace, performance, play, runs
+from app.scenario.data import edited, load, shipped
 from app.scenario.errors import ScenarioError
 from app.session.commands import SetSpeed
 from app.session.runner import Runner
+from app.simulation.closed_loop import ClosedLoop
 from app.storage.session_index import StateError
 from drivers.waiting import until
 from tests.lessons.test_lessons import lesson
@@ -360,6 +361,26 @@ def test_what_is_no_drawn_line_is_said(drawn: str) -> None:
     answer = SimpleNamespace(_field=SimpleNamespace(value=drawn), _desk=SimpleNamespace(complain=complaints.append))
     asyncio.run(CurveAnswer._on_lock(cast(CurveAnswer, answer), None))
     assert complaints == ["your line: nothing is drawn yet; allowed: draw it on the axes, or use the arrow keys"]
+
+
+@pytest.mark.parametrize("points", [POINTS, 80], ids=["every row", "thinned"])
+def test_the_line_of_a_signal_that_has_no_value_for_a_while_has_a_gap_there(
+    points: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bound (20), while the true arm is outside the declared set."""
+    monkeypatch.setattr("app.lessons.playing.POINTS", points)
+    loop = ClosedLoop.from_scenario(load("ur5-hybrid"))
+    for scaling in (1.15, 1.3, 1.15):
+        loop.edit(edited(loop.system.scenario, "truth.link_scaling", scaling))
+        for _ in range(100):
+            loop.advance()
+    trace = _trace(loop.system, loop.recording, PictureLine("s_bound", "mm/s", "bound"), "run")
+    gap = trace.t[~np.isfinite(trace.values)]
+    assert 0.1 < gap.min() < 0.107 < 0.195 < gap.max() < 0.205
+    path = _path(_Frame(0.0, 0.3, -10.0, 100.0), np.column_stack([trace.t, trace.values]))
+    assert path.count("M") == 2
+    assert "nan" not in path
+    assert np.isfinite(trace.at(np.linspace(0.0, 0.3, 50))).all()
 
 
 def test_a_line_along_the_ends_of_its_rounded_axes_is_an_answer() -> None:

@@ -8,8 +8,9 @@ import pytest
 from msgspec.structs import replace
 
 from app.cli.commands import execute
+from app.lessons.blocks import ChoiceQuestion
 from app.lessons.checking import check
-from app.lessons.lesson import Lesson, LessonError, load, read, shipped_lessons
+from app.lessons.lesson import Lesson, LessonError, LessonStep, load, read, shipped_lessons
 from app.storage.constants_store import kept_memory
 
 DOCS = Path(__file__).parents[2] / "docs" / "lessons.md"
@@ -297,3 +298,11 @@ def test_a_command_that_makes_no_sense_is_refused_in_a_sentence(
 ) -> None:
     assert execute(["lesson", *arguments]) == 2
     assert capsys.readouterr().err.startswith(f"vsmrc: {sentence}")
+
+
+def test_a_step_names_the_numbers_that_its_text_its_question_or_an_option_contains() -> None:
+    plain = ChoiceQuestion(ask="More?", options=("no", "yes"), right=1)
+    asking, offering = replace(plain, ask="More than {{a}}?"), replace(plain, options=("no", "{{a}}"))
+    given = (("It was.", plain), ("It was {{a}}.", plain), ("It was.", asking), ("It was.", offering))
+    steps = [LessonStep(1, 1, "observe", text, block, None) for text, block in given]
+    assert [step.names_numbers for step in steps] == [False, True, True, True]

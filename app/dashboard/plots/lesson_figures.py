@@ -63,10 +63,11 @@ def _chart(
     found = predicted(run, line, answers)
     ends = np.array([0.0, max(float(trace.t[-1]) for trace in traces)])
     values = np.concatenate([trace.values for trace in traces])
+    low, high = np.nanmin(values), np.nanmax(values)
     courses = [
         *found.courses,
         *(np.column_stack([ends, [level, level]]) for level in found.levels),
-        *(np.array([[t, values.min()], [t, values.max()]]) for t in found.instants if ends[0] <= t <= ends[1]),
+        *(np.array([[t, low], [t, high]]) for t in found.instants if ends[0] <= t <= ends[1]),
     ]
     for number, course in enumerate(courses):
         t, value = course.T

@@ -100,7 +100,7 @@ def _picture(
     values = np.concatenate(
         [*(trace.values for trace in traces), *(drawn[:, 1] for drawn in found.courses), found.levels]
     )
-    low, high = float(values.min()), float(values.max())
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
     room = 0.06 * (high - low) or 1.0
     frame = _Frame(0.0, max(float(trace.t[-1]) for trace in traces), low - room, high + room)
     parts = [_grid(frame, f"{line.title} [{line.unit}]")]
@@ -138,10 +138,15 @@ def _predicted(path: str) -> str:
 
 
 def _path(frame: _Frame, points: np.ndarray) -> str:
-    return " ".join(
-        f"{'L' if k else 'M'} {frame.x(t):.1f} {min(max(frame.y(value), TOP), BOTTOM):.1f}"
-        for k, (t, value) in enumerate(points)
-    )
+    """Path through the points (N, 2) of t and value, broken where a value is not known."""
+    path, pen = list[str](), "M"
+    for t, value in points:
+        if math.isnan(value):
+            pen = "M"
+            continue
+        path.append(f"{pen} {frame.x(t):.1f} {min(max(frame.y(value), TOP), BOTTOM):.1f}")
+        pen = "L"
+    return " ".join(path)
 
 
 def _grid(frame: _Frame, title: str) -> str:
