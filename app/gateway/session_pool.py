@@ -42,7 +42,7 @@ class SessionPool:
     spare: have a process ready in advance.
     classes: whether lessons may ask a class.
     limits: limits of one visitor.
-    of_one_address: places that one address may have, see `places_share`.
+    of_one_address: places that one address may have, see `places_limit`.
     """
 
     def __init__(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import Any
 
 from app.scenario.contact_sections import ContactSection
@@ -16,7 +17,11 @@ _SECTION_WORDS = {
     "contact": "contact",
     "task_space": "task space",
     "surface": "surface",
+    "second.surface": "second surface",
+    "third.surface": "third surface",
+    "truth": "true arm:",
 }
+_GAINS = ("K_s", "A", "F_1", "F_2")
 
 
 def adaptation_sentence(requested: Scenario, done: Scenario, units: Units) -> str:
@@ -28,10 +33,10 @@ def adaptation_sentence(requested: Scenario, done: Scenario, units: Units) -> st
     for section, word in _SECTION_WORDS.items():
         changed = {path: values for path, values in different.items() if path.startswith(f"{section}.")}
         if f"{section}.kind" in changed:
-            old, new = getattr(requested, section), getattr(done, section)
+            old, new = (attrgetter(section)(of) for of in (requested, done))
             adaptations.append(f"{word} {_kind_title(new)} instead of {_kind_title(old)}")
-        elif list(changed) == ["surface.origin"]:
-            adaptations.append("surface brought to the tool")
+        elif list(changed) == [f"{section}.origin"]:
+            adaptations.append(f"{word} brought to the tool")
         else:
             adaptations += [f"{word} {_field_phrase(path, *values, units)}" for path, values in changed.items()]
     for each in ("second", "third"):
@@ -44,9 +49,14 @@ def adaptation_sentence(requested: Scenario, done: Scenario, units: Units) -> st
         adaptations.append("the tool touches with a point")
     if requested.target_model != done.target_model:
         adaptations.append("target model back at the mode's defaults")
-    if requested.controller.K_s != done.controller.K_s:
+    gains = [name for name in _GAINS if f"controller.{name}" in different]
+    if requested.controller.layer != done.controller.layer:
         layer = f"{done.controller.layer:.3g} {unit_in(units, 'controller.layer', 'm/s')}"
-        adaptations.append(f"boundary layer {layer}, and K_s, converted by the characteristic length ℓ")
+        d = ", d" if "controller.d" in different else ""
+        adaptations.append(f"boundary layer {layer}{d} and K_s, converted by the characteristic length ℓ")
+        gains = [name for name in gains if name != "K_s"]
+    if gains:
+        adaptations.append(f"{', '.join(gains)}: one number for all coordinates")
     if requested.controller.gain != done.controller.gain:
         adaptations.append(f"gain d is {done.controller.gain} now")
     return f"Adapted: {'; '.join(adaptations)}." if adaptations else ""

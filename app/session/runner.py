@@ -92,7 +92,7 @@ class Runner:
     def hang(self) -> str:
         """Sentence that the loop's thread hangs; "" while it lives, or prepares another arm and has said so."""
         silent = time.perf_counter() - self._came_round
-        patience = PREPARATION if self._newest.notice == PREPARING else SILENCE
+        patience = PREPARATION if self._newest.preparing else SILENCE
         if silent < patience or not self._thread.is_alive():
             return ""
         return f"The loop has given no sign of life for {silent:.0f} s: it hangs, or is being compiled"

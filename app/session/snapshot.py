@@ -92,6 +92,11 @@ class Snapshot(View):
         return standing_of(self.system, self.state)
 
     @property
+    def preparing(self) -> bool:
+        """Whether the loop prepares another arm, contact or path, and stands still meanwhile."""
+        return self.notice == PREPARING
+
+    @property
     def looking_back(self) -> bool:
         """Whether t is before the run's end."""
         return self.end - self.t > 0.5 * self.scenario.controller.period

@@ -245,7 +245,7 @@ class Timeline:
         """Forget the pinned run of this number. Raises ScenarioError when there is none."""
         if all(pinned.number != number for pinned in self.pinned):
             known = ", ".join(str(pinned.number) for pinned in self.pinned) or "none is pinned"
-            raise ScenarioError(f"unpin: {number}; allowed: {known}")
+            raise ScenarioError(f"forget run: {number}; allowed: {known}")
         self.pinned = tuple(pinned for pinned in self.pinned if pinned.number != number)
 
     def rename(self, number: int, name: str) -> None:
@@ -254,7 +254,7 @@ class Timeline:
         if len(name) > NAME:
             raise ScenarioError(f"name of run {number}: {len(name)} letters; allowed: at most {NAME}")
         if all(pinned.number != number for pinned in self.pinned):
-            raise ScenarioError(f"name of run {number}: there is no such pinned run")
+            raise ScenarioError(f"name of run {number}: there is no such pinned run; allowed: one that is pinned")
         usual, others = f"run {number}", {pinned.title for pinned in self.pinned if pinned.number != number}
         title = name or usual
         if title in others or (USUAL.fullmatch(title) and title != usual):

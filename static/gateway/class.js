@@ -16,6 +16,10 @@ const send = async (given) => {
       method: "POST", headers: { "Content-Type": "application/json" },
       body: JSON.stringify({ number, given }),
     });
+    if (!/json/.test(answer.headers.get("Content-Type"))) { // as for a link that was taken back
+      message.textContent = "This link is no longer valid; ask for the new one.";
+      return;
+    }
     const reply = await answer.json();
     if (number !== question?.number) return; // another question has come meanwhile
     if (answer.ok) { own = reply.own; draw(); } else message.textContent = reply.refused;

@@ -83,7 +83,12 @@ const begin = (about) => {
         const whole = document.body.appendChild(make("div", "vg-large"));
         whole.append(Object.assign(make("img"), { src: code.src, alt: code.alt }), make("p", "", address));
         whole.addEventListener("click", () => whole.remove());
-        document.addEventListener("keydown", () => whole.remove(), { once: true });
+        document.addEventListener("keydown", (e) => {
+          if (!whole.isConnected) return;
+          whole.remove();
+          e.preventDefault();
+          e.stopPropagation();
+        }, { once: true, capture: true });
       };
       code.addEventListener("click", large);
       code.addEventListener("keydown", (e) => { if (e.key === "Enter") { e.stopPropagation(); if (!e.repeat) large(); } });
@@ -103,7 +108,11 @@ const begin = (about) => {
       share.setAttribute("aria-expanded", String(open));
     };
     share.addEventListener("click", () => show(card.hidden));
-    document.addEventListener("keydown", (e) => { if (e.key === "Escape") show(false); });
+    document.addEventListener("keydown", (e) => {
+      if (e.key !== "Escape" || e.defaultPrevented || card.hidden) return;
+      show(false);
+      e.preventDefault(); // one Esc ends one thing
+    }, true);
   }
   // keys typed here are text, not commands of the page
   root.addEventListener("keydown", (e) => { if (e.key !== "Escape") e.stopPropagation(); });

@@ -16,5 +16,7 @@ const ask = async () => {
   setTimeout(ask, 1000);
 };
 document.getElementById("again").hidden = location.pathname.includes("/watch/");  // who watches begins nothing
-document.getElementById("again").addEventListener("click", async () => { await fetch("again", { method: "POST" }); });
+document.getElementById("again").addEventListener("click", async () => {
+  try { await fetch("again", { method: "POST" }); } catch { show("lost"); }
+});
 ask();

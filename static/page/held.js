@@ -2,8 +2,8 @@
 // lies over the scene, and below it the numbers of what-if. When it has been let go, the button that takes its value back
 // stands in the scene.
 const MATTERS = [ // words of the row's label, and of the plot's title
-  [/^(K_f|K_e|K̂_e|B_e|M_e|F_d|λ)|\[N\]|friction/, /force/],
   [/^(constant d|margin|layer|K_s|F_1|F_2)/, /sliding/],
+  [/^(K_f|K_e|K̂_e|B_e|M_e|F_d|λ)|\[N\]|friction/, /force/],
   [/./, /./],
 ];
 let borrowed = null; // plot that lies over the scene: { box, chart, row, width, height }

@@ -9,7 +9,7 @@ const belongsToControl = (e) =>
 // A browser opens its dialog for a file only while a key or a button is being pressed, so not from the server.
 const upload = () => {
   const way = document.querySelector("[data-upload]");
-  if (way) document.querySelector(`input[type=file][accept^="${way.dataset.upload}"]`)?.click();
+  if (way && !document.querySelector(".vg-watching")) document.querySelector(`input[type=file][accept^="${way.dataset.upload}"]`)?.click();
   return way !== null;
 };
 document.body.addEventListener("keydown", (e) => {
@@ -46,7 +46,7 @@ document.addEventListener("click", (e) => {
 }, true);
 // a slider that was dragged, the timeline's too, leaves the arrow keys, Home and End to the steps through the run
 document.addEventListener("mouseup", (e) => {
-  const within = document.activeElement?.closest("form .mantine-Slider-root");
+  const within = document.activeElement?.closest(".mantine-Slider-root");
   if (e.isTrusted && within) setTimeout(() => document.activeElement?.blur());
 }, true);
 // these step through the run: viser's camera, which listens at the document, would turn with them

@@ -44,5 +44,7 @@ document.addEventListener("pointercancel", (e) => { // the browser scrolls inste
   if (e.pointerId === dragged?.pointer) leavePole();
 }, true);
 document.addEventListener("keydown", (e) => {
-  if (e.key === "Escape" && dragged) leavePole();
+  if (e.key !== "Escape" || !dragged) return;
+  leavePole();
+  e.preventDefault(); // one Esc ends one thing (stage.js)
 }, true);

@@ -212,7 +212,7 @@ document.addEventListener("click", (e) => {
     return;
   }
   const again = box === large(), measures = button?.matches(".vs-measure");
-  if (!button && (!large() || again)) return;
+  if (!button) return; // what else is pressed leaves it large, with its cursors
   if (measures) {
     e.stopPropagation();
     const plot = chartIn(box);
@@ -223,12 +223,12 @@ document.addEventListener("click", (e) => {
     }
     return;
   }
-  if (button) e.stopPropagation();
+  e.stopPropagation();
   shrink();
-  if (button && !again) grow(box);
+  if (!again) grow(box);
 }, true);
 document.addEventListener("keydown", (e) => {
-  if (e.key !== "Escape" || !large()) return;
+  if (e.key !== "Escape" || e.defaultPrevented || !large()) return;
   shrink();
   e.preventDefault(); // one Esc ends one thing (stage.js)
 }, true);
@@ -279,6 +279,11 @@ const cellText = (cell) => {
   const text = cell.innerText.trim().replace(/\s+/g, " ");
   return /^[=@+-]/.test(text) && !/^[+-]?[\d.]/.test(text) ? `'${text}` : text;
 };
+const tell = (button, text) => { // for a while: the table changes
+  button.dataset.says ??= button.textContent;
+  button.textContent = text;
+  setTimeout(() => { button.textContent = button.dataset.says; }, 2000);
+};
 document.addEventListener("click", async (e) => {
   const button = e.target instanceof Element && e.target.closest("[data-copy]");
   const table = button && document.querySelector(button.dataset.copy);
@@ -286,9 +291,9 @@ document.addEventListener("click", async (e) => {
   const text = [...table.rows].map((line) => [...line.cells].map(cellText).join("\t")).join("\n");
   try {
     await navigator.clipboard.writeText(text);
-    button.textContent = "Copied";
+    tell(button, "Copied");
   } catch { // only pages by https or of this machine may write there
     getSelection().selectAllChildren(table);
-    button.textContent = "Selected: press Ctrl+C";
+    tell(button, "Selected: press Ctrl+C");
   }
 });

@@ -68,7 +68,12 @@ document.addEventListener("focusout", (e) => {
 const SLOT = 60; // ms, longer than viser waits between two messages
 let held = null, byKey = false;
 const slider = (e) => e.target instanceof Element ? e.target.closest("form .mantine-Slider-root") : null;
-const hold = (row, key) => { held = row; byKey = key; row.dataset.held = ""; row.vsmrcTurn = null; };
+const hold = (row, key) => {
+  held = row;
+  byKey = key;
+  row.vsmrcTurn = null;
+  if (!row.matches("div:has(> .vs-ticks) + form")) row.dataset.held = ""; // the timeline changes nothing
+};
 const letGo = (mark) => {
   if (!held) return;
   const row = held, turn = (row.vsmrcTurn = {});
@@ -139,8 +144,10 @@ const takeBack = () => {
 };
 document.addEventListener("keydown", (e) => {
   const s = slider(e);
-  if (e.key === "Escape" && held) takeBack();
-  else if (s && moves(e)) hold(s.closest("form"), true);
+  if (e.key === "Escape" && held) {
+    takeBack();
+    e.preventDefault(); // one Esc ends one thing (stage.js)
+  } else if (s && moves(e)) hold(s.closest("form"), true);
 }, true);
 document.addEventListener("keyup", (e) => { if (moves(e)) letGo("\u200c"); }, true);
 // the keyup goes elsewhere then; a mouse stays with the page that it was pressed on

@@ -271,7 +271,7 @@ window.vsmrcDialog = (name, content) => {
   dialog.showModal();
 };
 document.addEventListener("click", (e) => {
-  if (!(e.target instanceof Element && e.target.closest("[data-glossary]"))) return;
+  if (!(e.target instanceof Element && e.target.closest("[data-glossary]")) || !template()) return; // no run yet
   const list = template().content.querySelector("dl").cloneNode(true), values = present();
   for (const entry of list.children) {
     const now = document.createElement("dd");

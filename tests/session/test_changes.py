@@ -86,9 +86,22 @@ def test_of_a_path_in_space_a_surface_keeps_what_lies_along_it_and_that_is_said(
     np.testing.assert_allclose(moved, [*scenario.motion.displacement[:2], 0.0], atol=1e-6)
     assert (
         adaptation_sentence(scenario, changed, CARTESIAN)
-        == "Adapted: path by 0.1, -0.05 instead of 0.1, 0.05, -0.03 m."
+        == "Adapted: path by 0.1, -0.05 instead of 0.1, 0.05, -0.03 m; target model back at the mode's defaults."
     )
-    assert adaptation_sentence(scenario, in_mode(scenario, "motion"), CARTESIAN) == ""
+    usual = edited(scenario, "target_model", {})
+    assert adaptation_sentence(usual, in_mode(usual, "motion"), CARTESIAN) == ""
+
+
+def test_what_another_arm_takes_from_the_gains_the_true_arm_and_further_surfaces_is_said() -> None:
+    scenario = edited(shipped()["ur5-corner"], "controller.K_s", [100.0, 100.0, 100.0, 50.0, 50.0, 50.0])
+    scenario = edited(scenario, "truth.link_scaling", [1.1, 1.0, 1.0, 1.0, 1.0, 1.0])
+    done = possible(on_robot(scenario, "ur3"), ClosedLoop.from_scenario).system.scenario
+    said = adaptation_sentence(edited(scenario, "robot.name", "ur3"), done, CARTESIAN)
+    assert "K_s: one number for all coordinates" in said
+    assert "converted" not in said
+    assert "true arm: link scaling 1 instead of 1.1, 1, 1, 1, 1, 1" in said
+    moved = edited(scenario, "second.surface.origin", [0.1, 0.2, 0.3])
+    assert adaptation_sentence(scenario, moved, CARTESIAN) == "Adapted: second surface brought to the tool."
 
 
 def test_a_circle_that_leaves_the_surface_is_laid_on_it() -> None:
@@ -115,7 +128,7 @@ def test_joints_as_coordinates_keep_the_promise_with_gains_converted_by_the_char
     done, l = loop.system.scenario, scenario.task_space.characteristic_length
     assert done.controller.layer == pytest.approx(scenario.controller.layer / l, rel=2e-3)
     assert done.controller.K_s == pytest.approx(scenario.controller.K_s * l**2, rel=2e-3)
-    assert "boundary layer 0.0667 rad/s, and K_s, converted by the charac" in adaptation_sentence(asked, done, JOINT)
+    assert "boundary layer 0.0667 rad/s" in adaptation_sentence(asked, done, JOINT)
     CompiledRun(loop).advance(1500)
     assert loop.standing.now.verdict == "holds"
     assert np.abs(loop.recording.at(loop.t)["e_r"]).max() < 2e-4  # rad
@@ -232,6 +245,8 @@ def test_a_long_drag_among_refused_values_tries_the_last_two_positions_only(monk
         (Edit("third.contact.kind", "free"), True),
         (Edit("surface", "cylinder"), True),
         (Edit("face.flat", True), True),
+        (Edit("motion", "line"), True),
+        (Edit("motion.radius", 0.02), False),
         (EditAll({"force.value": 25.0, "second.surface.kind": "plane"}), True),
         (Edit("robot.name", "ur3"), True),
         (Edit("surface.motion.amplitude", 0.01), False),

@@ -32,7 +32,7 @@ def test_pins_are_numbered_bounded_and_stay_as_they_were() -> None:
     assert [pinned.number for pinned in line.pinned] == [2, 3, 4]
     assert [len(pinned.recording) for pinned in line.pinned] == [20, 30, 40]
     line.unpin(3)
-    with pytest.raises(ScenarioError, match="unpin: 3; allowed: 2, 4"):
+    with pytest.raises(ScenarioError, match="forget run: 3; allowed: 2, 4"):
         line.unpin(3)
 
 

@@ -246,7 +246,7 @@ def test_a_run_judges_whether_the_true_arm_is_within_stated_bounds(
         ("truth.link_centre", [[0.0, 0.0, 0.0]] * 2, "allowed: 3 numbers, or 3 rows of 3, one per link"),
         ("truth.link_shape", [0.0, 0.0], "allowed: 6 numbers, or 3 rows of 6, one per link"),
         ("truth.link_shape", [0.0, -1.0, 0.0, 0.0, 0.0, 0.0], "a link with 0 of its inertia about an axis"),
-        ("declared.link_centre", 0.9, "some arm would have no inertia left"),
+        ("declared.link_centre", 0.9, "their bound E would leave some arm no inertia"),
     ],
 )
 def test_a_bound_or_a_link_that_makes_no_sense_is_refused_with_a_sentence(

@@ -11,7 +11,7 @@ import viser
 
 from app.analysis.metrics import ACCOUNT_METRICS, Account, ShownMetric, account
 from app.dashboard.theme.colors import RUNS, css
-from app.dashboard.theme.style import COMMITS, MARKS
+from app.dashboard.theme.style import COMMITS, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk
 from app.dashboard.widgets.field_words import differences_in_words
@@ -90,7 +90,7 @@ class _PinnedRow:
         self._typing.expect(self._desk.snapshot(), 0.0 if done else 60.0)  # a page may close amid a name
         if self._run is None or not done:
             return
-        name = self._text.value.rstrip("".join(MARKS)).strip()
+        name = without_marks(self._text.value).strip()
         if name:
             self._desk.post(Rename(self._run.number, "" if name == f"run {self._run.number}" else name))
         else:  # Esc, or nothing to read

@@ -154,6 +154,9 @@ class Hand:
         turning = (np.zeros(3), orientation(snapshot), away / max(float(np.linalg.norm(away)), 1e-9))
         if drag != "target" and self._desk.lock.refuses("a push by hand"):
             return None
+        if drag != "target" and snapshot.looking_back:
+            self._desk.complain("push: the past cannot be pushed; allowed: at the end of the run, or after a fork (F)")
+            return None
         if drag == "push":
             return HeldHandle(client, drag, -away, *turning)
         if drag == "turn":

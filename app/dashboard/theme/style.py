@@ -55,6 +55,11 @@ _SCRIPTS = (
 _PIXEL = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
 
 
+def without_marks(text: str) -> str:
+    """Text of a field without the marks of the page's scripts."""
+    return text.rstrip("".join(MARKS))
+
+
 def injected_html() -> str:
     """The style sheet and the script, as an invisible piece of HTML."""
     # a client that lost its connection gets this HTML again; the script runs once

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import viser
 
-from app.dashboard.theme.style import MARKS
+from app.dashboard.theme.style import MARKS, without_marks
 from app.dashboard.transport.viser_private import wrap_updates
 
 REPEATS = 5.0  # s, longer than the page waits between two reports of one input
@@ -54,7 +54,7 @@ class RepeatedInputs:
 
     def _repeats(self, field: str, client: int, value: str) -> bool:
         """Whether a page reports an input of this field again; notes the input."""
-        text, now = value.rstrip("".join(MARKS)), self._clock()
+        text, now = without_marks(value), self._clock()
         given = _Input(text + value[-1], (len(value) - len(text)) % 2 == 0, now)
         self._last = {key: known for key, known in self._last.items() if now - known.at < REPEATS}
         before = self._last.get((field, client))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.dashboard.theme.style import COMMITS, MARKS
+from app.dashboard.theme.style import COMMITS, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk, asked
@@ -101,7 +101,7 @@ class UrdfPath:
         if not self._text.value.endswith(COMMITS):
             self._answer.expect(snapshot, seconds=60.0)
             return
-        self._text.value = text = self._text.value.rstrip("".join(MARKS)).strip()
+        self._text.value = text = without_marks(self._text.value).strip()
         changed = bool(text) and text != self._place.read(snapshot)
         if changed:
             asked(self._desk, snapshot, Edit("robot.urdf", text), self._answer)

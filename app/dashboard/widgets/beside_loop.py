@@ -7,13 +7,11 @@ from abc import ABC, abstractmethod
 from typing import Generic, TypeVar
 
 import msgspec
-import viser
 
-from app.dashboard.theme.style import MARKS
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.file_delivery import FileDelivery
-from app.dashboard.widgets.swept_fields import number_of, unmarked
+from app.dashboard.widgets.swept_fields import number_of
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
@@ -38,7 +36,6 @@ class BesideLoop(ABC, Generic[W]):
     def _add_length(self) -> None:
         """Add the text field for the length of each run."""
         self._seconds = self._desk.gui.add_text("Each run [s]", "2", hint="0.2 to 10 s.")
-        self._seconds.on_update(from_pages(unmarked))
 
     def _add_button(self) -> None:
         """Add the button, and the picture below it."""
@@ -107,6 +104,11 @@ def lasting(scenario: Scenario, seconds: float) -> Scenario:
     return msgspec.structs.replace(scenario, simulation=simulation)
 
 
-def typed(text: viser.GuiInputHandle[str]) -> str:
-    """Text that the user has typed, without the marks of the page's script."""
-    return text.value.strip("".join(MARKS)).strip()
+def task_of(scenario: Scenario) -> tuple[object, ...]:
+    """Mode, arm and kinds of surfaces of a scenario, without which the results of its runs mean nothing."""
+    return scenario.mode, scenario.robot, [type(each.form) for each in scenario.surfaces]
+
+
+def earlier_html(what: str) -> str:
+    """Note on results of a scenario with another `task_of` than the present one, as HTML."""
+    return f'<div class="vs-note">{what} is of an earlier scenario: mode, arm or surfaces were others.</div>'

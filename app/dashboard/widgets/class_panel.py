@@ -81,7 +81,7 @@ def _html(asked: AskedQuestion, *, over: bool) -> str:
     count = len(asked.answers)
     total = f"{count} {'answer' if count == 1 else 'answers'}{' when it was asked last' if over else ''}"
     shown = "" if asked.question.open else answers_html(asked.question, asked.answers)
-    return f'<div class="vs-lesson vs-class" data-asked="{asked.question.number}"><b>{total}</b>{shown}</div>'
+    return f'<div class="vs-lesson" data-asked="{asked.question.number}"><b>{total}</b>{shown}</div>'
 
 
 def answers_html(question: ClassQuestion, answers: Sequence[Given]) -> str:

@@ -16,7 +16,7 @@ from typing import Protocol
 import viser
 from msgspec import Struct
 
-from app.dashboard.theme.style import COMMITS, ESCAPED, MARKS, MOVED, RELEASED, SWEPT
+from app.dashboard.theme.style import COMMITS, ESCAPED, MOVED, RELEASED, SWEPT, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.edit_lock import EditLock
@@ -30,7 +30,7 @@ from app.scenario.data import kind_of
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, Units, label_in, unit_in
 from app.session.commands import Command, Edit, EditModel
-from app.session.snapshot import PREPARING, Snapshot
+from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
 from app.sweep.background_jobs import BackgroundJobs
 
@@ -106,7 +106,7 @@ class AwaitedAnswer:
             answered = snapshot.executed >= self._command
         if answered:
             self._until = -math.inf
-        elif now < self._until and snapshot.notice == PREPARING:
+        elif now < self._until and snapshot.preparing:
             self._until = max(self._until, now + SOON)
         return now < self._until
 
@@ -135,6 +135,7 @@ class NumberField:
         self._answer = AwaitedAnswer()
         self._held: float | None = None  # value of the slider that a page holds, which another page may hide
         self._held_until = -math.inf  # on the monotonic clock, s; the page may have gone
+        self._before: Snapshot | None = None  # when it was moved first, where it applies its values at once
         self._form = desk.gui.add_form(None)
         with self._form:
             self._text = desk.gui.add_text(label, "", hint=place.hint)
@@ -159,14 +160,14 @@ class NumberField:
             return
         if self._text.value.endswith((SWEPT, MOVED)):
             action = self._desk.sweep if self._text.value.endswith(SWEPT) else self._desk.let_move
-            self._text.value = self._text.value.rstrip("".join(MARKS))
+            self._text.value = without_marks(self._text.value)
             action(self.row)
             return
         if not self._text.value.endswith(COMMITS):
             self._answer.expect(self._desk.snapshot(), seconds=60.0)
             return
         snapshot = self._desk.snapshot()
-        self._text.value = text = self._text.value.rstrip("".join(MARKS)).strip()
+        self._text.value = text = without_marks(self._text.value).strip()
         running = self._place.read(snapshot)
         if running is None:
             return
@@ -199,6 +200,7 @@ class NumberField:
             held = HeldControl(edit, self._label, value_text, self, client, moved=self._moved(snapshot, value))
             self._desk.whatif.hold(held)
         else:
+            self._before = self._before or snapshot
             self._ask(snapshot, edit)
 
     def _unit_beside(self, snapshot: Snapshot) -> str:
@@ -215,15 +217,18 @@ class NumberField:
         if running is None:
             self._desk.whatif.let_go(self)
             return
-        held = self._held if time.monotonic() < self._held_until else None
-        self._held, self._held_until = None, -math.inf
-        value = running if held is None else held  # a slider that was not moved shows its value only roughly
+        there = time.monotonic() < self._held_until or self._desk.whatif.holds(self)
+        held, before = self._held if there else None, self._before or snapshot
+        self._held, self._held_until, self._before = None, -math.inf, None
+        usual = self._place.read(before)
+        # a slider that was not moved shows its value only roughly
+        value = usual if not apply and usual is not None else running if held is None else held
         self._text.value = written(value)  # removes the mark
-        changed = apply and written(value) != written(running)
-        if changed:  # before the slider counts as let go, since the page may be drawn in between
-            edit = self._place.edit(snapshot, value)
-            if self._ask(snapshot, edit):
-                self._desk.whatif.remember(snapshot, edit, self._moved(snapshot, value))
+        edit, changed = self._place.edit(snapshot, value), written(value) != written(running)
+        # before the slider counts as let go, since the page may be drawn in between
+        asked_for = self._ask(snapshot, edit) if changed else True
+        if apply and asked_for and written(value) != written(usual):
+            self._desk.whatif.remember(before, edit, self._moved(before, value))
         self._desk.whatif.let_go(self)
         if not changed:
             self._show_again(snapshot)

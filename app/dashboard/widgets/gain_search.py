@@ -8,8 +8,7 @@ from html import escape
 import viser
 
 from app.dashboard.transport.callback_errors import guarded
-from app.dashboard.transport.page_values import from_pages
-from app.dashboard.widgets.beside_loop import BesideLoop, lasting, typed
+from app.dashboard.widgets.beside_loop import BesideLoop, earlier_html, lasting, task_of
 from app.dashboard.widgets.candidate_chart import FIELD, candidates_html, gains_in_words, name_of
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import NumberRow
@@ -23,7 +22,6 @@ from app.dashboard.widgets.swept_fields import (
     number_of,
     prepared,
     require_arms,
-    unmarked,
 )
 from app.dashboard.widgets.whatif import HeldControl
 from app.export.export_jobs import MadeJob, file_name
@@ -64,7 +62,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._fields: list[Field] = []
         self._chosen: int | None = None
         gui.add_html(
-            '<div class="vs-note vs-search-top">Which gains may move, within which ranges, and what is to be '
+            '<div class="vs-note">Which gains may move, within which ranges, and what is to be '
             "small? The answer is that of <code>vsmrc tune</code>. A candidate over a limit is never offered.</div>"
         )
         firsts = ("boundary layer", "reaching gain K_s", NONE, NONE)
@@ -88,8 +86,6 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._verdict = gui.add_html("")
         self._file = gui.add_button("This search as a folder", color="gray", visible=False, hint="As `vsmrc tune` has.")
         self._add_mark(FIELD)
-        for text in (self._unseen, self._seed):
-            text.on_update(from_pages(unmarked))
         self._file.on_click(guarded(self._on_file, desk.complain))
 
     def let_move(self, row: NumberRow) -> None:
@@ -156,7 +152,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
     def _whole(self, name: str, text: viser.GuiInputHandle[str], least: int, most: int) -> int:
         value = number_of(name, text.value)
         if value != int(value) or not least <= value <= most:
-            raise ScenarioError(f"{name}: {typed(text)!r:.40}; allowed: {least} to {most}")
+            raise ScenarioError(f"{name}: {text.value.strip()!r:.40}; allowed: {least} to {most}")
         return int(value)
 
     def _choose(self, work: BackgroundTuning, number: str, client: int) -> None:
@@ -229,7 +225,6 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         super().show(snapshot)
 
     def _drawn(self, work: BackgroundTuning, snapshot: Snapshot) -> str:
-        del snapshot
         verdict_html = ""
         if work.found is not None:
             from app.tune import outcome  # see `_on_file`
@@ -242,7 +237,8 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             self._verdict.content = verdict_html
         if self._file.visible != (work.found is not None):
             self._file.visible = work.found is not None
-        return candidates_html(work, self._names, self._chosen)
+        present = task_of(work.tuning.scenario) == task_of(snapshot.scenario)
+        return ("" if present else earlier_html("The search")) + candidates_html(work, self._names, self._chosen)
 
 
 def _whole_fields(fields: list[Field]) -> set[str]:

@@ -9,7 +9,7 @@ from html import escape
 import msgspec
 import viser
 
-from app.dashboard.theme.style import ENTERED, MARKS
+from app.dashboard.theme.style import ENTERED, MARKS, without_marks
 from app.dashboard.transport.callback_errors import Fault
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
@@ -85,7 +85,7 @@ class NumberAnswer:
     async def _on_text(self, _: PageEvent) -> None:
         entered = self._text.value.endswith(ENTERED)
         if self._text.value.endswith(MARKS):
-            self._text.value = self._text.value.rstrip("".join(MARKS))
+            self._text.value = without_marks(self._text.value)
         if entered:
             self._lock_answer()
 
@@ -93,7 +93,7 @@ class NumberAnswer:
         self._lock_answer()
 
     def _lock_answer(self) -> None:
-        text = self._text.value.rstrip("".join(MARKS)).strip().replace("−", "-")
+        text = without_marks(self._text.value).strip().replace("−", "-")
         if _GROUPED.fullmatch(text):
             ways = f"{text.replace(',', '.')} or {text.replace(',', '')}"
             self._desk.complain(f"your answer: {text} can be read in two ways; allowed: {ways}")

@@ -8,7 +8,7 @@ from html import escape
 from typing import Literal, NamedTuple
 
 from app.analysis.run_events import Event, RunEvents
-from app.dashboard.theme.style import COMMITS, ESCAPED, MARKS, RELEASED
+from app.dashboard.theme.style import COMMITS, ESCAPED, RELEASED, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk, asked
 from app.dashboard.widgets.field_words import field_in_words
@@ -231,7 +231,7 @@ class _Time:
         self._slider.on_update(from_pages(self._on_slider))
 
     async def _on_text(self, _: PageEvent) -> None:
-        snapshot, text = self._desk.snapshot(), self._text.value.rstrip("".join(MARKS)).strip()
+        snapshot, text = self._desk.snapshot(), without_marks(self._text.value).strip()
         if self._text.value.endswith((RELEASED, ESCAPED)):
             self._text.value = text
         elif not self._text.value.endswith(COMMITS):

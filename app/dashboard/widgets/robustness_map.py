@@ -10,8 +10,7 @@ import msgspec
 import viser
 
 from app.dashboard.transport.callback_errors import guarded
-from app.dashboard.transport.page_values import from_pages
-from app.dashboard.widgets.beside_loop import BesideLoop, lasting, typed
+from app.dashboard.widgets.beside_loop import BesideLoop, earlier_html, lasting, task_of
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import NumberRow
 from app.dashboard.widgets.map_tiles import FIELD, Naming, map_html
@@ -23,7 +22,6 @@ from app.dashboard.widgets.swept_fields import (
     number_of,
     prepared,
     require_arms,
-    unmarked,
 )
 from app.export.export_jobs import MadeJob, file_name
 from app.export.formats import FIGURE_FORMATS
@@ -70,7 +68,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._opened: Scenario | None = None  # by a tile
         gui = desk.gui
         gui.add_html(
-            '<div class="vs-note vs-map-top">One metric for many settings and for true arms drawn from the declared '
+            '<div class="vs-note">One metric for many settings and for true arms drawn from the declared '
             f"set, computed beside the loop by {desk.background_jobs.allowance}. A click on a tile plays the run of "
             "its worst arm and pauses at its end; the present run is pinned (tab Runs).</div>"
         )
@@ -92,7 +90,6 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
             hint="As a figure, or with all its runs for `vsmrc sweep`.",
         )
         self._add_mark(FIELD)
-        self._within.on_update(from_pages(unmarked))
         self._files.on_click(guarded(self._on_file, desk.complain))
 
     def sweep(self, row: NumberRow) -> None:
@@ -131,7 +128,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
     def _request(self, snapshot: Snapshot) -> Sweep:
         """Sweep of the present choices. Raises ScenarioError."""
         seconds = self._length()
-        if typed(self._within):
+        if self._within.value.strip():
             number_of("Limit", self._within.value)
         sides = [side for side in (self._across, self._up) if side.field is not None]
         fields = [side.field for side in sides if side.field is not None]
@@ -174,7 +171,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
     @property
     def _limit(self) -> float | str | None:
         """The limit as it is typed, or why it is none; None where no limit is typed."""
-        limit = typed(self._within)
+        limit = self._within.value.strip()
         try:
             return number_of("Limit", limit) if limit else None
         except ScenarioError as error:
@@ -220,16 +217,11 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         sweep, present = work.plan.sweep, {}
         problem = self._limit if isinstance(self._limit, str) else ""
         note = f'<div class="vs-note">{escape(problem)}. The map shows the worst arm.</div>' if problem else ""
-        if _task(sweep.scenario) == _task(snapshot.scenario):
+        if task_of(sweep.scenario) == task_of(snapshot.scenario):
             present = {axis.path: self._fields[axis.path].value(snapshot) for axis in sweep.vary}
         else:
-            note += '<div class="vs-note">The map is of an earlier scenario: mode, arm or surfaces were others.</div>'
+            note += earlier_html("The map")
         return note + map_html(work, self._points(work), self._naming(units_of(sweep.scenario)), present)
-
-
-def _task(scenario: Scenario) -> tuple[object, ...]:
-    """Mode, arm and kinds of surfaces of a scenario, without which its map means nothing."""
-    return scenario.mode, scenario.robot, [type(each.form) for each in scenario.surfaces]
 
 
 def _require_ends(scenario: Scenario, name: str, axis: Axis) -> None:

@@ -46,22 +46,19 @@ class SceneButtons:
         snapshot = self._desk.snapshot()
         again = reaching(snapshot)
         if again is None:
-            self._desk.complain(
-                "reaching phase: s began at zero, so there is nothing to see; allowed: after an edit that keeps z, see "
-                "tab Controller"
-            )
+            self._desk.complain(f"reaching phase: {_unseen(snapshot)}")
             return
         viewing, long = self._desk.viewing, again.end - again.start
         usual = viewing.window if self._shown is None else self._shown.usual
-        self._shown = _Shown(snapshot.run, again.end, usual)
         viewing.window = next((window for window in _WINDOWS if window >= long), viewing.window)
+        self._shown = _Shown(snapshot.run, again.end, usual, viewing.window)
         self._desk.post(again)
 
     def show(self, snapshot: Snapshot) -> None:
         self._restore_window(snapshot)
         law = snapshot.system.controller.law
         content = (
-            '<div class="vs-acts">'
+            '<div class="vs-acts" data-live>'
             f"{_button('l', f'Try {_other(law).title}', f'now: {law.title}')}"
             f"{_button('b', push_title(snapshot), 'or drag the ball at the tool')}"
         )
@@ -81,7 +78,9 @@ class SceneButtons:
             return
         begun = shown.begun or snapshot.t <= shown.end
         if snapshot.run != shown.run or (begun and snapshot.t > shown.end):
-            self._desk.viewing.window, self._shown = shown.usual, None
+            if self._desk.viewing.window == shown.window:  # nobody has chosen another one meanwhile
+                self._desk.viewing.window = shown.usual
+            self._shown = None
         else:
             self._shown = replace(shown, begun=begun)
 
@@ -91,12 +90,13 @@ class _Shown:
     """Stretch of a run that is shown slowly, with another window of the plots.
     run: number of the run.
     end: s, last instant of the stretch.
-    usual: s, window of the plots afterwards.
+    usual: s, window of the plots afterwards; window: s, meanwhile.
     begun: whether a snapshot of the stretch has come; earlier ones are later in the run."""
 
     run: int
     end: float
     usual: float
+    window: float
     begun: bool = False
 
 
@@ -120,6 +120,15 @@ def reaching(snapshot: Snapshot) -> ShowAgain | None:
     took = epoch.certificate.t_r if reached is None else reached - epoch.t
     long = _LONGER * max(took, 10.0 * period)
     return ShowAgain(epoch.t, epoch.t + long, float(np.clip(long / _SHOWN_IN, SLOWEST, 1.0)))
+
+
+def _unseen(snapshot: Snapshot) -> str:
+    """Why there is no reaching phase to see, and what allows it."""
+    if not snapshot.system.controller.law.robust:
+        return "the law in force has no s; allowed: under the robust law (key L)"
+    if snapshot.state.epoch.t < snapshot.first:
+        return "its beginning is no longer recorded; allowed: after an edit, or a reset (R)"
+    return "s began at zero, so there is nothing to see; allowed: after an edit that keeps z, see tab Controller"
 
 
 def _other(law: ControlLaw) -> ControlLaw:

@@ -10,7 +10,7 @@ from app.dashboard.widgets.chips import ChipClass, chip, verdict_now
 from app.scenario.caption import title_of
 from app.scenario.schema import Scenario
 from app.session.pacing import Pace
-from app.session.snapshot import PREPARING, Snapshot
+from app.session.snapshot import Snapshot
 from app.simulation.verdict import Standing
 from controllers.modes import MODES
 
@@ -22,7 +22,7 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
     of a stop, the complaint and the notice.
     begun_from: the shipped scenario of the running one's name, None for none."""
     scenario = snapshot.scenario
-    pace = None if snapshot.notice == PREPARING else snapshot.pace  # it stands still meanwhile
+    pace = None if snapshot.preparing else snapshot.pace  # it stands still meanwhile
     lines = [
         '<div class="vs-row"><span class="vs-title" role="heading" aria-level="1">'
         f"{_title(scenario, begun_from)}</span></div>",
@@ -45,7 +45,7 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
         messages.append(_message("vs-bad", complaint))
     if snapshot.notice:
         messages.append(_message("vs-warn", snapshot.notice + _over(snapshot)))
-    strip = f'<div class="vs-strip">{"".join(messages)}</div>'
+    strip = f'<div class="vs-strip" role="status">{"".join(messages)}</div>'
     return f'<div class="vs-status" data-live data-phase="{snapshot.phase}">{"".join(lines)}{strip}</div>'
 
 
@@ -70,7 +70,7 @@ def splash_html(text: str) -> str:
 
 
 def _phase(snapshot: Snapshot) -> str:
-    if snapshot.notice == PREPARING:
+    if snapshot.preparing:
         return chip("preparing", "vs-warn")
     if snapshot.looking_back:
         return chip("shown again" if snapshot.phase == "running" else "looking back", "vs-warn")

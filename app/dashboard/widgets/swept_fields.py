@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from app.dashboard.theme.style import MARKS
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import FieldPlace, NumberRow
@@ -128,7 +127,6 @@ class FieldChoice:
             label, self._range_of(first), hint="From, to: two numbers, in the unit beside it."
         )
         self._field.on_update(from_pages(self._on_field))
-        self._range.on_update(from_pages(unmarked))
         self._units = CARTESIAN
         self._show()
 
@@ -192,7 +190,7 @@ class FieldChoice:
 
     @property
     def _typed(self) -> str:
-        return self._range.value.strip("".join(MARKS))
+        return self._range.value.strip()
 
     def range(self, scenario: Scenario) -> Axis:
         """Axis over the range that the user has typed, without values. Raises ScenarioError."""
@@ -247,15 +245,9 @@ def require_arms(sweep: Sweep, asked: str, instead: str) -> None:
         )
 
 
-async def unmarked(event: PageEvent) -> None:
-    """Remove the marks of the page's script from a text field."""
-    if event.target.value.endswith(MARKS):
-        event.target.value = event.target.value.rstrip("".join(MARKS))
-
-
 def number_of(name: str, text: str) -> float:
     """Number of a text. name: of the text field, for the error's sentence. Raises ScenarioError."""
-    text = text.strip("".join(MARKS)).strip()
+    text = text.strip()
     try:
         value = float(text.replace("−", "-"))
     except ValueError:

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from html import escape
 
-from app.dashboard.theme.style import COMMITS, MARKS
+from app.dashboard.theme.style import COMMITS, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import FieldPlace
@@ -65,7 +65,7 @@ class TextField:
 
     async def _on_text(self, _: PageEvent) -> None:
         snapshot, now = self._desk.snapshot(), time.monotonic()
-        text, done = self._text.value.rstrip("".join(MARKS)), self._text.value.endswith(COMMITS)
+        text, done = without_marks(self._text.value), self._text.value.endswith(COMMITS)
         self._draft = _Draft(text, snapshot.run, now)
         if not done:
             return

@@ -230,7 +230,9 @@ def _grows(columns: Sequence[PreviewMetrics]) -> bool:
 def _seconds(value: float | None) -> str | None:
     if value is None:
         return None
-    return f"{value:.2f} s" if math.isfinite(value) else "not yet"
+    if not math.isfinite(value):
+        return "not yet"
+    return f"{value:.2f} s" if value >= 0.1 else f"{value:.2g} s"
 
 
 def _small(value: float, zero: float) -> str:
