@@ -146,6 +146,6 @@ _PLAIN = {
     "`int`": "a whole number",
     "`str`": "text",
     "`bool`": "true or false",
-    "`array`": "a list",
+    "`array`": "a list of numbers",
     "`object`": "a table",
 }

@@ -199,7 +199,7 @@ class PremiseWatch:
         duration = self.system.scenario.simulation.duration
         if self._state.t <= duration:
             return ""
-        whole = "a path that goes on to other places needs a longer simulation.duration"
+        whole = "a path that goes on to other places needs a scenario with a longer duration (simulation.duration)"
         return f" for the first {duration:g} s of the path; {whole}"
 
     @property

@@ -116,7 +116,10 @@ def postures_along(
                 waiting.append(within)
                 continue
         if there is None or not near:
-            raise PathOutOfReach(f"motion: the arm cannot follow the reference beyond t = {then * duration:.3g} s")
+            raise PathOutOfReach(
+                f"motion: the arm cannot follow the reference beyond t = {then * duration:.3g} s; "
+                "allowed: a path within its reach"
+            )
         q.append(there)
         t.append(then * duration)
         fraction = waiting.pop()

@@ -281,7 +281,8 @@ def _short(tuning: Tuning, found: Found) -> str:
     settles = "does not settle" if unsettled else f"needs up to {max(known):.2g} s to settle"
     what = f"a run of {length:g} s {settles} with the {OWN}"
     judged = f"Only the last fifth of a run is judged ({', '.join(aims)})."
-    return f"{what}. {judged} Gains that look better there may be worse later; use longer runs (--duration)"
+    longer = "use longer runs (--duration, on the page *Each run*)"
+    return f"{what}. {judged} Gains that look better there may be worse later; {longer}"
 
 
 def _comes_to_rest(scenario: Scenario) -> bool:

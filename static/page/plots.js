@@ -106,7 +106,7 @@ const gaps = (plot, number, from, to, found) => {
     if (!Number.isNaN(y[k])) continue;
     const before = Math.max(from, k - 1);
     while (k < to && Number.isNaN(y[k + 1])) k++;
-    found.push([at(before) - 2, at(Math.min(to, k + 1))]);
+    found.push([at(before) - 2, at(Math.min(to, k + 1)) + 2]); // the line's width
   }
   return found;
 };

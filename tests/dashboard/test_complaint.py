@@ -80,7 +80,7 @@ def test_a_failure_is_no_refusal_and_leaves_the_way_out(
 def test_a_refused_answer_is_taken_back_when_a_valid_one_came(
     complaint: tuple[Complaint, Snapshot], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A refusal by the runner, which no answer has mended, stays."""
+    """So is a refusal by the runner, with its way out, when the value in force is typed again."""
     shown, refused = complaint
     monkeypatch.setattr(Runner, "post", lambda *_: None)
     now = time.monotonic()
@@ -89,6 +89,7 @@ def test_a_refused_answer_is_taken_back_when_a_valid_one_came(
     assert shown.text(before, now) == "Refused: your answer: 'x'; allowed: a number, such as 12.5"
     shown.withdraw()
     assert not shown.text(before, now)
-    assert shown.text(refused, now)
+    offering = replace(refused, way_out=WayOut("Take 0, the smallest allowed", refused.scenario))
+    assert shown.text(offering, now)
     shown.withdraw()
-    assert shown.text(refused, now)
+    assert not shown.text(replace(refused, way_out=None), now)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -15,9 +16,10 @@ from app.dashboard.panels import runs
 from app.dashboard.panels.robot import UNSTATED, StatedBounds
 from app.dashboard.panels.runs import RunsPanel, _note
 from app.dashboard.panels.task import Shift, TaskPanel
-from app.dashboard.theme.style import ENTERED, RELEASED
+from app.dashboard.theme.style import ENTERED, ESCAPED, RELEASED
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets import controls, text_field
+from app.dashboard.widgets.arm_choice import UrdfPlace
 from app.dashboard.widgets.controls import Desk, Dropdown, NumberField, Switch
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.field_place import FieldPlace, log_scale
@@ -29,6 +31,7 @@ from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.snapshot import PREPARING, Snapshot
 
+BENT = Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf"
 VISITOR = cast(viser.GuiEvent, SimpleNamespace(client=SimpleNamespace(client_id=1)))
 
 
@@ -73,6 +76,7 @@ class Page:
             Desk,
             SimpleNamespace(
                 gui=gui, post=self.lock.post, snapshot=self.snapshot, complain=self.complaints.append, lock=self.lock,
+                withdraw_complaint=lambda: None,
                 whatif=self.whatif, choose=lambda _: None, sweep=lambda _: None, let_move=lambda _: None,
             ),
         )  # fmt: skip
@@ -139,6 +143,22 @@ def test_a_text_that_is_not_in_force_says_so_and_is_forgotten_after_a_while(monk
     assert shown() == ("2", "")
 
 
+def test_a_refused_path_of_a_urdf_stays_to_be_corrected() -> None:
+    page = Page()
+    field = TextField(page.desk, UrdfPlace(), "path")
+    _, text, note = page.widgets
+    field.show(page.snapshot())
+    assert (text.value, note.visible) == ("", False)
+    page.give(text, f"/no/such/arm.urdf{ENTERED}")
+    field.show(page.snapshot())
+    assert text.value == "/no/such/arm.urdf"
+    assert "Refused, not applied. In force: none" in note.content
+    page.give(text, f"{BENT}{ENTERED}")
+    field.show(page.snapshot())
+    assert (text.value, note.visible) == (str(BENT), False)
+    assert page.snapshot().robot.title == "bent3r"
+
+
 def test_a_slider_that_a_lesson_locks_shows_the_running_value_again_and_nothing_as_applied() -> None:
     page = Page()
     field = NumberField(page.desk, FieldPlace("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
@@ -162,6 +182,28 @@ def test_a_slider_that_a_lesson_locks_shows_the_running_value_again_and_nothing_
     assert page.snapshot().scenario != shipped()["ur5-hybrid"]
     assert page.desk.post(undo)
     assert page.snapshot().scenario == shipped()["ur5-hybrid"]
+
+
+@pytest.mark.parametrize("preview", [True, False], ids=["previewed", "applied at once"])
+def test_a_slider_is_taken_back_by_esc_and_after_its_release(preview: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long it is held."""
+    page, now, usual = Page(), [0.0], shipped()["ur5-hybrid"]
+    monkeypatch.setattr(controls.time, "monotonic", lambda: now[0])
+    page.whatif.on = preview
+    field = NumberField(page.desk, FieldPlace("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
+    _, text, slider = page.widgets
+    for mark in (ESCAPED, RELEASED):
+        field.show(page.snapshot())
+        for _ in range(2):
+            page.give(slider, slider.value - 0.1)
+            assert (page.snapshot().scenario == usual) == preview
+        now[0] += 2.0 * controls.LONGEST if preview else 1.0
+        page.give(text, f"{text.value}{mark}")
+        assert (page.snapshot().scenario == usual) == (mark == ESCAPED)
+    undo = page.whatif.undo(page.snapshot())
+    assert undo is not None
+    assert page.desk.post(undo)
+    assert page.snapshot().scenario == usual
 
 
 def test_an_input_stays_until_the_runner_has_answered_it_however_long_that_takes(

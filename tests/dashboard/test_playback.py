@@ -8,12 +8,14 @@ from dataclasses import replace
 from itertools import pairwise
 from unittest.mock import MagicMock
 
+import pytest
 import viser
 
 from app.analysis.run_events import Event
 from app.dashboard.widgets.field_words import called, field_in_words, refusal_in_words
 from app.dashboard.widgets.playback import APART, Playback, apart
-from app.scenario.data import load
+from app.scenario.data import edited, load, shipped
+from app.scenario.errors import ScenarioError
 from app.scenario.field_info import paths_below, types_of
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT
@@ -90,6 +92,13 @@ def test_a_list_is_said_by_its_one_number_or_its_first_ones() -> None:
     assert words("target_model.K_m", [500.5, *[2000.25] * 5]) == "500.5, 2000.25, 2000.25, … N/m"
     assert words("target_model.K_m", [[1.0, 0.0], [0.0, 1.0]]) == "2 × 2 numbers"
     assert words("truth.push", (0.0, 0.0, 0.0)) == "0 N each"
+
+
+def test_a_refusal_names_an_entry_of_a_list_by_its_place() -> None:
+    with pytest.raises(ScenarioError) as refused:
+        edited(shipped()["ur5-impedance"], "motion.displacement", [0.1, float("nan"), 0.0])
+    said = refusal_in_words(str(refused.value))
+    assert said == "displacement (desired motion): number 2 is nan; allowed: a finite number"
 
 
 def test_a_refusal_names_a_matrix_as_the_page_does() -> None:

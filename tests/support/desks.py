@@ -38,6 +38,7 @@ class BareDesk:
             Desk,
             SimpleNamespace(
                 gui=server.gui, snapshot=self.snapshot, post=self.posted.post, complain=self.complaints.append,
+                withdraw_complaint=lambda: None,
                 whatif=self.whatif, background_jobs=SimpleNamespace(allowance="a core"),
             ),
         )  # fmt: skip

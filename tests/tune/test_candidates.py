@@ -123,7 +123,7 @@ def test_runs_that_are_too_short_for_metrics_of_their_end_are_said() -> None:
     assert "needs up to" in slow
     assert slow.endswith(
         "own gains. Only the last fifth of a run is judged (force error). Gains that look better there may be worse "
-        "later; use longer runs (--duration)"
+        "later; use longer runs (--duration, on the page *Each run*)"
     )
     assert "does not settle" in sentences(("force_error",), 0.1, None)[0]
     assert sentences(("torque_variation",), 0.6, 0.9) == []

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from app.dashboard.widgets.arm_choice import ArmChoice, ArmVerdict, InForce, ToolFrame, Upload, UrdfPath
+from app.dashboard.widgets.arm_choice import ArmChoice, ArmVerdict, InForce, ToolFrame, Upload, UrdfPlace
 from app.dashboard.widgets.controls import Control, Desk, NumberField
 from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, SliderScale, log_scale
 from app.dashboard.widgets.matrix_text import number
@@ -92,7 +92,7 @@ class RobotPanel:
                 NumberField(desk, FieldPlace("task_space.characteristic_length"), "length ℓ [m]", log_scale(0.02, 1)),
             ]
         with gui.add_folder("Own URDF"):
-            self._controls += [Upload(desk), UrdfPath(desk)]
+            self._controls += [Upload(desk), TextField(desk, UrdfPlace(), "path")]
 
     def show(self, snapshot: Snapshot) -> None:
         for control in self._controls:

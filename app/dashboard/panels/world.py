@@ -116,7 +116,8 @@ class WorldPanel:
             self._controls.append(kind_choice(desk, "surface", "Shape", SURFACES, own_code().surfaces))
             self._syntax = gui.add_html(_SYNTAX, visible=False)
             self._controls += field_controls(desk, "surface", SURFACES, own_code().surfaces)
-        with gui.add_folder("Flat tool", expand_by_default=False):
+        self._flat_tool = gui.add_folder("Flat tool", expand_by_default=False)
+        with self._flat_tool:
             self._controls += [
                 Switch(desk, PlaceWhere("face.flat", _plain), "Touches with a flat face"),
                 field_control(desk, "face.K_t", _flat),
@@ -193,6 +194,8 @@ class WorldPanel:
         for folder in (self._surface, *self._further):
             if folder.visible != met:
                 folder.visible = met
+        if self._flat_tool.visible != (plain := met and _plain(snapshot.scenario)):
+            self._flat_tool.visible = plain
         if self._coupling.visible != (coupled := _coupled(snapshot.scenario)):
             self._coupling.visible = coupled
         typed = isinstance(snapshot.scenario.surface, FormulaSurface)

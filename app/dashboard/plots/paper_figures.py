@@ -26,6 +26,7 @@ from parameters import allowed
 
 EXAMINED = 300  # instants at which the true arm is analysed
 _GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ", "tau": "τ"}
+FEW = 6  # names of lines in a refusal
 MOST_INSTANTS = 6  # changes of a run, by their instants, in a caption
 BESIDE_PLAYBACK = ("Overview",)  # plots beside a 3-D playback
 WIDTH = 0.6  # points of a line on paper for each of its pixels on the page
@@ -54,7 +55,9 @@ def with_series(figure: Figure, names: Sequence[str]) -> Figure:
     there = dict.fromkeys(curve.name for chart in figure.charts for curve in chart.curves if curve.listed)
     known = {_plain(name): name for name in there}
     if unknown := [name for name in names if _plain(name) not in known]:
-        raise ScenarioError(f"series: {unknown[0]!r:.60}; {allowed(unknown[0], there)}")
+        whole, meant, near = allowed(unknown[0], there).partition("; did you mean ")
+        few = f"allowed: {', '.join(list(there)[:FEW])}, … (names in the legends)" if len(there) > FEW else whole
+        raise ScenarioError(f"series: {unknown[0]!r:.60}; {few}{meant}{near}")
     chosen = {known[_plain(name)] for name in names}
     charts = (_chart_with(chart, chosen) for chart in figure.charts)
     return replace(figure, charts=tuple(chart for chart in charts if any(curve.listed for curve in chart.curves)))

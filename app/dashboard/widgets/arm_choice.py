@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.dashboard.theme.style import COMMITS, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk, asked
 from app.dashboard.widgets.field_place import FieldPlace
 from app.scenario.errors import ScenarioError
 from app.scenario.units import listed
-from app.session.commands import Edit
+from app.session.commands import Edit, EditModel
 from app.session.snapshot import Snapshot
 from environments.robots import CATALOGUE
 
@@ -87,30 +86,18 @@ class Upload:
         """Do nothing: the button does not depend on the run."""
 
 
-class UrdfPath:
-    """Text field with the path of the running URDF; another path takes effect on Enter or when the field is left."""
+class UrdfPlace(FieldPlace):
+    """Place of the path of the running URDF, on the computer that runs the dashboard; empty for an arm of the
+    catalogue."""
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk, self._place, self._answer = desk, FieldPlace("robot.urdf"), AwaitedAnswer()
-        with desk.gui.add_form(None):
-            self._text = desk.gui.add_text("path", "", hint="of a URDF on the computer that runs the dashboard")
-        self._text.on_update(from_pages(self._on_text))
+    def __init__(self) -> None:
+        super().__init__("robot.urdf")
 
-    async def _on_text(self, _: PageEvent) -> None:
-        snapshot = self._desk.snapshot()
-        if not self._text.value.endswith(COMMITS):
-            self._answer.expect(snapshot, seconds=60.0)
-            return
-        self._text.value = text = without_marks(self._text.value).strip()
-        changed = bool(text) and text != self._place.read(snapshot)
-        if changed:
-            asked(self._desk, snapshot, Edit("robot.urdf", text), self._answer)
-        else:
-            self._answer.expect(snapshot, seconds=0.0)
+    def read(self, snapshot: Snapshot) -> str:
+        return super().read(snapshot) or ""
 
-    def show(self, snapshot: Snapshot) -> None:
-        if not self._answer.awaited(snapshot):
-            self._text.value = self._place.read(snapshot) or ""
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit | EditModel:
+        return super().edit(snapshot, str(value).strip())
 
 
 class ToolFrame:

@@ -53,9 +53,10 @@ class Complaint:
             self._show(text)
 
     def withdraw(self) -> None:
-        """Take back the last refusal by the page: it has got a right value since."""
-        if self._text == self._refused_by_page:
-            self._text = ""
+        """Take back the last refusal and its way out: there has been a right value since."""
+        if self._text and self._text in (self._refused_by_page, self._refused):
+            self._runner.post(DropWayOut())
+            self._text, self._offered = "", None
 
     def text(self, snapshot: Snapshot, now: float) -> str:
         """What is shown at this instant (s, monotonic), with a new refusal by the runner; "" for nothing."""

@@ -181,6 +181,7 @@ class NumberField:
             self._show_again(snapshot)
             return
         if value == running or written(value) == written(running):
+            self._desk.withdraw_complaint()
             self._show_again(snapshot)
         else:
             self._ask(snapshot, edit)

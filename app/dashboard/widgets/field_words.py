@@ -25,6 +25,7 @@ _FIELD = re.compile(r"\b[a-z_]+(?:\.\w+)+(?: = (?:'([\w-]+)'|(true|false))(?![\w
 _BEYOND = re.compile(r"(?<=\w): (-?[\d.e+-]+); allowed: a number (<=|>=|<|>) (-?[\d.e+-]+)$")
 _BOUNDS = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
 # the field of a blend and its own words for a refusal
+_ENTRY = re.compile(r"^([a-z_]+(?:\.\w+)+)\[(\d+)\]:")
 _BLEND = re.compile(r"^blend\.\w+: refused: ")
 # titles of fields whose meanings in the schema go on from those of their section
 _TITLES = {
@@ -100,6 +101,7 @@ def refusal_in_words(sentence: str) -> str:
     without the field and the word with which it begins."""
     sentence = _BLEND.sub("", sentence)
     sentence = _MATRIX.sub(lambda found: f"{found[1]}{_BLOCKS[found[2]]}", sentence)
+    sentence = _ENTRY.sub(lambda found: f"{found[1]}: number {int(found[2]) + 1} is", sentence)
     of = _OF.match(sentence)
     if of is None or not (of[0] in Scenario.__struct_fields__ or _is_field(of[0])):
         return sentence  # it begins with a file of the user, who looks for its names there

@@ -47,7 +47,7 @@ class _Draft:
             state = "Refused, not applied"
         else:
             return ""
-        return f"{state}. In force: {value}"
+        return f"{state}. In force: {value or 'none'}"
 
 
 class TextField:
