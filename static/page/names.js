@@ -44,7 +44,8 @@ const call = () => {
     if (control.role === "slider") set(control, "aria-valuetext", shown ? `${shown} ${unit}`.trim() : "now");
   }
   for (const { control, label, folder, tab } of named) {
-    const twice = named.some((other) => other.label === label && other.tab === tab && other.folder !== folder);
+    const twice = named.some((other) =>
+      other.label === label && other.tab === tab && other.folder !== folder && other.control.checkVisibility());
     set(control, "aria-label", twice && folder ? `${label}, ${folder}` : label);
   }
   for (const key of document.querySelectorAll(".mantine-Spotlight-actionDescription")) {
