@@ -146,6 +146,6 @@ _PLAIN = {
     "`int`": "a whole number",
     "`str`": "text",
     "`bool`": "true or false",
-    "`array`": "a list of numbers",
+    "`array`": "a list",
     "`object`": "a table",
 }

@@ -61,7 +61,7 @@ setInterval(() => {
   offer();
 }, 200);
 new MutationObserver(() => {
-  const row = document.querySelector("form[data-held]");
+  const row = document.querySelector("form[data-held]:not(div:has(> .vs-ticks) + form)"); // the timeline changes nothing
   if (borrowed && borrowed.row !== row) putBack();
   if (!borrowed && row && phone.matches) borrow(row);
 }).observe(document.body, { subtree: true, attributes: true, attributeFilter: ["data-held"] });

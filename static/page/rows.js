@@ -68,12 +68,7 @@ document.addEventListener("focusout", (e) => {
 const SLOT = 60; // ms, longer than viser waits between two messages
 let held = null, byKey = false;
 const slider = (e) => e.target instanceof Element ? e.target.closest("form .mantine-Slider-root") : null;
-const hold = (row, key) => {
-  held = row;
-  byKey = key;
-  row.vsmrcTurn = null;
-  if (!row.matches("div:has(> .vs-ticks) + form")) row.dataset.held = ""; // the timeline changes nothing
-};
+const hold = (row, key) => { held = row; byKey = key; row.dataset.held = ""; row.vsmrcTurn = null; };
 const letGo = (mark) => {
   if (!held) return;
   const row = held, turn = (row.vsmrcTurn = {});

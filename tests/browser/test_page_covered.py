@@ -132,7 +132,7 @@ def test_the_presentation_has_the_sliders_moved_last_of_any_tab_and_covers_nothi
           return box && math.scrollWidth <= math.clientWidth + 1 && math.scrollHeight <= math.clientHeight + 1
             && box.left >= 0 && (box.top >= scene.bottom - 1 || box.left >= scene.right - 1)
             && box.bottom <= innerHeight && scene.height > 150
-            && document.querySelector(".vs-equation").textContent.includes("q3");
+            && document.querySelector(".vs-equation").textContent.includes("q₃");
         }""")  # the equation is whole and beside the scene
     session.enter("Coulomb [N·m]", "2.5")
     session.wait(lambda now: now.scenario.truth.coulomb == 2.5)

@@ -71,7 +71,7 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: PageSession):
     page.keyboard.press("Escape")
     expect(page.get_by_placeholder("Search commands")).to_have_count(0)
 
-    explain = page.get_by_role("button", name="?", exact=True).first
+    explain = page.locator(".vs-tools [data-key=h]")
     explain.focus()
     page.keyboard.press("Enter")
     page.locator(".vs-help").wait_for()
