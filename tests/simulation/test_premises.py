@@ -310,7 +310,7 @@ def test_a_run_that_goes_on_beyond_its_duration_says_why_it_leaves_omega() -> No
     CompiledRun(loop).advance(1000)
     assert loop.warning is None
     CompiledRun(loop).advance(2000)
-    longer = "for the first 1 s of the path; a path that goes on to other places needs a scenario with a longer duration"
+    longer = "for the first 1 s of the path; a path that goes on to other places needs a scenario with a longer"
     assert longer in str(loop.warning)
     whole = ClosedLoop.from_scenario(shipped()["ur5-hybrid"])
     CompiledRun(whole).advance(3000)
