@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from playwright.sync_api import FloatRect, Locator, Page, TimeoutError, expect
 
+from app.dashboard.theme.style import MARKS
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 
@@ -91,8 +92,8 @@ _ROWS = """(labels) => labels.map((label) => {
   const row = [...document.querySelectorAll("form")].find((form) => form.checkVisibility() && named(form));
   const text = row?.querySelector("input.mantine-TextInput-input")?.value ?? "";
   const place = row?.querySelector("[role=slider]")?.ariaValueNow ?? NaN;
-  return [text.replace(/[\u200b-\u200d\u2060-\u2062]/g, ""), Number(place)];
-})"""
+  return [text.replace(/[MARKS]/g, ""), Number(place)];
+})""".replace("MARKS", "".join(MARKS))
 PATIENCE = 240.0  # s: a busy machine may take long to start the process for previews
 
 

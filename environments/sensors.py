@@ -74,11 +74,6 @@ class ForceSensor:
         """Number of readings by which the latest entry is late."""
         return int(self.lateness.max())
 
-    @property
-    def force_late(self) -> int:
-        """Number of readings by which the forces are late."""
-        return int(self.lateness[0])
-
     def steady(self) -> ForceSensor:
         """The sensor without noise and bias: its reading depends on the force alone."""
         none = (0.0, 0.0, 0.0)
@@ -86,7 +81,7 @@ class ForceSensor:
         return ForceSensor(exact, self.period)
 
     def of_forces(self) -> ForceSensor:
-        """The sensor whose moments are not late, for a contact without any: its memory is as short as forces need."""
+        """The sensor whose moments are not late: its memory is as short as the forces need."""
         return ForceSensor(structs.replace(self.settings, moment_delay=0.0), self.period)
 
     def prompt(self) -> ForceSensor:

@@ -66,12 +66,14 @@ class Parameter:
     meaning: str
 
 
-def allowed(given: str, names: Iterable[str]) -> str:
-    """End of a refusal: the names that are allowed, and which of them was probably meant."""
+def allowed(given: str, names: Iterable[str], most: int | None = None) -> str:
+    """End of a refusal: the names that are allowed, and which of them was probably meant. most: of them to list, None
+    for all."""
     names = list(names)
     by_lower = {name.lower(): name for name in reversed(names)}
     close = [by_lower[name] for name in get_close_matches(given.lower(), by_lower, n=1)]
-    return f"allowed: {', '.join(names) or 'none'}" + "".join(f"; did you mean {name}?" for name in close)
+    listed = names if most is None or len(names) <= most else [*names[:most], "…"]
+    return f"allowed: {', '.join(listed) or 'none'}" + "".join(f"; did you mean {name}?" for name in close)
 
 
 def values_of(parameters: Iterable[Parameter], given: Mapping[str, float], place: str) -> dict[str, float]:

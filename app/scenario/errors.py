@@ -43,13 +43,17 @@ class TooStiff(ScenarioError):
         self.substeps = substeps
 
 
-class PullingForce(ScenarioError):
-    """A scenario whose desired force pulls at a surface that only pushes.
+class RefusedSurface(ScenarioError):
+    """A scenario that is refused for one of its surfaces.
     path: beginning of the dotted paths of that surface's fields, "" for the first one."""
 
     def __init__(self, sentence: str, path: str) -> None:
         super().__init__(sentence)
         self.path = path
+
+
+class PullingForce(RefusedSurface):
+    """A scenario whose desired force pulls at a surface that only pushes."""
 
 
 class ForceInJoints(ScenarioError):
@@ -64,13 +68,8 @@ class WrongFace(ScenarioError):
     """A scenario with a flat tool where the tool cannot be flat."""
 
 
-class IrregularSurface(ScenarioError):
-    """A scenario whose surface has no coordinates where the tool is.
-    path: beginning of the dotted paths of that surface's fields, "" for the first one."""
-
-    def __init__(self, sentence: str, path: str) -> None:
-        super().__init__(sentence)
-        self.path = path
+class IrregularSurface(RefusedSurface):
+    """A scenario whose surface has no coordinates where the tool is."""
 
 
 @contextmanager

@@ -270,7 +270,6 @@ class ClosedLoop:
 
     def step(self) -> None:
         """Compute one control period. To be called only while `stopped` is None."""
-        self._stage = "the blend"
         if self.system.blend is not None:
             self._blend(self.system.blend)
         state, arm = self.state, self.controlled_arm
@@ -357,7 +356,7 @@ class ClosedLoop:
         Nothing else changes, above all not z: s does not depend on the model (see `controllers.blend`). An epoch begins
         with a blend, and another one with its end. A blend is the same to the last bit whenever it was planned.
         """
-        half = 0.5 * self.period
+        self._stage, half = "the blend", 0.5 * self.period
         if self.t > blend.begins + blend.over - half:
             system = self.system
             controller = system.controller.following(blend.end)

@@ -13,7 +13,8 @@ import numpy as np
 
 from app.simulation.controlled_arm import PeriodAddresses
 from app.simulation.implicit_force import FORCE_ITERATIONS, better_guess, force_found, improve_inverse
-from controllers.premises import DOMAIN, periods_between_checks
+from controllers.posture_check import periods_between_checks
+from controllers.premises import DOMAIN
 from environments.integrators import (
     STAGES,
     Integrator,

@@ -26,6 +26,7 @@ from controllers.control_law import ControlOutput, Gains, LawInput, Reference, a
 from controllers.held_torque import Held, held_error, push_changed, reference_jump
 from controllers.laws.table import torque as law_torque
 from controllers.nominal_model import ON_LINE
+from controllers.posture_check import PostureCheck, PremiseScratch, check_posture
 from controllers.premises import (
     DECLARED,
     DOMAIN,
@@ -34,11 +35,8 @@ from controllers.premises import (
     HELD,
     JOINTS,
     REGULAR,
-    PostureCheck,
-    PremiseScratch,
     PremiseTable,
     PromiseRecord,
-    check_posture,
     judge,
     keep_promise,
 )

@@ -65,6 +65,11 @@ def recurring(surfaces: Sequence[Surface]) -> bool:
     return all(each.form.frequencies is not None for each in surfaces) and len(frequencies_of(surfaces)) <= 1
 
 
+def covered(surfaces: Sequence[Surface]) -> bool:
+    """Whether all places and forms of the surfaces occur within `span_of`, however long the run lasts."""
+    return recurring(surfaces) and not any(0.0 < frequency < SLOWEST for frequency in frequencies_of(surfaces))
+
+
 def frequencies_of(surfaces: Sequence[Surface]) -> set[float]:
     """Frequencies at which the surfaces move and turn, Hz."""
     return {frequency for each in surfaces for frequency in each.form.frequencies or ()}
@@ -131,15 +136,20 @@ def _require_ways(omega: Omega) -> None:
         )
 
 
+def without_inertia(uncertainty: Uncertainty) -> str:
+    """Dotted path of the declared bound of the links that can leave an arm without inertia. Masses and rotors, which
+    are known within less than 1, always leave some."""
+    return "declared.link_centre" if uncertainty.rho_centre > 0.0 else "declared.link_shape"
+
+
 def _nowhere(omega: Omega, sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> str:
     """Sentence on an Omega in which no place has the inertia that Property 1 needs."""
     certain = uncertainty._replace(rho=0.0, rho_rotor=0.0, rho_centre=0.0, rho_shape=0.0)
     lightness, _ = _inertia_objectives(sigma_min, certain, observer)(omega.places(INERTIA.draws))
     if (lightness.room >= 0.0).any():
-        name = "link_centre" if uncertainty.rho_centre > 0.0 else "link_shape"
         return (
-            f"declared.{name}: with the other declared errors of the links, their bound E would leave some arm no "
-            "inertia (k_r′ ≤ 0); allowed: a smaller link_centre, link_shape or link_scaling"
+            f"{without_inertia(uncertainty)}: with the other declared errors of the links, their bound E would leave "
+            "some arm no inertia (k_r′ ≤ 0); allowed: a smaller link_centre, link_shape or link_scaling"
         )
     return "robot.posture: J_q is singular around it; allowed: a posture away from singularities"
 

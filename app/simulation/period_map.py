@@ -111,7 +111,7 @@ class PeriodMap:
         self._still = still = replace(
             system,
             plant=system.plant.smooth(range(len(system.surfaces)) if touched is None else touched),
-            sensor=(system.sensor if self._felt == 6 else system.sensor.of_forces()).steady(),
+            sensor=(system.sensor if moments else system.contact_sensor).steady(),
             push=NO_PUSH,
             blend=None,
         )

@@ -14,7 +14,7 @@ from app.scenario.units import Units, unit_of_joint
 from app.simulation.alarms import Alarm
 from app.simulation.control_period import Evaluation
 from app.simulation.controlled_arm import ControlledArm
-from app.simulation.domain import SLOWEST, frequencies_of, recurring
+from app.simulation.domain import covered, without_inertia
 from app.simulation.recording import Epoch
 from app.simulation.sampled_force_loop import worst_gain_by_force
 from app.simulation.sampled_stability import RespondingLoop, SampledLoop, SampledLoops
@@ -23,7 +23,8 @@ from app.simulation.stations import APART, NEAR
 from app.simulation.system import System
 from app.simulation.verdict import sentence
 from controllers.blend import ModelBlend, blended
-from controllers.premises import Premise, PromiseRecord, judge, periods_between_checks
+from controllers.posture_check import periods_between_checks
+from controllers.premises import Premise, PromiseRecord, judge
 from controllers.switching import Switching
 from environments.contact import Holding
 
@@ -67,10 +68,8 @@ class PremiseWatch:
         stated_in_time = isinstance(system.scenario.declared.delta_f, str)
         self._changing = stated_in_time or any(each.turning for each in system.surfaces)
         self.near = APART if all(each.form.normal_fixed for each in system.surfaces) else NEAR
-        slow = any(0.0 < frequency < SLOWEST for frequency in frequencies_of(system.surfaces))
-        come_back = recurring(system.surfaces) and not slow
-        # of the surfaces that r is about
-        self.known_until = np.inf if come_back or not system.mode.on_surface else system.constants.omega.span
+        always = not system.mode.on_surface or covered(system.surfaces)  # the surfaces that r is about
+        self.known_until = np.inf if always else system.constants.omega.span
 
     def follow(self, system: System, share: float) -> None:
         """Follow a blend of the target model: the system with the model in force, and the share of the blend."""
@@ -91,8 +90,8 @@ class PremiseWatch:
         state.evaluation.data["posture_check"] = begun.data["posture_check"]
         found = begun.views.table
         judge.py_func(found, state.t)  # once more: the check has found what the period before it did not know
-        for name in ("value", "limit", "failing"):
-            getattr(self._table, name)[:] = getattr(found, name)
+        self._table.value[:], self._table.limit[:] = found.value, found.limit
+        self._table.failing[:] = found.failing
         state.evaluation.data["errors"] = begun.data["errors"]
         if not found.failing.any():
             state.epoch = self._with_instants(state.epoch)
@@ -264,8 +263,10 @@ class PremiseWatch:
         if not controller.law.robust or controller.d is not None:
             return
         if chatter == np.inf:
+            stated = self.system.scenario.declared.delta_M is not None
+            declared = "declared.delta_M" if stated else without_inertia(controller.uncertainty)
             raise UnboundedGain(
-                f"{self._without_inertia()}: the bound E of the declared errors leaves no inertia at this posture "
+                f"{declared}: the bound E of the declared errors leaves no inertia at this posture "
                 "(M̂ - E is not positive definite), so no gain by (17) suffices; allowed: a smaller value"
             )
         others = "controller.bounds = 'tight', " if controller.bounds == "paper" else ""
@@ -281,13 +282,6 @@ class PremiseWatch:
                 f"{lead} the gain (17) and the force on the surface raise each other: {force:.3g} of each change "
                 f"comes back (must be below 1), and no control period helps; allowed: {others}"
             )
-
-    def _without_inertia(self) -> str:
-        """Dotted path of the declared bound that leaves no inertia: masses and rotors alone, which are known within
-        less than 1, always leave some."""
-        declared = self.system.scenario.declared
-        names = ("link_centre", "link_shape") if declared.delta_M is None else ("delta_M",)
-        return f"declared.{next((name for name in names if getattr(declared, name)), 'link_scaling')}"
 
     def _declared_bound(self) -> str:
         """Dotted path of the declared bound from which most of the growth of (17) with s follows, the first one of

@@ -59,11 +59,8 @@ def worst_force_loop(system: System, at: Posture, loads: list[UnitLoad], added: 
     `unit_loads`; added: `GainFeedback.added` of each."""
     if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
         return ForceLoopFactor(math.nan, math.nan)
-    model, masses, sensor = (
-        system.controller.model,
-        _surface_mass(system),
-        (system.sensor.gain, system.sensor.force_late),
-    )
+    model, masses = system.controller.model, _surface_mass(system)
+    sensor = system.contact_sensor.gain, system.contact_sensor.late
     loops = [force_loop_factors(at.H_hat, at.H_hat, model, at.across, *load, masses) for load in loads]
     factor = through_sensor(np.concatenate(loops), *sensor)
     if not any(added):

@@ -105,7 +105,7 @@ class SampledLoops:
         self._whole, *self._fewer = touched_at_once(system)
         self._maps: dict[tuple[Touched, bool], PeriodMap] = {}  # by what is touched, and whether moments are read
         self._prompt: SampledLoops | None = None
-        if _lateness(system) > LONGEST_DELAY and not _reads_contact(system):
+        if system.contact_sensor.late > LONGEST_DELAY and not _reads_contact(system):
             self._prompt = SampledLoops(replace(system, sensor=system.sensor.prompt()))
 
     def at(self, q: np.ndarray, t: float) -> SampledLoop:
@@ -123,7 +123,7 @@ class SampledLoops:
             feedback = gain_by_force(system, at, loads)
             force_loop = worst_force_loop(system, at, loads, tuple(each.added for each in feedback))
             growth, A, C = math.nan, None, None
-            if _lateness(system) > LONGEST_DELAY:
+            if system.contact_sensor.late > LONGEST_DELAY:
                 growth = math.inf
             else:
                 judged = [self._judged(at, touched) for touched in (self._whole, *self._fewer)]
@@ -147,10 +147,10 @@ class SampledLoops:
         at = Posture.of(system, q, t)
         around_rest = self._map(at, self._whole)
         model, sampled = _poles(system, at, loop.A)
-        if not around_rest.keeps_moments and system.sensor.late > LONGEST_DELAY:
-            response = None
-        elif around_rest.keeps_moments:
+        if around_rest.keeps_moments:
             response = push_response(system, at, loop.A, around_rest.by_push())
+        elif system.sensor.late > LONGEST_DELAY:
+            response = None
         else:
             pushed = self._map(at, self._whole, moments=True)
             response = push_response(system, at, pushed.jacobian(), pushed.by_push())
@@ -218,11 +218,6 @@ def _poles(system: System, at: Posture, A: np.ndarray) -> tuple[np.ndarray, np.n
     apart = np.abs(model[:, None] - poles[None, :]) / np.maximum(np.abs(model), 1e-6)[:, None]
     rows, columns = linear_sum_assignment(apart)
     return model[rows], poles[columns]
-
-
-def _lateness(system: System) -> int:
-    """Number of readings by which what a contact exerts is late: a contact in a point exerts no moment."""
-    return system.sensor.late if system.plant.face.flat else system.sensor.force_late
 
 
 def _chatters(system: System) -> bool:

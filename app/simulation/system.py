@@ -108,6 +108,11 @@ class System:
         return self.surfaces[0]
 
     @cached_property
+    def contact_sensor(self) -> ForceSensor:
+        """Force sensor as a contact is read by it: a contact in a point exerts no moment that could be late."""
+        return self.sensor if self.plant.face.flat else self.sensor.of_forces()
+
+    @cached_property
     def planned(self) -> Planned:
         """Reference of the run, as a function of time."""
         return Planned(self.plan)

@@ -78,8 +78,6 @@ const begin = (about) => {
       code.src = `qr?link=${encodeURIComponent(address)}`;
       code.title = "on the whole screen, and back";
       const large = () => {
-        const open = document.querySelector(".vg-large"); // Enter comes to the focused code also below it
-        if (open) return open.remove();
         const whole = document.body.appendChild(make("div", "vg-large"));
         whole.append(Object.assign(make("img"), { src: code.src, alt: code.alt }), make("p", "", address));
         whole.addEventListener("click", () => whole.remove());

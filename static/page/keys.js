@@ -9,7 +9,7 @@ const belongsToControl = (e) =>
 // A browser opens its dialog for a file only while a key or a button is being pressed, so not from the server.
 const upload = () => {
   const way = document.querySelector("[data-upload]");
-  if (way && !document.querySelector(".vg-watching")) document.querySelector(`input[type=file][accept^="${way.dataset.upload}"]`)?.click();
+  if (way && !window.vsmrcWatches()) document.querySelector(`input[type=file][accept^="${way.dataset.upload}"]`)?.click();
   return way !== null;
 };
 document.body.addEventListener("keydown", (e) => {

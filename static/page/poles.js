@@ -19,7 +19,7 @@ const at = (e) => {
 document.addEventListener("pointerdown", (e) => {
   if (e.button !== 0) return;
   const mark = e.target instanceof Element && e.target.closest(".vs-poles [data-pole]");
-  if (!mark) return;
+  if (!mark || window.vsmrcWatches()) return;
   const svg = mark.closest("svg"), { x, y, hole, outer, low, high } = svg.dataset;
   dragged = { number: mark.dataset.pole, pointer: e.pointerId, box: svg.getBoundingClientRect(), pole: null,
     frame: { x: +x, y: +y, hole: +hole, outer: +outer, low: +low, high: +high } };

@@ -48,7 +48,7 @@ const focusClosed = (input) => {
 // a text field keeps the browser's own menu, with which one pastes
 const rowOf = (target) => {
   const form = target instanceof Element && !target.closest("input") ? target.closest("form:not([data-held])") : null;
-  const free = form?.querySelector(".mantine-TextInput-input:not(:disabled)") && !document.querySelector(".vg-watching");
+  const free = form?.querySelector(".mantine-TextInput-input:not(:disabled)") && !window.vsmrcWatches();
   return free && form.querySelector(".mantine-Slider-root")?.checkVisibility() ? form : null;
 };
 // iOS has no contextmenu for a long touch

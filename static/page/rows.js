@@ -24,6 +24,10 @@ const sendMarked = (input, text, mark) => {
   };
   send(plain + (turn.even ? mark + mark : mark), 3);
 };
+const commit = (input, text, mark) => {
+  delete input.dataset.pending;
+  sendMarked(input, text, mark);
+};
 // What is typed counts, also where a value that the server had sent before it knew comes in between.
 document.addEventListener("beforeinput", (e) => {
   const input = field(e);
@@ -44,14 +48,14 @@ document.addEventListener("keydown", (e) => {
   const input = field(e);
   if (!input || (e.key !== "Enter" && e.key !== "Escape")) return;
   e.preventDefault();
-  if (e.key === "Enter") sendMarked(input, input.dataset.pending === undefined ? input.value : input.vsmrcDraft, ENTERED);
-  else if (input.dataset.pending !== undefined) sendMarked(input, "", LEFT);
-  delete input.dataset.pending;
+  const pending = input.dataset.pending !== undefined;
+  if (e.key === "Enter") commit(input, pending ? input.vsmrcDraft : input.value, ENTERED);
+  else if (pending) commit(input, "", LEFT);
   input.blur(); // keys are commands again
 }, true);
 // A tick of the timeline is looked at: its instant is typed into the field of the time, which stands behind the ticks.
 document.addEventListener("pointerdown", (e) => {
-  if (e.button !== 0) return;
+  if (e.button !== 0 || window.vsmrcWatches()) return;
   const tick = e.target instanceof Element && e.target.closest("[data-seek]");
   const input = tick && document.querySelector("div:has(> .vs-ticks) + form .mantine-TextInput-input");
   if (input) sendMarked(input, tick.dataset.seek, LEFT);
@@ -60,9 +64,7 @@ document.addEventListener("pointerdown", (e) => {
 document.addEventListener("vsmrc-mark", (e) => sendMarked(e.target, e.target.value, e.detail));
 document.addEventListener("focusout", (e) => {
   const input = field(e);
-  if (!input || input.dataset.pending === undefined) return;
-  sendMarked(input, input.vsmrcDraft, LEFT);
-  delete input.dataset.pending;
+  if (input && input.dataset.pending !== undefined) commit(input, input.vsmrcDraft, LEFT);
 }, true);
 
 const SLOT = 60; // ms, longer than viser waits between two messages

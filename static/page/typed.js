@@ -4,4 +4,6 @@ window.vsmrcEnter = (input, text) => {
   Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text); // React has replaced it
   input.dispatchEvent(new Event("input", { bubbles: true }));
 };
+// whether the page only watches (static/gateway/overlay.js): the server drops what it sends
+window.vsmrcWatches = () => document.body.classList.contains("vg-watching");
 window.vsmrcTyping = (e) => e.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(e.target.tagName);

@@ -15,15 +15,14 @@ from app.cli.status import BROKEN, DONE, UNPROMISED
 from app.dashboard.widgets.premise_table import premises_html
 from app.scenario.caption import promised
 from app.scenario.data import edited, shipped
-from app.scenario.errors import ScenarioError, UnboundedGain
+from app.scenario.errors import ScenarioError
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.premise_watch import GainFeedbackShares
-from controllers.bounds import inertia_spread
+from controllers.posture_check import periods_between_checks
 from controllers.premise_statements import STATEMENTS
-from controllers.premises import Premise, PremiseTable, judge, periods_between_checks
+from controllers.premises import Premise, PremiseTable, judge
 from tests.support.arms import random_spd
 from tests.support.cases import short
 
@@ -103,15 +102,6 @@ def test_a_verdict_before_the_first_period_has_the_numbers_of_the_law_in_force()
         found = re.search(r"the gain d = (\S+) N is below the (\S+) N that \(17\) requires", loop.standing.now.because)
         assert found is not None
         assert float(found[1]) == 0.5 < float(found[2])
-
-
-def test_a_blend_from_a_model_whose_damping_A_takes_away_is_judged() -> None:
-    """M_m^-1 B_m + A = 0: nothing of chattering comes back through r_eq_ddot."""
-    still = edited(short("ur5-motion"), "controller.A", -40.0)
-    loop = ClosedLoop.from_scenario(edited(still, "blend.to", {"K_m": [500.0] * 6}))
-    assert loop.premise_watch.fed_back.chatter == pytest.approx(0.0, abs=1e-12)
-    with pytest.raises(UnboundedGain, match=r"^blend.to: on the way to this target model"):
-        ClosedLoop.from_scenario(edited(still, "blend.to", {"B_m": [60000.0] * 6}))
 
 
 def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:
@@ -194,26 +184,6 @@ def test_a_run_that_diverges_promises_nothing() -> None:
     loop, metrics = simulate(short("ur5-motion", **thin, **fields))
     assert metrics.promise.verdict == "nothing promised"
     assert loop.standing.now.verdict == "nothing promised"
-
-
-@pytest.mark.parametrize("name", ["ur5-constrained", "ur5-wave-constrained"])
-def test_the_gain_of_7_on_a_rigid_surface_is_refused_for_its_cause(name: str) -> None:
-    with pytest.raises(ScenarioError, match="raise each other"):
-        ClosedLoop.from_scenario(short(name, controller__bounds="paper"))
-
-
-def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
-    loop = ClosedLoop.from_scenario(short("ur5-constrained"))
-    for _ in range(20):
-        loop.step()
-    before = loop.state.copy()
-    with pytest.raises(ScenarioError, match="raise each other"):
-        loop.edit(edited(loop.system.scenario, "controller.bounds", "paper"))
-    after = loop.state.copy()
-    assert after.scenario == before.scenario
-    assert after.evaluation.data.tobytes() == before.evaluation.data.tobytes()
-    loop.step()
-    assert loop.stopped is None
 
 
 def test_a_caption_says_what_was_promised() -> None:
@@ -352,45 +322,6 @@ def test_without_a_layer_the_robust_terms_have_a_limit_too() -> None:
         table, check = loop.state.evaluation.part("table"), loop.state.evaluation.part("posture_check")
         assert bool(table.failing[Premise.LAYER]) is not holds
         assert np.isfinite(check.radius) == holds
-
-
-def test_where_the_declared_errors_leave_no_inertia_nothing_is_promised() -> None:
-    """M_hat - E is positive definite at some postures of Omega only."""
-    given = {"declared__link_centre": 0.06, "controller__gain": "constant", "controller__d": 5.0}
-    system = ClosedLoop.from_scenario(short("planar3r-hybrid", **given)).system
-    random, found = np.random.default_rng(0), set[bool]()
-    loop = ClosedLoop.from_scenario(system.scenario)
-    for _ in range(40):
-        loop.state.arm.views.q[:] = system.q_0 + random.uniform(-0.1, 0.1, 3)
-        evaluated = loop.controlled_arm.evaluated()
-        loop.controlled_arm.check_posture(evaluated)
-        estimate, u = evaluated.part("seen").estimate, system.controller.gains.uncertainty
-        E = np.zeros((3, 3))
-        inertia_spread.py_func(u, estimate, E)
-        definite = bool(np.linalg.eigvalsh(estimate.M_hat - E)[0] > 0.0)
-        found.add(definite)
-        assert (evaluated.part("posture_check").H_min > 0.0) == definite
-        assert (evaluated.part("table").value[Premise.LAYER] < np.inf) == definite
-    assert found == {False, True}
-    doubted = ClosedLoop.from_scenario(short("ur5-hybrid", declared__link_centre=0.001))
-    doubted.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER] = np.inf
-    with pytest.raises(
-        UnboundedGain, match=r"^declared\.link_centre: .* leaves no inertia .*; allowed: a smaller value"
-    ):
-        doubted.premise_watch.require_bounded_gain(GainFeedbackShares(np.nan, np.nan))
-
-
-@pytest.mark.parametrize(("path", "before"), [("controller.gain", "constant"), ("controller.law", "computed-torque")])
-def test_a_gain_that_would_feed_itself_is_refused_also_where_nothing_followed_it_before(path: str, before: str) -> None:
-    fatal = short("ur5-motion", controller__bounds="paper", controller__period=0.004, declared__link_scaling=0.3)
-    with pytest.raises(UnboundedGain, match=r"runs away at this control period: chattering feeds 3\.2"):
-        ClosedLoop.from_scenario(fatal)
-    loop = ClosedLoop.from_scenario(edited(fatal, path, before))
-    for _ in range(5):
-        loop.step()
-        with pytest.raises(UnboundedGain, match="runs away at this control period"):
-            loop.edit(fatal)
-    assert loop.system.scenario == edited(fatal, path, before)
 
 
 def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:

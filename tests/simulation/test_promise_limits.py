@@ -15,7 +15,8 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.sampled_stability import sampled_loop
 from controllers.bounds import InertiaRange
-from controllers.premises import Premise, _falling_from
+from controllers.posture_check import _falling_from
+from controllers.premises import Premise
 from controllers.switching import SAMPLING_SHARE
 from environments.integrators import Integrator
 from tests.support.cases import changed, run, value

@@ -147,11 +147,8 @@ class ExportPanel:
             setup = Setup.of(part.snapshot, viewing.coordinate, viewing.joint)
             pinned = tuple(map(PinnedChart.of, part.snapshot.pinned))
             figure = figure_of(plots_of(chosen), part.snapshot, setup, part.begin, part.end, pinned)
-            try:
-                figure = with_series(figure, lines)
-            except ScenarioError as error:
-                raise ScenarioError(str(error).replace("series: ", "Lines: ", 1)) from error
-            return self._desk.export_jobs.made(FigureJob(figure, form, options), on_progress)
+            chosen_lines = with_series(figure, lines, called="Lines")
+            return self._desk.export_jobs.made(FigureJob(chosen_lines, form, options), on_progress)
 
         self._delivery.give(event, "Figure", part.file_name(form, figure_name(chosen, lines)), make)
 

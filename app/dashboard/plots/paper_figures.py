@@ -47,17 +47,15 @@ def figure_name(plots: Sequence[str], series: Sequence[str]) -> str:
     return " ".join((*(() if tuple(plots) == (ALL_PLOTS,) else plots), *series))
 
 
-def with_series(figure: Figure, names: Sequence[str]) -> Figure:
+def with_series(figure: Figure, names: Sequence[str], called: str = "series") -> Figure:
     """The figure with only the lines of these names in the legends, and only the charts that have one of them; the
-    whole figure where there are no names. Raises ScenarioError."""
+    whole figure where there are no names. called: name of the choice in a refusal. Raises ScenarioError."""
     if not names:
         return figure
     there = dict.fromkeys(curve.name for chart in figure.charts for curve in chart.curves if curve.listed)
     known = {_plain(name): name for name in there}
     if unknown := [name for name in names if _plain(name) not in known]:
-        whole, meant, near = allowed(unknown[0], there).partition("; did you mean ")
-        few = f"allowed: {', '.join(list(there)[:FEW])}, … (names in the legends)" if len(there) > FEW else whole
-        raise ScenarioError(f"series: {unknown[0]!r:.60}; {few}{meant}{near}")
+        raise ScenarioError(f"{called}: {unknown[0]!r:.60}; {allowed(unknown[0], there, most=FEW)}")
     chosen = {known[_plain(name)] for name in names}
     charts = (_chart_with(chart, chosen) for chart in figure.charts)
     return replace(figure, charts=tuple(chart for chart in charts if any(curve.listed for curve in chart.curves)))

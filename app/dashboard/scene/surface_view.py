@@ -15,7 +15,7 @@ from environments.surfaces.table import Surface
 
 _REDRAW = 1 / 10  # s of wall time, between two drawings of a surface whose form changes
 _LINE_EVERY = 4  # cells of the mesh
-_FAR = 0.3  # m: a tool so far from where the mesh was drawn gets another piece of the surface
+_FAR = 0.15  # m: a tool so far from where the mesh was drawn gets another piece of the surface
 
 
 class SurfaceView:
@@ -27,14 +27,14 @@ class SurfaceView:
         self._name = "/surface" if number == 0 else f"/surface_{number + 1}"
         self._mesh: viser.MeshHandle | None = None
         self._lines: viser.LineSegmentsHandle | None = None
-        self._key: tuple[Form, int] | None = None  # with the number of the run
+        self._key: Form | None = None
         self._around = np.zeros(3)
         self._formed_at, self._formed_for = 0.0, 0.0
 
     def form(self, snapshot: Snapshot) -> None:
         """Give the mesh the form of the snapshot's surface of this number, if there is one."""
         surface = self._of(snapshot)
-        key = None if surface is None else (surface.form, snapshot.run)
+        key = None if surface is None else surface.form
         far = surface is not None and np.linalg.norm(snapshot.tool - self._around) > _FAR
         if key != self._key or far:
             self._key = key

@@ -13,6 +13,7 @@ from app.session.ways_out import WayOut
 
 log = structlog.get_logger()
 SHOWN = 12.0  # s
+REFUSED = "Refused: "  # beginning of a refusal
 
 
 class Complaint:
@@ -29,7 +30,6 @@ class Complaint:
         self._of: tuple[int, int] | None = None
         self._refusals = runner.snapshot.refusal_number
         self._refused = ""  # the runner's last refusal
-        self._refused_by_page = ""
         self._offered: WayOut | None = None  # with it
 
     def tell(self, sentence: str) -> None:
@@ -44,8 +44,7 @@ class Complaint:
         log.info("refused", sentence=sentence)
         self._runner.post(DropWayOut())
         self._offered = None
-        self._refused_by_page = f"Refused: {refusal_in_words(sentence)}"
-        self._show(self._refused_by_page)
+        self._show(f"{REFUSED}{refusal_in_words(sentence)}")
 
     def fail(self, sentence: str) -> None:
         """Show a failure of this program, which leaves the way out as it is; not again while the same one is shown."""
@@ -54,7 +53,7 @@ class Complaint:
 
     def withdraw(self) -> None:
         """Take back the last refusal and its way out: there has been a right value since."""
-        if self._text and self._text in (self._refused_by_page, self._refused):
+        if self._text.startswith(REFUSED):
             self._runner.post(DropWayOut())
             self._text, self._offered = "", None
 
@@ -62,7 +61,7 @@ class Complaint:
         """What is shown at this instant (s, monotonic), with a new refusal by the runner; "" for nothing."""
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
-            self._refused, self._offered = f"Refused: {refusal_in_words(snapshot.refusal or '')}", snapshot.way_out
+            self._refused, self._offered = f"{REFUSED}{refusal_in_words(snapshot.refusal or '')}", snapshot.way_out
             self._show(self._refused)
         of = snapshot.revision, snapshot.run
         if self._of is None and snapshot.executed >= self._posted:

@@ -223,12 +223,12 @@ class NumberField:
         self._held, self._held_until, self._before = None, -math.inf, None
         usual = self._place.read(before)
         # a slider that was not moved shows its value only roughly
-        value = usual if not apply and usual is not None else running if held is None else held
+        value = usual if not apply else running if held is None else held
         self._text.value = written(value)  # removes the mark
         edit, changed = self._place.edit(snapshot, value), written(value) != written(running)
         # before the slider counts as let go, since the page may be drawn in between
-        asked_for = self._ask(snapshot, edit) if changed else True
-        if apply and asked_for and written(value) != written(usual):
+        posted = not changed or self._ask(snapshot, edit)
+        if apply and posted and written(value) != written(usual):
             self._desk.whatif.remember(before, edit, self._moved(before, value))
         self._desk.whatif.let_go(self)
         if not changed:
