@@ -75,7 +75,7 @@ class Classroom:
         question = self.question
         if not browser:
             raise AnswerRefusal("cookies: none; allowed: with cookies, so that nobody counts twice")
-        if question is None or number != question.number:
+        if question is None or type(number) is not int or number != question.number:
             raise AnswerRefusal("answer: this question is over; allowed: to the present one")
         if not question.open:
             raise AnswerRefusal("answer: the answers were revealed; allowed: before that")

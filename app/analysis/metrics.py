@@ -253,7 +253,7 @@ class Account(Struct, frozen=True):
     residual_rms: float  # of the norm of the residual of the target model (8), N
     effort: float  # RMS of ||tau|| as applied, N m
     variation: float  # of the commanded torques: sum of their |changes| per second, N m/s
-    gain_margin: float | None  # least d minus what (17) needs, N; None under such a law
+    gain_margin: float | None  # least d minus what (17) needs, N; None under a law without d
 
 
 @dataclass(frozen=True)

@@ -54,14 +54,18 @@ class BucketGrid:
 
     def thin(self, t: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Decimated values (2 count, k) of values (N, k) at t (N,), increasing: the two extremes of each bucket, in the
-        order in which the values go through them; nan for empty buckets."""
+        order in which the values go through them; nan for empty buckets. Infinite values stand for none: inf where a
+        bucket has no others."""
         starts = self.starts(t)
         filled = starts[:-1] < starts[1:]
         thinned = np.full((self.count, 2, values.shape[1]), np.nan)
         if filled.any():
             begin, end = starts[:-1][filled], starts[1:][filled]
-            low = np.fmin.reduceat(values[: end[-1]], begin, axis=0)
-            high = np.fmax.reduceat(values[: end[-1]], begin, axis=0)
+            absent = np.isinf(values[: end[-1]])
+            known = np.where(absent, np.nan, values[: end[-1]])
+            low, high = np.fmin.reduceat(known, begin, axis=0), np.fmax.reduceat(known, begin, axis=0)
+            nothing = np.isnan(low) & np.logical_or.reduceat(absent, begin, axis=0)
+            low[nothing] = high[nothing] = np.inf
             falls = values[end - 1] < values[begin]
             thinned[filled, 0] = np.where(falls, high, low)
             thinned[filled, 1] = np.where(falls, low, high)

@@ -96,8 +96,10 @@ def export(
     _require_kinds(kinds, ON_PAPER, printed)
     _require_kinds(kinds, tuple(kind for kind in KINDS_OF_FILES if kind != "toml"), {"--start": start, "--end": end})
     for option, instant in (("--start", start), ("--end", end)):
-        if instant is not None and math.isnan(instant):
-            raise ScenarioError(f"{option}: nan; allowed: an instant of the run in s")
+        if instant is not None and not (math.isfinite(instant) or (option, instant) == ("--end", math.inf)):
+            raise ScenarioError(f"{option}: {instant:g}; allowed: an instant of the run in s")
+    if START.unless(start) > END.unless(end):
+        raise ScenarioError(f"--start {start:g}: after --end {end:g}; allowed: an earlier instant")
     chosen = PLOTS.unless(tuple(ALL_PLOTS if each == "all" else each for each in plots))
     plots_of(chosen)  # before the simulation, which would be in vain
     with scenario_errors():
@@ -133,7 +135,9 @@ def _recorded(run: str, engine: str | None, settings: Settings) -> tuple[Scenari
         raise ScenarioError("--set: a recording cannot be changed any more; allowed: with a scenario")
     if typed(engine):
         raise ScenarioError(f"--engine {engine}: a recording is not computed again; allowed: with a scenario")
-    return *read_npz(Path(run)), None
+    scenario, recording = read_npz(Path(run))
+    note_unused(scenario)
+    return scenario, recording, None
 
 
 def _require_kinds(kinds: list[Kind], takers: tuple[Kind, ...], options: Mapping[str, object]) -> None:

@@ -246,7 +246,9 @@ def _whole_section(scenario: Scenario, path: str, value: object) -> tuple[str, o
     if path == "robot":
         return "robot.name", value
     section, _, last = path.rpartition(".")
-    held = getattr(scenario, section, None)
+    held: object = scenario
+    for name in section.split("."):
+        held = getattr(held, name, None)
     if last == "kind" and isinstance(held, msgspec.Struct) and held.__struct_config__.tag not in (None, value):
         return section, value
     return path, value
@@ -272,11 +274,14 @@ def setting(text: str) -> tuple[str, object]:
 
 
 def _value(text: str) -> object:
-    """TOML value of a text; a text that is no TOML value is taken as it is."""
+    """TOML value of a text; a text that is no TOML value, or more than one, is taken as it is."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        match tomllib.loads(f"value = {text}"):
+            case {"value": value, **others} if not others:
+                return value
     except (ValueError, RecursionError):
-        return text
+        pass
+    return text
 
 
 def shown(value: object) -> str:

@@ -65,6 +65,7 @@ def response(
     """
     from app.scenario.caption import title_of
     from app.session.push_measurement import Chirp, PushExperiment
+    from app.simulation.push_response import FORCE
     from app.simulation.sampled_stability import sampled_loop
     from app.storage.constants_store import kept_memory
 
@@ -85,11 +86,16 @@ def response(
     if seen.response is None:
         raise ScenarioError(f"response: {scenario} has none: the law chatters, the sensor is late, or J_q is singular")
     pushes = NEWTONS.unless(newtons), NEWTON_METRES.unless(newton_metres)
+    if newton_metres is not None and not any(axis.kind != FORCE for axis in seen.response.axes):
+        raise ScenarioError(
+            f"--newton-metres {newton_metres:g}: no moment acts on a coordinate of {scenario}; allowed: --newtons"
+        )
     experiment = PushExperiment(loop.state, seen.response.axes, *pushes, memory)
     points = [experiment.sine(each) for each in measure]
     points += [] if chirp is None else experiment.chirp(Chirp(*chirp))
     _print_response(seen, seen.response, points, loop)
-    caption = f"{title_of(chosen, shipped().get(chosen.name)).text}, at t = {loop.t:.3g} s."
+    title = title_of(chosen, shipped().get(chosen.name))
+    caption = f"{title.text} ({chosen.name}{', edited' if title.edited else ''}), at t = {loop.t:.3g} s."
     _write(out, seen, seen.response, points, caption)
     return DONE
 

@@ -172,9 +172,11 @@ def _sampling(loop: ClosedLoop) -> Iterator[str]:
 
 def _print_promise(metrics: Metrics) -> None:
     """The verdict on the theorem's promise, and each premise that failed."""
+    from app.scenario.caption import percent
+
     promise = metrics.promise
     print(f"{'promise':{TITLE}s} {promise.verdict}: {promise.because}")
-    print(f"{'promised share of the run':{TITLE}s} {100 * promise.share:.4g} %")
+    print(f"{'promised share of the run':{TITLE}s} {percent(promise.share)} %")
     for finding in metrics.premises:
         if finding.failed is None:
             continue

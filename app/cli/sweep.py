@@ -24,7 +24,7 @@ from app.cli.options import (
     typed,
     written_to,
 )
-from app.cli.status import BAD_INPUT, DONE
+from app.cli.status import BAD_INPUT, DONE, FAULT
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
 
@@ -81,6 +81,7 @@ def sweep(
             sequence
         points: with --design latin or sobol: number of points
         draw: number of true arms, drawn at random inside the declared set; every point gets the same arms
+            (where the declared set is varied, the same shares of it)
         corners: draw these arms at the corners of the declared set
         seed: seed of the random arms and points
         out: folder for the runs
@@ -103,7 +104,7 @@ def sweep(
     count = plan.SweepPlan(request).count  # before a folder is made: a sweep may make no sense
     folder = None if dry_run and out is None else folder_of("sweep", out)
     with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
-        return _estimate(request, count, on) if dry_run or folder is None else _sweep_into(folder, request, on)
+        return _estimate(folder, request, count, on) if dry_run or folder is None else _sweep_into(folder, request, on)
 
 
 def _read(path: Path, options: _SweepOptions) -> Sweep:
@@ -161,19 +162,26 @@ def _require_effective(request: Sweep, options: _SweepOptions) -> None:
     given = dict(settings_of(options.settings))
     require_not_drawn(request, given)
     for axis in request.vary:
-        if axis.path in given:
-            raise ScenarioError(f"--set {axis.path}: it is varied, too; allowed: one of both")
+        if without := next((path for path in given if f"{path}.".startswith(f"{axis.path}.")), None):
+            whole = "it" if without == axis.path else axis.path
+            raise ScenarioError(f"--set {without}: {whole} is varied, too; allowed: one of both")
         if axis.path == DURATION and options.duration is not None:
             raise ScenarioError(f"--duration {options.duration:g}: {DURATION} is varied, too; allowed: one of both")
 
 
-def _estimate(request: Sweep, count: int, on: int | Cluster | None) -> int:
-    """Say what a sweep of so many runs would take."""
+def _estimate(out: Path | None, request: Sweep, count: int, on: int | Cluster | None) -> int:
+    """Say what the runs of a sweep that are not there yet would take."""
     import numpy as np
 
-    from app.sweep import running
+    from app.sweep import plan, running
+    from app.sweep.run_store import RunStore
 
-    print(running.estimated(request, np.arange(count), on))
+    left = np.arange(count)
+    if out is not None and (out / plan.FILE).exists():
+        with written_to(out, "; what is there stays"), RunStore(out, request) as store:
+            left = np.flatnonzero(~store.done)
+        print(f"{count - len(left)} of {count} runs are there already")
+    print(running.estimated(request, left, on))
     return DONE
 
 
@@ -196,8 +204,11 @@ def _sweep_into(out: Path, request: Sweep, on: int | Cluster | None) -> int:
             store.flush()  # for `vsmrc sweep plot`
             print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
             raise
-        refused = refusals(out)
+        refused, ended = refusals(out), int((~store.done).sum())
     print(f"{count} runs in {out}" + (f", {failed} of the last {len(left)} stopped or refused" if failed else ""))
+    if ended:
+        print(f"{ended} of {count} runs were ended by a fault (column stopped); the same command tries them again")
+        return FAULT
     if not refused:
         return DONE
     (reason, times), everything = refused.most_common(1)[0], refused.total() == count

@@ -26,17 +26,17 @@ from app.export.formats import ALL_PLOTS, Kind
 from app.export.playback_frames import playback_frames
 from app.export.printing import render
 from app.process.atomic_write import write_whole
-from app.scenario.data import to_toml
 from app.scenario.errors import ScenarioError, scenario_errors
 from app.scenario.schema import Scenario
-from app.session.snapshot import snapshot_of
+from app.session.snapshot import snapshot_of, with_conditions_at
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
 from app.storage.constants_store import kept_memory
-from app.storage.recording_files import TooLarge, table, write_csv, write_npz
+from app.storage.recording_files import TooLarge, scenario_text, table, write_csv, write_npz
 from parameters import allowed
 
+ROUNDING = 1e-9  # s
 OF_ONE_INSTANT: tuple[Kind, ...] = ("csv", "npz", "toml")  # figures and playback go from one instant to another
 
 
@@ -68,8 +68,11 @@ class FigureChoice:
 def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice, out: Path) -> Iterator[Path]:
     """Write files of these kinds to the folder `out`, which is created; yields the path of each. Raises ScenarioError
     and OSError."""
-    kinds = tuple(kinds)
-    rows = _times_of(stretch, kinds)
+    kinds, typed = tuple(kinds), stretch
+    # an instant that was typed need not be that of a row to the last bit
+    stretch = replace(typed, start=typed.start - ROUNDING, end=typed.end + ROUNDING)
+    rows = stretch.recording.signals(("t",), stretch.start, stretch.end)["t"]
+    _require_rows(rows, typed, kinds)
     if not set(OF_ONE_INSTANT).issuperset(kinds):
         n = assemble(stretch.scenario).robot.n
         if stretch.recording.n != n:
@@ -77,7 +80,7 @@ def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice,
     out.mkdir(parents=True, exist_ok=True)
     for kind in kinds:
         content = choice.name if kind in ("svg", "pdf", "png", "html") else ""
-        start = 0.0 if kind == "toml" else stretch.start  # a scenario has no stretch
+        start = 0.0 if kind == "toml" else typed.start  # a scenario has no stretch
         path = out / file_name(stretch.scenario.name, float(rows[-1]), kind, content, start)
         try:
             _write(stretch, kind, choice, path)
@@ -86,13 +89,12 @@ def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice,
         yield path
 
 
-def _times_of(stretch: ExportedStretch, kinds: tuple[Kind, ...]) -> np.ndarray:
-    """Times (N,) s of the stretch's rows. Raises ScenarioError where files of these kinds need more rows."""
-    rows = stretch.recording.signals(("t",), stretch.start, stretch.end)["t"]
+def _require_rows(rows: np.ndarray, stretch: ExportedStretch, kinds: tuple[Kind, ...]) -> None:
+    """Raise ScenarioError where files of these kinds need more rows than these, whose times are (N,) s."""
     drawn = [kind for kind in kinds if kind not in OF_ONE_INSTANT]
     if len(rows) > 1 or (len(rows) == 1 and not drawn):
-        return rows
-    where = f"from {stretch.start:g} s to {'the end' if math.isinf(stretch.end) else f'{stretch.end:g} s'}"
+        return
+    where = f"from {stretch.start:g} s to {'the end' if stretch.end == math.inf else f'{stretch.end:g} s'}"
     if len(rows) == 1:
         raise ScenarioError(
             f"--to {drawn[0]}: one instant recorded {where}, t = {rows[0]:g} s; "
@@ -126,7 +128,8 @@ def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Pat
                 page = standalone_html(frames, PLAYBACK_LIMIT, on_progress, figure)
                 write_whole(path, lambda file: file.write(page.encode()))
             case "toml":
-                write_whole(path, lambda file: file.write(to_toml(scenario).encode()))
+                text = scenario_text(table(scenario, recording))
+                write_whole(path, lambda file: file.write(text.encode()))
 
 
 def _figure(stretch: ExportedStretch, choice: FigureChoice) -> Figure:
@@ -134,7 +137,8 @@ def _figure(stretch: ExportedStretch, choice: FigureChoice) -> Figure:
     snapshot = snapshot_of(ClosedLoop.from_scenario(stretch.scenario, history=1, memory=kept_memory()))
     if not stretch.recording.epochs:  # files of earlier versions do not hold the changes during the run
         stretch.recording.epochs.extend(snapshot.recording.epochs)
-    snapshot = replace(snapshot, recording=stretch.recording)
+    rows = stretch.recording.pieces(stretch.start, stretch.end)
+    snapshot = with_conditions_at(replace(snapshot, recording=stretch.recording), float(rows[-1][-1, 0]))
     setup = Setup.of(snapshot, 0, 0)
     figure = figure_of(plots_of(choice.plots), snapshot, setup, stretch.start, stretch.end)
     if not figure.charts:

@@ -83,7 +83,7 @@ class Outcome:
 
 
 def uncertain(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario with a random true arm of the declared set, of its edge as often as of its inside."""
+    """The scenario with a random true arm of the declared set, with one link in three at its edge."""
     random, n = np.random.default_rng(seed), 6
     offset = random.standard_normal(3)
     offset *= DECLARED["payload_offset"] * random.uniform() / np.linalg.norm(offset)

@@ -55,7 +55,8 @@ class FigureChart:
     """Chart: axes with curves and a legend.
     logarithmic: whether the vertical axis is logarithmic.
     at_least: range of y that is always in view.
-    logarithmic_x: whether the horizontal axis is logarithmic."""
+    logarithmic_x: whether the horizontal axis is logarithmic.
+    x_range: ends of the horizontal axis, None for those of the curves."""
 
     title: str
     unit: str
@@ -65,6 +66,7 @@ class FigureChart:
     logarithmic: bool = False
     at_least: tuple[float, float] | None = None
     logarithmic_x: bool = False
+    x_range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

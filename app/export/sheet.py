@@ -40,15 +40,19 @@ DASHES: tuple[Any, ...] = (
 )
 
 
-def thinned(x: np.ndarray, y: np.ndarray, bins: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N,) reduced to at most 2 bins + 2, in their order: the ends, and the extremes of each bin."""
+def thinned(x: np.ndarray, y: np.ndarray, bins: int, *, logarithmic: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N,) reduced to at most 2 bins + 2, in their order: the ends, and the extremes of each bin.
+    logarithmic: whether the bins are of one width on a logarithmic axis of x, which is positive."""
     if len(y) <= 2 * bins:
         return x, y
-    size = -(-len(y) // bins)
-    padded = np.pad(y, (0, -len(y) % size), mode="edge").reshape(-1, size)
-    first = size * np.arange(len(padded))
-    extremes = np.concatenate([[0], first + padded.argmin(axis=1), first + padded.argmax(axis=1), [len(y) - 1]])
-    indices = np.unique(np.minimum(extremes, len(y) - 1))
+    edges = np.geomspace if logarithmic else np.linspace
+    inner = np.searchsorted(x, edges(x[0], x[-1], bins + 1)[1:-1]) if logarithmic else edges(0, len(y), bins + 1)[1:-1]
+    starts = np.unique([0, *inner.astype(int)])
+    ends = np.append(starts[1:], len(y))
+    extremes = {0, len(y) - 1}
+    for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
+        extremes |= {first + int(y[first:last].argmin()), first + int(y[first:last].argmax())}
+    indices = sorted(extremes)
     return x[indices], y[indices]
 
 
@@ -248,11 +252,11 @@ def _pattern(curve: Curve) -> tuple[float, tuple[float, ...]] | None:
     return (0.0, curve.dashes or DASHED) if curve.dashes or curve.dashed else None
 
 
-def _stretches(curve: Curve) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _stretches(curve: Curve, *, logarithmic_x: bool) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Stretches x, y of a curve between its gaps."""
     y = np.asarray(curve.y, dtype=float)
     for known in np.ma.clump_unmasked(np.ma.masked_invalid(y)) if len(y) else ():
-        yield thinned(np.asarray(curve.x, dtype=float)[known], y[known], BINS)
+        yield thinned(np.asarray(curve.x, dtype=float)[known], y[known], BINS, logarithmic=logarithmic_x)
 
 
 def _plot(axes: Axes, chart: FigureChart, looks: list[dict[str, Any]]) -> None:
@@ -262,10 +266,10 @@ def _plot(axes: Axes, chart: FigureChart, looks: list[dict[str, Any]]) -> None:
         ink = inks_of(chart).get(area.color, printed(area.color))
         axes.fill_between(x, low, high, color=ink, alpha=0.35, linewidth=0.0)
     for curve, look in zip(chart.curves, looks, strict=True):
-        for x, y in _stretches(curve):
+        for x, y in _stretches(curve, logarithmic_x=chart.logarithmic_x):
             axes.plot(x, y, clip_on=not curve.dotted, zorder=3 if curve.dotted else 2, **look)
     known = [curve.x[np.isfinite(curve.y)] for curve in chart.curves]
-    ends = [end for x in known if len(x) for end in (np.min(x), np.max(x))]
+    ends = chart.x_range or [end for x in known if len(x) for end in (np.min(x), np.max(x))]
     if ends and min(ends) < max(ends):
         axes.set_xlim(min(ends), max(ends))
     _scale(axes, chart)

@@ -66,6 +66,7 @@ class ClassPages:
             raise web.HTTPRequestTimeout from None
         except web.HTTPRequestEntityTooLarge as error:
             return web.json_response({"refused": "answer: too long; allowed: at most 64 kB"}, status=error.status)
+        self._of_class(request)  # the link may have been taken back meanwhile
         try:
             answer = decode_json(body, dict[str, Any])
         except ValueError as error:

@@ -115,7 +115,12 @@ class Gateway:
             raise web.HTTPBadRequest  # nobody is there any more
         self.answered.add(transport)
         try:
-            return await self._answer(request, handler)
+            response = await self._answer(request, handler)
+            # sent here, since until then the connection must not make room for another one
+            with contextlib.suppress(ConnectionError):  # the visitor has gone
+                await response.prepare(request)
+                await response.write_eof()
+            return response
         finally:
             self.answered.discard(transport)
 
@@ -124,9 +129,13 @@ class Gateway:
         if response is None:
             try:
                 response = await handler(request)
-            except web.HTTPException as error:
+            except web.HTTPNotFound as error:
                 sentence = "The link is not complete, or it was taken back: ask for a new one."
                 response = notice("There is nothing here", sentence, error.status)
+            except web.HTTPException as error:
+                response = notice("This is not possible", f"{error.reason}: go back to the page.", error.status)
+                if allow := error.headers.get("Allow"):
+                    response.headers["Allow"] = allow
         self._access.keep_greeting(response, request)
         return response
 

@@ -15,7 +15,7 @@ import structlog
 
 from app.process.atomic_write import write_whole
 from app.process.json_text import decode_json
-from app.storage.session_index import LARGEST, StateError, last_state, occupied
+from app.storage.session_index import LARGEST, StateError, last_state, occupied, own_folder
 from environments.regular_file import read_regular
 
 log = structlog.get_logger()
@@ -55,7 +55,8 @@ class SessionStore:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path, self._lock = occupied(path)
+        # also the folder above, which is the one that the user has named
+        self._path, self._lock = occupied(own_folder(path.parent) / path.name)
 
     def close(self) -> None:
         """Unlock the folder for other processes."""

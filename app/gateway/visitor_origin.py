@@ -54,6 +54,8 @@ def _address(request: web.Request, names: Names) -> str:
     if is_loopback(address):
         lines = request.headers.getall("X-Forwarded-For", []) if names.public else []
         address = ",".join(lines).rpartition(",")[2].strip()  # the last one, which the proxy has added
+        if address.count(":") == 1:  # some proxies add the port
+            address = address.partition(":")[0]
     try:
         known = ipaddress.ip_address(address)
     except ValueError:

@@ -48,7 +48,7 @@ class Measure(Block, frozen=True):
     signal: field of the recording, "e_r.1" for its first entry; or "force_error", "path_error" or "contact_force".
     metric: field of metrics.json, in place of a signal.
     statistic: of the signal. peak: largest size. span: largest minus least. variation: sum of sizes of changes, per s.
-    settles: time until the signal stays within 2 % of its largest deviation from its end. below: time until its
+    settles: time until the signal stays within 2 % of its largest deviation from its final value. below: time until its
     size stays below `level`.
     start, end: of the interval that is measured, s of the run.
     last: length of this interval, s, in place of start.

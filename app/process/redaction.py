@@ -14,7 +14,7 @@ HIDDEN = "[hidden]"
 
 _NAMED = re.compile(
     r"""((?:token|vsmrc-(?:token|steer|session|visitor)-\d+|x-vsmrc-key)(?:=|%3d|:\s*)  # an address, a cookie, a header
-        |/(?:s|watch|shared|everyone)/)                                     # a link, a folder
+        |/(?:s|watch|class|shared|everyone)/)                                     # a link, a folder
         [^\s/;,&'"\\?\#]+""",
     re.IGNORECASE | re.VERBOSE,
 )

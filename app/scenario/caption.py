@@ -87,8 +87,15 @@ def promised(signals: Mapping[str, np.ndarray]) -> str:
         return "Theorem 1 promises nothing here."
     if over[standing].max() > 0.0:
         return "The promise of Theorem 1 is broken here."
-    span = "throughout" if standing.all() else f"in {100 * standing.mean():.4g} % of the time, and nothing otherwise"
+    span = (
+        "throughout" if standing.all() else f"in {percent(float(standing.mean()))} % of the time, and nothing otherwise"
+    )
     return f"Theorem 1's promise for the sampled loop holds {span}."
+
+
+def percent(share: float) -> str:
+    """Share as a percentage with up to four digits, 100 only of the whole."""
+    return f"{100 * share if share in (0.0, 1.0) else min(max(100 * share, 0.01), 99.99):.4g}"
 
 
 def _model(scenario: Scenario, model: Mapping[str, np.ndarray], units: Units, angles: Sequence[int]) -> str:

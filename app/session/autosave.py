@@ -43,6 +43,8 @@ EVERY = 0.5  # s between two looks at the run; a change is saved when none has f
 LATEST = 5.0  # s after the first unsaved change, when it is saved even if others keep following
 REMINDER = 60.0  # s, until a change that cannot be saved either is complained of again
 _PRIVATE = 0o600
+# begin the names of files that a killed process has left
+UNFINISHED = (".session.json", ".run-", ".class.json", ".lessons.json")
 _RUN_FILE = re.compile(r"run-[0-9a-f]{32}\.npz")
 
 
@@ -191,7 +193,7 @@ class StateFolder:
         runs = [file for file in self.path.iterdir() if _RUN_FILE.fullmatch(file.name)]
         for name in (SESSION, OFFER):  # now, since a file may have been set aside just before
             named |= _named_aside(self.path / (ASIDE + name), runs)
-        left = [file for file in self.path.iterdir() if file.name.startswith((".session.json", ".run-"))]
+        left = [file for file in self.path.iterdir() if file.name.startswith(UNFINISHED)]
         for file in (*left, *(run for run in runs if run.name not in named)):
             file.unlink(missing_ok=True)
 

@@ -349,14 +349,30 @@ def pushed(scenario: Scenario, robot: robots.Robot, t: float) -> Scenario:
     return msgspec.structs.replace(scenario, truth=msgspec.structs.replace(truth, push_start=t))
 
 
+def _forces(scenario: Scenario) -> str:
+    """What the coordinates of a scenario's surfaces are about, in words."""
+    count = len(scenario.surfaces)
+    return f"{count} {'surface' if count == 1 else 'surfaces'}{' with a flat tool' if scenario.face.flat else ''}"
+
+
 def blending_to(scenario: Scenario, other: Scenario, at: float, over: float) -> Scenario:
     """The scenario with a blend to the target model of another one, at and over in s.
 
-    Raises ScenarioError where the other scenario has another mode, or its model has not as many coordinates or is the
+    Raises ScenarioError where the other scenario has another mode, or its model has not the same coordinates or is the
     scenario's own.
     """
     if other.mode != scenario.mode:
         raise ScenarioError(f"blend.to: a target model of {other.mode} mode; allowed: one of {scenario.mode} mode")
+    if other.task_space.kind != scenario.task_space.kind:
+        raise ScenarioError(
+            f"blend.to: a target model in {other.task_space.kind} coordinates; allowed: one in "
+            f"{scenario.task_space.kind} coordinates, as task_space.kind of {scenario.name} says"
+        )
+    there, here = _forces(other), _forces(scenario)
+    if mode_of(scenario).on_surface and there != here:
+        raise ScenarioError(
+            f"blend.to: a target model with coordinates on {there}; allowed: on {here}, as in {scenario.name}"
+        )
     try:
         own, model = (target_model(each, robot_of(scenario).n) for each in (scenario, other))
     except (InvalidGain, RobotError) as error:

@@ -12,6 +12,7 @@ from app.scenario.schema import Scenario
 from app.session.pacing import Pace
 from app.session.timeline import Pinned
 from app.session.ways_out import WayOut
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop, standing_of
 from app.simulation.recording import Recording
 from app.simulation.sampled_stability import RespondingLoop
@@ -23,6 +24,8 @@ from environments.robots import Robot
 from environments.surfaces.table import Surface
 
 PREPARING = "preparing another arm, contact or path; the first one of its kind is compiled, which may take a minute"
+
+MATRICES = ("M_m", "B_m", "K_m", "K_f")  # of (8)
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ class Snapshot(View):
     @cached_property
     def matrices(self) -> dict[str, np.ndarray]:
         """Matrices of (8) in force, each (n, n)."""
-        return {name: getattr(self.system.controller.model, name) for name in ("M_m", "B_m", "K_m", "K_f")}
+        return {name: getattr(self.system.controller.model, name) for name in MATRICES}
 
     @cached_property
     def standing(self) -> Standing:
@@ -111,6 +114,24 @@ class Snapshot(View):
     def realtime_factor(self) -> float:
         """Simulated seconds per second of wall time, as achieved; 0 where that is not known."""
         return self.pace.achieved * self.scenario.controller.period if self.pace else 0.0
+
+
+def with_conditions_at(snapshot: Snapshot, t: float) -> Snapshot:
+    """The snapshot with the scenario and the system that were in force at t (s) of its run, which may have been changed
+    since, and with the target model to which a blend had led. Raises ScenarioError where that arm cannot be built any
+    more."""
+    past = [epoch for epoch in tuple(snapshot.recording.epochs) if epoch.t <= t]
+    if not past:
+        return snapshot
+    model, system = past[-1].model_at(t), snapshot.system
+    if past[-1].scenario != snapshot.scenario:
+        # nothing of the loop's system but what it has searched, since its thread may go on
+        system = assemble(past[-1].scenario, memory=system.memory)
+    if any(not np.array_equal(getattr(model, name), getattr(system.controller.model, name)) for name in MATRICES):
+        system = replace(system, controller=system.controller.following(model))
+    if system is snapshot.system:
+        return snapshot
+    return replace(snapshot, scenario=past[-1].scenario, system=system, coordinates=system.coordinates)
 
 
 def snapshot_of(loop: ClosedLoop) -> Snapshot:

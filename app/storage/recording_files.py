@@ -107,8 +107,7 @@ def write_csv(
 
     Numbers read back to the very same bits. Raises TooLarge when the file would have more than `limit` bytes.
     """
-    scenario = to_toml(data.first_scenario).rstrip("\n").split("\n")
-    file.write("".join(f"# {line}\n" for line in (*_change_comments(data), *scenario)).encode())
+    file.write("".join(f"# {line}\n" for line in scenario_text(data).rstrip("\n").split("\n")).encode())
     file.write((",".join(csv_header(data)) + "\n").encode())
     begin, done = file.tell(), 0
     for piece in data.pieces:
@@ -119,6 +118,11 @@ def write_csv(
             done += len(rows)
             _keep_to(limit, begin + (file.tell() - begin) * data.length / done, data.seconds)
             on_progress(done / data.length)
+
+
+def scenario_text(data: RecordingTable) -> str:
+    """TOML of the scenario of a recording's first row, with the changes during the run as comments before it."""
+    return "\n".join((*_change_comments(data), to_toml(data.first_scenario)))
 
 
 def _change_comments(data: RecordingTable) -> list[str]:

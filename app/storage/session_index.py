@@ -58,11 +58,9 @@ def occupied(path: Path) -> tuple[Path, int]:
 
     Raises StateError when another process has the folder, it cannot be written, or another user can change it.
     """
+    path = own_folder(path)
     try:
-        path = own(path)
         lock = os.open(path / LOCK, os.O_RDWR | os.O_CREAT, _PRIVATE)
-    except NotOwnError as error:
-        raise StateError(f"--state-dir {path}: {error}; allowed: a folder that only its owner can write") from error
     except OSError as error:
         raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
     try:
@@ -74,6 +72,17 @@ def occupied(path: Path) -> tuple[Path, int]:
         os.close(lock)
         raise StateError(f"--state-dir {path}: cannot be locked: {error.strerror}; allowed: another disk") from error
     return path, lock
+
+
+def own_folder(path: Path) -> Path:
+    """The folder, made where there is none, with the links above it resolved. Raises StateError when it cannot be
+    written, or another user can change it."""
+    try:
+        return own(path)
+    except NotOwnError as error:
+        raise StateError(f"--state-dir {path}: {error}; allowed: a folder that only its owner can write") from error
+    except OSError as error:
+        raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
 
 
 class Last(NamedTuple):

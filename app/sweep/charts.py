@@ -86,7 +86,7 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Can
         if few and statistic_of(view) == "share" and not math.isnan(points.number[k]):
             shade = "white" if points.number[k] < 0.6 else "black"
             plot.annotate(
-                f"{points.good[k]}/{points.arms[k]}",
+                f"{points.good[k]}/{points.counted[k]}",
                 at,
                 xytext=(0.0, 4.0 if points.stopped[k] else 0.0),
                 textcoords="offset points",
@@ -134,7 +134,7 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> 
         name = "\n".join(wrapped(name, LEGEND, 6.0))
         plot.plot(at, points.number[mine], "-o", color=color, markersize=2.2, linewidth=1.0, label=name or None)
         if statistic_of(view) == "share" and sweep.draw:
-            ends = np.array([interval(int(points.good[k]), int(points.arms[k])) for k in mine])
+            ends = np.array([interval(int(points.good[k]), int(points.counted[k])) for k in mine])
             ends[np.isnan(points.number[mine])] = np.nan
             plot.fill_between(at, ends[:, 0], ends[:, 1], color=color, alpha=0.18, linewidth=0)
         stopped = np.asarray(points.values[x.path][mine[points.stopped[mine]]], dtype=float)
@@ -164,6 +164,12 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) ->
     if len(axes) < 2 or not all(axis.numeric for axis in axes[:2]):
         raise ScenarioError("--as scatter; allowed: with two fields of numbers, see --over")
     x, y = axes[:2]
+    if sweep.design == "grid" and len(sweep.vary) > 2:
+        rest = next(axis.path for axis in sweep.vary if axis.path not in (x.path, y.path))
+        raise ScenarioError(
+            f"--as scatter over {x.path} and {y.path}: points of other {rest} would lie below one another; allowed: "
+            "--as parallel, or a design"
+        )
     canvas, plot = sheet(SINGLE, _caption(sweep, points, view, missing="Left out", stopped="A cross"))
     at = [np.asarray(points.values[axis.path], dtype=float) for axis in (x, y)]
     dots = plot.scatter(*at, c=points.number, cmap=COLORS, norm=_norm(points, view), s=9, linewidths=0)
@@ -265,6 +271,8 @@ def _caption(sweep: Sweep, points: Points, view: SweepView, missing: str, stoppe
         caption += f". Only {runs} of {plan.count} runs so far"
         if fewer := int((points.arms < arms).sum()):
             caption += f", {_counted(fewer)} with fewer arms"
+    if fewer := int(((points.counted < points.arms) & (points.counted > 0)).sum()):
+        caption += f". Of arms that have this metric, fewer in {_counted(fewer)}"
     if statistic_of(view) == "share" and sweep.draw:
         low, _ = interval(arms, arms)
         caption += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"

@@ -44,6 +44,11 @@ class Cluster:
         self._address = address
         try:
             self._client: Client = Client(address, timeout=CONNECT, set_as_default=False)
+        except TypeError as error:  # of Dask, for tls:// without the files that it needs
+            raise ScenarioError(
+                f"--scheduler {address!r:.100}: this needs certificates; allowed: with those of the scheduler in "
+                "Dask's configuration (distributed.comm.tls), or a tcp:// address in a network that you trust"
+            ) from error
         except (OSError, ValueError, RuntimeError) as error:
             raise ScenarioError(
                 f"--scheduler {address!r:.100}: no scheduler answers; allowed: the address that `dask scheduler` "

@@ -16,7 +16,7 @@ import tomli_w
 from msgspec import Meta, Struct
 
 from app.scenario.data import differences as fields_that_differ
-from app.scenario.data import field_of, text_of, to_plain, with_value, with_values
+from app.scenario.data import field_of, kind_of, require_few_dots, text_of, to_plain, with_value, with_values
 from app.scenario.departures import DRAWN, MOVING, Departure
 from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, WrongKind
 from app.scenario.idle_fields import idle
@@ -38,7 +38,7 @@ LARGEST_FILE = 4_000_000  # bytes of sweep.toml
 LONGEST_VALUE, MOST_NAMED = 80, 4  # letters of a value, and differences, in the refusal of another folder
 LONGEST_NAME = 150  # letters of the scenario's name in that of a run's or a candidate's
 FILE = "sweep.toml"
-DURATION = "simulation.duration"
+DURATION, PERIOD = "simulation.duration", "controller.period"
 DRAWN_FIELDS = frozenset(f"truth.{name}" for name in DRAWN)
 Design = Literal["grid", "latin", "sobol"]
 
@@ -168,7 +168,10 @@ class SweepPlan:
 
     def scenario(self, row: SweepRow) -> Scenario:
         """Scenario of a run. Raises ScenarioError where its values are refused."""
-        scenario = with_values(self.sweep.scenario, dict(row.values))
+        base = self.sweep.scenario
+        # a section that is of its kind already keeps its fields
+        changed = {path: value for path, value in row.values.items() if _kind_at(base, path) != value}
+        scenario = with_values(base, changed)
         if row.arm >= self.sweep.own_arms:
             departure = self._departure(row.arm, _joints(scenario.robot))
             scenario = msgspec.structs.replace(scenario, truth=departure.truth(scenario.declared, of=scenario.truth))
@@ -197,10 +200,22 @@ def _joints(robot: RobotSection) -> int:
         raise ScenarioError(str(error)) from error
 
 
+def _kind_at(scenario: Scenario, path: str) -> str | None:
+    """Kind of the section at this dotted path, None where there is another field."""
+    found: object = scenario
+    for name in path.split("."):
+        found = getattr(found, name, None)
+    return kind_of(found) if isinstance(found, Struct) and found.__struct_config__.tag is not None else None
+
+
 def _require_sound(sweep: Sweep) -> None:
+    law_of(sweep.scenario)
     paths = [axis.path for axis in sweep.vary]
     if twice := next((path for path in paths if paths.count(path) > 1), None):
         raise ScenarioError(f"vary: {twice} twice; allowed: each field once")
+    for path in paths:
+        if inner := next((each for each in paths if each.startswith(f"{path}.")), None):
+            raise ScenarioError(f"vary: {inner} beside {path}, of which it is a part; allowed: one of both")
     if sweep.draw and (both := [path for path in paths if field_of(path) in DRAWN_FIELDS]):
         raise ScenarioError(f"vary: {both[0]} is drawn for each true arm; allowed: without --draw")
     if sweep.corners and not sweep.draw:
@@ -272,6 +287,9 @@ def _require_until(sweep: Sweep) -> None:
     """Raise ScenarioError where runs have to go on after their duration, from which on their constants do not hold."""
     varied = next((axis for axis in sweep.vary if axis.path == DURATION and axis.numeric), None)
     durations = (sweep.scenario.simulation.duration,) if varied is None else varied.values or (varied.low,)
+    period = sweep.scenario.controller.period
+    if sweep.until and sweep.until < period and PERIOD not in {axis.path for axis in sweep.vary}:
+        raise ScenarioError(f"until: {sweep.until:g} s; allowed: at least {period:g} s, a control period")
     if sweep.until and not sweep.until <= min(map(float, durations)):
         raise ScenarioError(
             f"until: {sweep.until:g} s; allowed: at most {min(map(float, durations)):g} s, the duration of the runs"
@@ -324,8 +342,10 @@ def read(path: Path, kind: type[SweepT] = Sweep) -> SweepT:
     if len(content) > LARGEST_FILE:
         raise ScenarioError(f"{path}: more than {LARGEST_FILE / 1e6:g} MB; allowed: a {kind.file}")
     try:
-        data = tomllib.loads(text_of(content))
-    except (ValueError, RecursionError) as error:
+        text = text_of(content)
+        require_few_dots(text)
+        data = tomllib.loads(text)
+    except (ScenarioError, ValueError, RecursionError) as error:
         raise ScenarioError(f"{path}: not a TOML file: {error}") from error
     try:
         return msgspec.convert(data, kind)

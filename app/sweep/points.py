@@ -53,6 +53,7 @@ class Points:
         neither keeps a limit nor misses it, nor does one that stopped where no run has the metric.
     never: (N,) bool, whether an arm never reached the event that is measured: it did not settle, or its run stopped.
     good, arms: (N,), number of arms that keep the limit, and of all arms.
+    counted: (N,), number of arms that have the metric, or never came to it: those of a share, median or worst.
     stopped: (N,) bool, whether a run stopped or was refused.
     absent: (N,) bool, whether no arm has the metric although a run went on to its end, as a force error where no force
         is controlled.
@@ -66,6 +67,7 @@ class Points:
     never: np.ndarray
     good: np.ndarray
     arms: np.ndarray
+    counted: np.ndarray
     stopped: np.ndarray
     absent: np.ndarray
     theorem: np.ndarray
@@ -97,8 +99,9 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
     groups = [slice(a, b) for a, b in zip(begins, [*begins[1:], len(point)], strict=True)]
     arms = np.array([g.stop - g.start for g in groups])
     good = np.array([int(keeps[g].sum()) for g in groups])
+    counted = np.array([int((~lacks[g]).sum()) for g in groups])
     number = (
-        good / arms
+        good / np.maximum(counted, 1)
         if statistic == "share"
         else np.array([_statistic(metric[g], stopped[g], statistic, column) for g in groups])
     )
@@ -111,6 +114,7 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) 
         never=np.isinf(number),
         good=good,
         arms=arms,
+        counted=counted,
         stopped=np.array([bool(stopped[g].any()) for g in groups]),
         absent=absent,
         theorem=np.array([_all_from(margin[g], -1e-9) for g in groups]),
@@ -134,7 +138,9 @@ def statistic_of(view: SweepView) -> Statistic:
 
 
 def interval(good: int, arms: int) -> tuple[float, float]:
-    """Wilson's interval of a share, of 95 %."""
+    """Wilson's interval of a share, of 95 %; from 0 to 1 where there is no arm."""
+    if not arms:
+        return 0.0, 1.0
     from scipy.stats import binomtest  # a page without a map need not load it
 
     found = binomtest(good, arms).proportion_ci(CONFIDENCE, "wilson")

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import structlog
 
 from app.analysis.metrics import Metrics
 from app.process.worker_pool import Fallen
@@ -21,6 +22,9 @@ from app.sweep.plan import Sweep, SweepPlan, SweepRow
 
 RunMetrics = dict[str, Any]
 REFUSED = "refused: "  # begins the reason of a run that never began
+# begins the reason of a run for which this program or its process has ended: the same command tries it again
+ENDED = "ended by a fault"
+log = structlog.get_logger()
 
 
 class Column(NamedTuple):
@@ -69,7 +73,9 @@ COLUMNS: dict[str, Column] = {
     "moment_error": Column("N·m", "largest error of the moments of a flat tool", at_the_end=True),
     "constraint_violation": Column("m", "largest distance from a rigid surface"),
     "settling_time": Column(
-        "s", "until the force, or without force control the path, stays within 2 %", may_never=True
+        "s",
+        "until the force, or without force control the path, stays within 2 % of its largest deviation",
+        may_never=True,
     ),
     "reaching_time": Column("s", "until ‖s‖ is within the boundary layer", may_never=True),
     "layer_time_bound": Column("s", "until ‖s‖ is within the boundary layer, as (20) promises", may_never=True),
@@ -140,6 +146,12 @@ class SweepRunner:
             )
         except (ScenarioError, ArithmeticError, ValueError) as error:
             return begun | {"stopped": f"{REFUSED}{error}", "wall_time": time.perf_counter() - started}
+        except OSError as error:  # of this machine, not of this run
+            raise ScenarioError(f"run {row.number} cannot be computed here: {error}; others are kept") from error
+        except Exception as error:  # a fault of this program, which need not end the other runs
+            log.exception("run failed", row=row.number)
+            reason = f"{ENDED}: internal error: {type(error).__name__}: {error}"
+            return begun | {"stopped": reason, "wall_time": time.perf_counter() - started}
         self._previous = loop.system
         inside = all(each.failed is None for each in metrics.premises if each.premise == "declared")
         return begun | _of(metrics) | {"declared": float(inside), "wall_time": time.perf_counter() - started}
@@ -177,7 +189,7 @@ def rows_of(plan: SweepPlan, runs: Iterable[SweepRow], metrics: list[RunMetrics]
     """Metrics of these runs as they were computed; of runs whose process has ended, rows that say so."""
     if not isinstance(metrics, Fallen):
         return metrics
-    return [plan.key_columns(run) | {"stopped": "the process that computed it has ended"} for run in runs]
+    return [plan.key_columns(run) | {"stopped": f"{ENDED}: the process that computed it has ended"} for run in runs]
 
 
 def columns_of(rows: Sequence[RunMetrics]) -> dict[str, np.ndarray]:

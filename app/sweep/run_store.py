@@ -8,7 +8,7 @@ import errno
 import fcntl
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,7 +23,7 @@ from app.scenario.errors import ScenarioError
 from app.storage.joint_kinds import units_of
 from app.sweep.fingerprint import another_program, fingerprint
 from app.sweep.plan import FILE, Sweep, SweepPlan, differences, differences_in_words, read, to_toml
-from app.sweep.run_metrics import COLUMNS, REFUSED, RunMetrics
+from app.sweep.run_metrics import COLUMNS, ENDED, REFUSED, RunMetrics
 from app.sweep.titles import title_of, unit_of
 
 PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"
@@ -42,7 +42,8 @@ class _Coming(NamedTuple):
 
 class RunStore:
     """Store of a sweep's runs: its folder, open for one process. Raises ScenarioError where the folder is of another
-    sweep or another version of the program, or in use, and OSError."""
+    sweep or another version of the program, or in use, and OSError.
+    done: (count,) bool, whether each run is computed; not where it was ended by a fault, so that it is tried again."""
 
     def __init__(self, folder: Path, sweep: Sweep) -> None:
         self._folder = folder
@@ -60,9 +61,10 @@ class RunStore:
             self._schema = schema_of(sweep)
             self.done = np.zeros(SweepPlan(sweep).count, dtype=bool)
             for part in parts(folder):
-                self.done[_read(part, self._schema, len(self.done), ["row"])["row"].to_numpy()] = True
-            waiting = [row for row in journaled(folder, len(self.done)) if not self.done[row["row"]]]
-            self.done[[row["row"] for row in waiting]] = True
+                table = _read(part, self._schema, len(self.done), ["row", "stopped"])
+                self.done[table["row"].to_numpy()] = [not _to_try_again(each) for each in table["stopped"].to_pylist()]
+            waiting = [row for row in journaled(folder, self._schema, len(self.done)) if not self.done[row["row"]]]
+            self.done[[row["row"] for row in waiting]] = [not _to_try_again(row.get("stopped")) for row in waiting]
             last = max((int(part.stem.rpartition("-")[2]) for part in parts(folder)), default=0)
             self._coming = _Coming(last + 1, waiting)
             self._journal = self._rewritten_journal()
@@ -83,7 +85,7 @@ class RunStore:
         if os.write(self._journal, line) != len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self._coming.rows.append(metrics)
-        self.done[metrics["row"]] = True
+        self.done[metrics["row"]] = not _to_try_again(metrics.get("stopped"))
         if len(self._coming.rows) >= ROWS:
             self.flush()
 
@@ -128,9 +130,14 @@ class RunStore:
         return os.open(self._folder / JOURNAL, os.O_WRONLY | os.O_APPEND)
 
 
-def journaled(folder: Path, count: int) -> list[RunMetrics]:
+def _to_try_again(stopped: str | None) -> bool:
+    """Whether a run with this reason for its end says nothing of its scenario."""
+    return (stopped or "").startswith(ENDED)
+
+
+def journaled(folder: Path, schema: pa.Schema, count: int) -> list[RunMetrics]:
     """Rows of a folder's journal, without a last line that was cut off and lines that are no rows of a sweep with
-    `count` of them."""
+    this schema and `count` of them."""
     path = folder / JOURNAL
     rows = []
     for line in path.read_bytes().split(b"\n") if path.exists() else []:
@@ -138,10 +145,18 @@ def journaled(folder: Path, count: int) -> list[RunMetrics]:
             row = decode_json(line, object)
         except ValueError:
             continue
-        number = row.get("row") if isinstance(row, dict) else None
-        if type(number) is int and 0 <= number < count:
+        if isinstance(row, dict) and type(row.get("row")) is int and 0 <= row["row"] < count and _fits(row, schema):
             rows.append(row)
     return rows
+
+
+def _fits(row: Mapping[str, object], schema: pa.Schema) -> bool:
+    """Whether the values of a row are of the kinds of their columns."""
+    return all(
+        isinstance(row.get(field.name), str if pa.types.is_string(field.type) else int | float)
+        for field in schema
+        if row.get(field.name) is not None
+    )
 
 
 def _read(part: Path, schema: pa.Schema, count: int, columns: list[str] | None = None) -> pa.Table:
@@ -186,7 +201,7 @@ def _numbered(table: pa.Table, count: int) -> bool:
 
 def parts(folder: Path) -> Sequence[Path]:
     """Parquet files of a sweep's folder."""
-    return sorted((folder / PARTS).glob("part-*.parquet"))
+    return sorted((folder / PARTS).glob("part-[0-9][0-9][0-9][0-9][0-9][0-9].parquet"))
 
 
 def refusals(folder: Path) -> Counter[str]:
@@ -236,21 +251,18 @@ def table_of(folder: Path) -> tuple[Sweep, dict[str, np.ndarray]]:
     sweep = read(folder / FILE)
     schema, count = schema_of(sweep), SweepPlan(sweep).count
     own = sweep.program == fingerprint(sweep)
-    journal = journaled(folder, count)  # before the parts: a sweep that runs may move its rows into one meanwhile
-    done, tables = np.zeros(count, dtype=bool), [schema.empty_table()]
-    for part in parts(folder):
-        table = (
-            _read(part, schema, count).cast(schema)
-            if own
-            else _read_another(part, schema, count, another_program(sweep))
-        )
-        rows = table["row"].to_numpy()
-        tables.append(table.filter(~done[rows]))  # rows that an earlier version of the program has written twice
-        done[rows] = True
-    waiting = [row for row in journal if not done[row["row"]]]
-    tables.append(pa.Table.from_pylist(waiting, schema=schema))
-    whole = pa.concat_tables(tables, promote_options="default").sort_by("row")
+    # before the parts: a sweep that runs may move its rows into one meanwhile
+    journal = journaled(folder, schema, count)
+    tables = [
+        _read(part, schema, count).cast(schema) if own else _read_another(part, schema, count, another_program(sweep))
+        for part in parts(folder)
+    ]
+    tables += [schema.empty_table(), pa.Table.from_pylist(journal, schema=schema)]
+    whole = pa.concat_tables(tables, promote_options="default").select(schema.names)
     if not len(whole):
         raise ScenarioError(f"{folder}: no runs yet; allowed: a folder in which `vsmrc sweep` has computed some")
+    # the last row of each run: one that was ended by a fault and was tried again has several
+    _, last = np.unique(whole["row"].to_numpy()[::-1], return_index=True)
+    whole = whole.take(len(whole) - 1 - last)
     columns: dict[str, Any] = {name: whole[name].to_numpy() for name in whole.column_names}
     return sweep, columns

@@ -81,10 +81,12 @@ def estimated(sweep: Sweep, left: np.ndarray, on: int | Cluster | None = None) -
 def last_wall_time(
     make: Callable[[SweepT], Callable[[Any], list[RunMetrics]]], sweep: SweepT, runs: tuple[Any, ...]
 ) -> float | None:
-    """Computing time of the last one of some runs, s, which are computed one after the other in a process of their own;
-    None where they end it. make: see `worker_pool.results`."""
+    """Computing time of the last one of some runs, s, of those that go to their end where there are any. They are
+    computed one after the other in a process of their own; None where they end it. make: see `worker_pool.results`."""
     ((_, metrics),) = worker_pool.results(make, (sweep,), (runs,), 1)
-    return None if isinstance(metrics, worker_pool.Fallen) else metrics[-1]["wall_time"]
+    if isinstance(metrics, worker_pool.Fallen):
+        return None
+    return ([each for each in metrics if not each.get("stopped")] or metrics)[-1]["wall_time"]
 
 
 def run(store: RunStore, sweep: Sweep, on: int | Cluster | None = None, *, show_progress: bool = False) -> int:

@@ -15,6 +15,7 @@ from app.sweep.axes import Axis, axis_of
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Design, Sweep, SweepPlan, arms_differ
 from app.sweep.run_metrics import COLUMNS, metric_title
+from environments.urdf import RobotError
 from parameters import allowed
 
 AIMS = (
@@ -87,8 +88,11 @@ def is_gain(path: str) -> bool:
 
 
 def known_aims(scenario: Scenario) -> list[str]:
-    """Aims that runs of the scenario have."""
-    mode, robot = mode_of(scenario), robot_of(scenario)
+    """Aims that runs of the scenario have. Raises ScenarioError where its arm cannot be read."""
+    try:
+        mode, robot = mode_of(scenario), robot_of(scenario)
+    except RobotError as error:
+        raise ScenarioError(str(error)) from error
     joint, tilts = scenario.task_space.kind == "joint", 2 if scenario.face.flat and mode.on_surface else 0
     supplemental, angles = task_joints(scenario, robot)
     turning = angles - tilts + sum(not robot.slides[each] for each in supplemental)

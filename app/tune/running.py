@@ -43,9 +43,9 @@ class Found:
 
 
 def estimated(tuning: Tuning, left: int, workers: int | None = None) -> SweepEstimate:
-    """Estimate for `left` runs of a tuning, from the computing time of one run. The run is played twice, because the
-    first time also computes what all runs have in common."""
-    seconds = last_wall_time(computing, tuning, (SweepRow(0, 0, 0, {}),) * 2) if left else 0.0
+    """Estimate for `left` runs of a tuning, from the computing time of one run. Two are played, of different true
+    arms: the first one also computes what all runs have in common, and the second what each has for itself."""
+    seconds = last_wall_time(computing, tuning, (SweepRow(0, 0, 0, {}), SweepRow(1, 0, 1, {}))) if left else 0.0
     return SweepEstimate.of(left, left * tuning.length, None if seconds is None else left * seconds, workers)
 
 

@@ -16,7 +16,7 @@ const send = async (given) => {
       method: "POST", headers: { "Content-Type": "application/json" },
       body: JSON.stringify({ number, given }),
     });
-    if (!/json/.test(answer.headers.get("Content-Type"))) { // as for a link that was taken back
+    if ([403, 404].includes(answer.status)) {
       message.textContent = "This link is no longer valid; ask for the new one.";
       return;
     }

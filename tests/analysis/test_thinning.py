@@ -28,6 +28,15 @@ def test_what_is_drawn_stands_still_while_time_goes_on():
     assert [seen[x] for x in shared] == [again[x] for x in shared]
 
 
+def test_what_exists_in_a_part_of_a_bucket_only_is_kept():
+    t = np.arange(1000) * 1e-3
+    begins = np.where(t < 0.45, np.inf, np.where(t < 0.452, 7.0, 1.0))[:, None]
+    thinned = BucketGrid.over(0.0, 1.0, 10).thin(t, begins)[:, 0].reshape(-1, 2)
+    assert np.isinf(thinned[:4]).all()
+    assert sorted(thinned[4]) == [1.0, 7.0]
+    assert (thinned[5:-1] == 1.0).all()
+
+
 def test_buckets_without_rows_are_nan():
     thinned = BucketGrid.over(0.0, 1.0, 10).thin(np.array([0.31, 0.62]), np.array([[1.0], [2.0]]))
     assert np.isfinite(thinned[:, 0]).nonzero()[0].tolist() == [6, 7, 12, 13]

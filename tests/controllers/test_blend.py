@@ -307,6 +307,12 @@ def test_a_refusal_leaves_the_loop_as_it_was() -> None:
         assemble(edited(shipped()["planar3r-hybrid"], "blend.to.K_m", [0.0, -1.0, 1.0]))
     with pytest.raises(ScenarioError, match=r"blend.to: a target model of motion mode; allowed: one of impedance mode"):
         blending_to(start, shipped()["ur5-motion"], 0.0, 1.0)
+    motion, hybrid = shipped()["ur5-motion"], shipped()["ur5-hybrid"]
+    joints = edited(shipped()["ur5-joint"], "target_model.K_m", [50.0] * 6)
+    with pytest.raises(ScenarioError, match=r"a target model in joint coordinates; allowed: one in cartesian"):
+        blending_to(motion, joints, 0.0, 1.0)
+    with pytest.raises(ScenarioError, match=r"blend.to: a target model with coordinates on 2 surfaces; allowed: on 1"):
+        blending_to(hybrid, shipped()["ur5-corner"], 0.0, 1.0)
     under_way = run(ClosedLoop.from_scenario(planned(0.0, over=0.2)), 50)
     with pytest.raises(ScenarioError, match=r"a blend is under way; allowed: from its end on, t = 0.2 s"):
         under_way.edit(edited(under_way.system.scenario, "target_model.M_m", [9.0] * 3))

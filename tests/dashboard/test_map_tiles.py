@@ -62,7 +62,7 @@ def test_tiles_say_their_numbers_in_units_and_the_arms_behind_them() -> None:
     assert re.findall(r'data-point="(\d+)"', worst) == ["0", "1", "2", "3", "4", "5"]
     assert "<b>" not in worst
     share = labels_in(picture(SweepView("force_error", within=1.25)))
-    kept = "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)"
+    kept = "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of arms drawn like these)"
     assert share[0].endswith(f"{kept}; the promise holds for 3 of 4 arms; not met: d covers (17)")
     wide = columns() | {"force_error": 10.0 ** -columns()["point"]}
     middle = re.findall(r'y="244" text-anchor="middle">(.*?)<', picture(SweepView("force_error"), table=wide))
@@ -169,7 +169,7 @@ def test_a_tile_with_a_stopped_run_says_its_number_where_it_has_one() -> None:
     assert "stopped" not in drawn[0]
     kept = labels_in(picture(SweepView("force_error", within=1.25)))[2]
     assert "1 of 4 arms keep" in kept
-    assert "of all); a run stopped or was refused; the promise" in kept
+    assert "of arms drawn like these); a run stopped or was refused; the promise" in kept
 
 
 def test_one_run_that_is_not_drawn_keeps_a_limit_or_does_not() -> None:
@@ -215,7 +215,10 @@ def test_over_one_field_there_is_a_course_with_an_interval_at_each_share() -> No
     assert worst.count("vs-interval") == 0
     assert re.search(r'class="vs-present" d="M 187.0 ', worst)  # in the middle
     share = picture(SweepView("force_error", within=1.25), sweep=ALONE)
-    assert "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of all)" in labels_in(share)[0]
+    assert (
+        "2 of 4 arms keep the limit of &lt;7&gt; mN (95 %: 0.15 to 0.85 of arms drawn like these)"
+        in labels_in(share)[0]
+    )
     assert share.count("vs-interval") == 3
 
 

@@ -193,7 +193,6 @@ def test_chart(text: str, motion: SurfaceMotion) -> None:
     for p, t in near(6, 0.04):
         chart = body.chart(p, t)
         assert np.linalg.norm(chart.G[0]) == pytest.approx(1.0, abs=1e-12)
-        assert chart.g[0] * (0.2 - p[2]) > 0.0 or abs(p[2] - 0.2) < 0.06
         np.testing.assert_allclose(body.point(chart.g, t), p, atol=1e-11)
         sides = [(body.chart(p + e, t), body.chart(p - e, t)) for e in h * np.eye(3)]
         sides.append((body.chart(p, t + h), body.chart(p, t - h)))

@@ -99,6 +99,17 @@ def test_thinning_keeps_a_spike_and_the_ends() -> None:
     np.testing.assert_array_equal(y[few_x.astype(int)], few_y)
 
 
+def test_thinning_of_a_logarithmic_axis_keeps_what_is_wide_on_it() -> None:
+    x = np.arange(1, 30_001) / 60.0  # a spectrum of one minute, Hz
+    y = np.full(len(x), 1e-3)
+    for peak in (0.2, 0.6, 0.8, 400.0):
+        y[round(60 * peak) - 1] = 1.0
+    few_x, few_y = thinned(x, y, BINS, logarithmic=True)
+    assert len(few_x) <= 2 * BINS + 2
+    assert few_x[few_y == 1.0] == pytest.approx([0.2, 0.6, 0.8, 400.0])
+    assert (few_x[0], few_x[-1]) == (x[0], x[-1])
+
+
 def test_printed_colours_can_be_seen_on_white_and_told_apart() -> None:
     colors = [np.array(printed(color)) for color in SERIES]
     for color in colors:

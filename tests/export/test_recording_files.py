@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from app.dashboard.export import ExportedStretch, FigureChoice, write
+from app.dashboard.export import ExportedStretch, FigureChoice, _figure, write
+from app.dashboard.plots.charts import Setup
+from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.export.export_jobs import DataJob, ExportError, ExportJobs
 from app.export.formats import Kind
 from app.scenario.data import edited, from_toml, load
@@ -18,7 +21,9 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.session.changes import blending_to
+from app.session.snapshot import snapshot_of, with_conditions_at
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.controller_builder import target_model
 from app.simulation.recording import BLOCK, Recording
 from app.storage.constants_store import kept_memory
 from app.storage.recording_files import RecordingTable, TooLarge, read_npz, table, write_csv, write_npz
@@ -160,6 +165,52 @@ def test_the_end_of_a_planned_blend_is_told() -> None:
     first, changes = changes_in_csv(loop.recording, loop.system.scenario)
     assert first == planned
     assert changes == ["from t = 0.04 s: the planned blend has ended, its model is the target model from here on"]
+
+
+def test_a_figure_has_the_conditions_of_its_last_row() -> None:
+    """Not those of edits that came later, and within a blend the model to which it had led."""
+    loop = ClosedLoop.from_scenario(load("planar3r-hybrid"), 1000, memory=kept_memory())
+    run_to(loop, 0.1)
+    loop.edit(edited(loop.system.scenario, "contact.K_e", 3210.0))
+    paused = with_conditions_at(snapshot_of(loop), float(loop.recording.signals(("t",))["t"][-1]))
+    assert paused.scenario == load("planar3r-hybrid")  # no row had the other stiffness
+    loop.edit(edited(loop.system.scenario, "controller.law", "computed-torque"))
+    run_to(loop, 0.2)
+    before, after = (with_conditions_at(snapshot_of(loop), t) for t in (0.05, 0.15))
+    assert before.scenario == load("planar3r-hybrid")
+    assert after is not before
+    assert after.scenario.contact.K_e == 3210.0
+    for seen, robust in ((before, True), (after, False)):
+        assert Setup.of(seen, 0, 0).robust == robust
+        text = figure_of(plots_of(["force"]), seen, Setup.of(seen, 0, 0), 0.0, 0.05 if robust else 0.15).caption
+        assert ("3210" in text) == (not robust)
+        assert ("Changed at t = 0.1 s" in text) == (not robust)
+
+
+def test_the_scenario_of_a_run_with_a_blend_plays_it_again(tmp_path: Path) -> None:
+    to = edited(load("planar3r-hybrid"), "target_model.K_m", [0.0, 900.0, 900.0])
+    planned = blending_to(load("planar3r-hybrid"), to, 0.02, 0.1)
+    loop = ClosedLoop.from_scenario(planned, 1000, memory=kept_memory())
+    run_to(loop, 0.2)
+    stretch = ExportedStretch(loop.system.scenario, loop.recording, 0.0, 0.07)
+    (path,) = write(
+        ExportedStretch(loop.system.scenario, loop.recording, 0.0, math.inf), ["toml"], FigureChoice(), tmp_path
+    )
+    assert from_toml(path.read_text(encoding="utf-8")) == planned
+    half = with_conditions_at(snapshot_of(loop), 0.07)
+    K_m = half.matrices["K_m"][1, 1]
+    begin, end = (np.diag(target_model(each, 3).K_m)[1] for each in (load("planar3r-hybrid"), to))
+    assert K_m == pytest.approx(0.5 * (begin + end), rel=0.01)
+    assert f"{K_m:.4g}" in _figure(stretch, FigureChoice(("force",))).caption
+
+
+@pytest.mark.parametrize("instant", [0.007, 0.009, 0.014])
+def test_an_instant_is_that_of_its_row_although_its_decimals_are_not(instant: float, tmp_path: Path) -> None:
+    recording = noise(20, n=3)
+    (path,) = write(
+        ExportedStretch(load("planar3r-hybrid"), recording, instant, instant), ["csv"], FigureChoice(), tmp_path
+    )
+    assert path.read_text(encoding="utf-8").splitlines()[-1].startswith(repr(round(instant * 1e3) * 1e-3))
 
 
 def run_to(loop: ClosedLoop, t: float) -> None:

@@ -216,11 +216,14 @@ def test_without_the_token_nothing_answers_and_each_link_opens_its_own(tmp_path:
         assert ask(port, "/", Cookie=cookies[1]).status == 403  # who may watch gets no link to steer
         assert ask(port, f"{watch[1]}copy", "POST", Cookie=cookies[1]).status == 403
         session = Link(port, "/" + ask(port, "/", Cookie=cookies[0]).headers["Location"])
-        with suppress(ConnectionClosed):
-            for _ in range(100):  # until its process is ready
-                with visiting(session.url, additional_headers={"Cookie": cookies[0]}) as page:
-                    page.wait(lambda page=page: bool(page.status))
-                    break
+
+        def seen() -> bool:
+            with suppress(ConnectionClosed), visiting(session.url, additional_headers={"Cookie": cookies[0]}) as page:
+                page.wait(lambda: bool(page.status))
+                return True
+            return False  # its process is not ready yet
+
+        until(seen)
         # killed in the middle of everything, the server leaves no process behind
         children = server.children()
         assert children

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from app.dashboard import local_server
+from app.gateway.session_store import SessionStore
 from app.process import kernel_cache
 from app.process.private_folder import NotOwnError, own, private
 from app.scenario.data import load
@@ -73,6 +74,8 @@ def test_a_folder_in_which_others_have_a_hand_is_neither_trusted_nor_used(
         StateError, match=f"--state-dir .*: {message}.*; allowed: a folder that only its owner can write"
     ):
         occupied(folder)
+    with pytest.raises(StateError, match=message):
+        SessionStore(folder / "shared")
     assert not list(folder.iterdir())
     folders = kernels_of(INHERIT, XDG_CACHE_HOME=str(folder.parent))
     assert len(set(folders)) == 1  # the processes beside use the same one

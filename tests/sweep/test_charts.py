@@ -120,6 +120,18 @@ def test_a_run_without_the_metric_neither_keeps_a_limit_nor_misses_it() -> None:
     assert points_of(SWEEP, settling, SweepView("settling_time", within=1.0)).number.tolist() == [0.0] * 6
 
 
+def test_a_share_is_of_the_arms_that_have_the_metric() -> None:
+    """As the violation of a bound that is promised to some arms only."""
+    table = columns() | {"envelope_violation": np.where(columns()["arm"] < 2, np.nan, 0.0)}
+    points = points_of(SWEEP, table, SweepView("envelope_violation", within=1e-3))
+    assert points.counted.tolist() == [2, 2, 3, 2, 2, 2]  # with the one that stopped
+    assert points.good.tolist() == [2] * 6
+    assert points.number == pytest.approx([1, 1, 2 / 3, 1, 1, 1])
+    drawn = texts_of(chart(SWEEP, table, SweepView("envelope_violation", within=1e-3), "svg"))
+    assert drawn.count("2/2") == 5
+    assert "Of arms that have this metric, fewer in 6 points" in " ".join(drawn)
+
+
 def test_one_run_that_is_not_drawn_is_no_sample() -> None:
     alone, view = sweep_of("contact.K_e=1e3:1e5:3:log"), SweepView("force_error", within=0.15)
     drawn = " ".join(texts_of(chart(alone, columns(alone), view, "svg")))
@@ -318,6 +330,11 @@ def test_a_metric_that_is_the_same_everywhere_stands_at_the_foot_of_its_scale() 
         (SWEEP.vary, SweepView("force_error", over=("contact.K_e",) * 2), "--over contact.K_e twice; allowed: each"),
         (SWEEP.vary[:1], SweepView("force_error", kind="map"), "a grid of two fields"),
         (SWEEP.vary[:1], SweepView("force_error", kind="scatter"), "two fields of numbers"),
+        (
+            (*SWEEP.vary, axis_of("controller.layer=0.01,0.02")),
+            SweepView("force_error", kind="scatter"),
+            "points of other controller.layer would lie below one another",
+        ),
         (
             SWEEP.vary[:1],
             SweepView("force_error", kind="parallel"),

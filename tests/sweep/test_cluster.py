@@ -26,7 +26,7 @@ from app.sweep.axes import axis_of
 from app.sweep.cluster import Cluster
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Sweep, SweepPlan
-from app.sweep.run_metrics import RunMetrics, SweepRunner
+from app.sweep.run_metrics import ENDED, RunMetrics, SweepRunner
 from app.sweep.run_store import RunStore
 from drivers.cluster import Scheduler, worker
 from drivers.cluster import scheduler as started
@@ -154,7 +154,7 @@ def test_a_run_that_ends_its_worker_each_time_is_a_row_and_the_others_are_comput
             assert running.run(store, SWEEP, cluster) == 1
         rows = timeless(store.rows)
     fallen = rows.pop(FALLING)
-    assert fallen["stopped"] == "the process that computed it has ended"
+    assert fallen["stopped"] == f"{ENDED}: the process that computed it has ended"
     assert rows == [row for row in expected if row["row"] != FALLING]
 
 
@@ -226,6 +226,8 @@ def test_what_is_wrong_is_one_sentence(impatient: Scheduler) -> None:
         Cluster("tcp://127.0.0.1:1")
     with pytest.raises(ScenarioError, match="no scheduler answers"):
         Cluster("nonsense://x")
+    with pytest.raises(ScenarioError, match="this needs certificates; allowed: with those"):
+        Cluster("tls://127.0.0.1:1")
     notices: list[str] = []
     with Cluster(address) as closed:
         pass

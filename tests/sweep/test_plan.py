@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from app.scenario.data import edited, shipped, with_value
+from app.scenario.data import edited, kind_of, shipped, with_value
 from app.scenario.declared_bounds import outside
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Declared
@@ -99,6 +99,13 @@ def test_entries_of_a_list_are_varied(tmp_path: Path) -> None:
     assert np.array(with_value(matrix, "target_model.K_m.2.3", 7.0).target_model.K_m)[1, 2] == 7.0
     (tmp_path / plan.FILE).write_text(plan.to_toml(asked.sweep))
     assert plan.read(tmp_path / plan.FILE) == asked.sweep
+
+
+def test_a_section_that_is_of_a_varied_kind_already_keeps_its_fields() -> None:
+    base = edited(shipped()["ur5-motion"], "motion.radius", 0.123)
+    asked = SweepPlan(msgspec.structs.replace(sweep_of("motion=circle,line"), scenario=base))
+    assert asked.scenario(asked.row(0)).motion == base.motion
+    assert kind_of(asked.scenario(asked.row(1)).motion) == "line"
 
 
 def test_a_stated_bound_is_as_good_as_another_one_for_the_scenario_s_own_arm() -> None:
@@ -212,6 +219,22 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
         ),
         (sweep_of("task_space=joint"), "one sweep for each kind, such as with --set task_space.kind=joint"),
         (sweep_of("contact.K_e=1:2:3", until=99.0), "until: 99 s; allowed: at most 10 s, the duration of the runs"),
+        (
+            sweep_of("contact.K_e=1:2:3", until=1e-4),
+            "until: 0.0001 s; allowed: at least 0.001 s, a control period",
+        ),
+        (
+            sweep_of("motion.period=2:6:3", "motion=circle,line"),
+            "vary: motion.period beside motion, of which it is a part; allowed: one of both",
+        ),
+        (
+            sweep_of("truth.link_scaling.2=0.9:1.1:3", "truth.link_scaling=0.8,1.2"),
+            "vary: truth.link_scaling.2 beside truth.link_scaling, of which",
+        ),
+        (
+            msgspec.structs.replace(sweep_of(), scenario=edited(BASE, "controller.law", "of_my_own")),
+            "controller.law: 'of_my_own'; allowed: vsmrc",
+        ),
         (sweep_of("contact.K_e=1:2:3", until=float("nan")), "until: nan s; allowed: at most"),
         (
             sweep_of("simulation.duration=3,2", until=2.5),
@@ -234,6 +257,7 @@ def test_a_sweep_that_makes_no_sense_is_refused(sweep: Sweep, sentence: str) -> 
     [
         (b"vary = 3", "sweep.toml: vary: 3; allowed: a list (`vsmrc sweep` writes this file)"),
         (b"scenario = {", "not a TOML file"),
+        (b"a." * 400 + b"b = 1", "line 1 has 400 dots; allowed: at most 300"),
         (b"name = '\xff'", "sweep.toml: not a TOML file: it is no UTF-8 text; allowed: a text in UTF-8"),
         (
             b"[scenario]\nmode = 'levitation'",

@@ -23,6 +23,7 @@ from app.sweep import run_store
 from app.sweep.axes import axis_of
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Sweep, SweepPlan
+from app.sweep.run_metrics import ENDED
 from app.sweep.run_store import JOURNAL, RunStore, parts, schema_of, table_of
 from tests.sweep.test_plan import sweep_of
 
@@ -103,6 +104,40 @@ def test_nothing_is_lost_or_there_twice_after_fifty_kills(tmp_path: Path, monkey
     for number in (0, 777, 3999):
         row = ASKED.row(number)
         assert {path: columns[path][number] for path in row.values} == row.values
+
+
+def test_a_run_that_was_ended_by_a_fault_is_tried_again_and_has_one_row(tmp_path: Path) -> None:
+    fallen = metrics(1) | {"stopped": f"{ENDED}: out of memory", "motion_error": None}
+    for flushed in (True, False):  # as a part, and as a line of the journal
+        folder = tmp_path / str(flushed)
+        with RunStore(folder, SWEEP) as store:
+            for row in (metrics(0), fallen, metrics(2)):
+                store.add(row)
+            if flushed:
+                store.flush()
+        assert table_of(folder)[1]["row"].tolist() == [0, 1, 2]
+        with RunStore(folder, SWEEP) as store:
+            assert np.flatnonzero(store.done).tolist() == [0, 2]
+            store.add(metrics(1))
+            store.flush()
+        with RunStore(folder, SWEEP) as store:
+            assert np.flatnonzero(store.done).tolist() == [0, 1, 2]
+        found = table_of(folder)[1]
+        assert found["row"].tolist() == [0, 1, 2]
+        assert found["motion_error"] == pytest.approx([0.0, 1e-6, 2e-6])
+
+
+def test_strange_files_and_lines_are_not_runs(tmp_path: Path) -> None:
+    with RunStore(tmp_path, SWEEP) as store:
+        store.add(metrics(0))
+        store.flush()
+    (part,) = parts(tmp_path)
+    part.with_name("part-000001 (copy).parquet").write_bytes(b"of another program")
+    with (tmp_path / JOURNAL).open("ab") as file:
+        file.write(b'{"row": 5, "motion_error": "x"}\n{"row": 6, "stopped": 1}\n')
+    with RunStore(tmp_path, SWEEP) as store:
+        assert np.flatnonzero(store.done).tolist() == [0]
+    assert table_of(tmp_path)[1]["row"].tolist() == [0]
 
 
 def test_a_line_that_was_cut_off_is_forgotten_and_a_part_says_units(tmp_path: Path) -> None:

@@ -19,13 +19,14 @@ import pytest
 from app.cli.commands import execute
 from app.process import worker_pool
 from app.scenario.data import edited, shipped
+from app.scenario.errors import ScenarioError
 from app.session.headless_run import play, simulate
 from app.simulation.verdict import Outcome
-from app.sweep import running
+from app.sweep import run_metrics, running
 from app.sweep.axes import axis_of
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Sweep, SweepPlan
-from app.sweep.run_metrics import COLUMNS, METRIC_COLUMNS, RunMetrics, SweepRunner
+from app.sweep.run_metrics import COLUMNS, ENDED, METRIC_COLUMNS, RunMetrics, SweepRunner
 from app.sweep.run_store import JOURNAL, RunStore, table_of
 from app.sweep.running import SweepEstimate
 from tests.support.pages import ROOT
@@ -142,9 +143,13 @@ def test_a_sweep_whose_time_is_not_known_is_computed(
         return ((task, worker_pool.FALLEN) for task in tasks)
 
     monkeypatch.setattr(worker_pool, "results", fallen)
-    assert execute([*ASKED, "--out", str(tmp_path / "out")]) == 0
-    assert UNKNOWN in capsys.readouterr().out
-    assert set(table_of(tmp_path / "out")[1]["stopped"]) == {"the process that computed it has ended"}
+    assert execute([*ASKED, "--out", str(tmp_path / "out")]) == 1
+    said = capsys.readouterr().out
+    assert UNKNOWN in said
+    assert "12 of 12 runs were ended by a fault (column stopped); the same command tries them again" in said
+    assert set(table_of(tmp_path / "out")[1]["stopped"]) == {f"{ENDED}: the process that computed it has ended"}
+    assert execute([*ASKED, "--out", str(tmp_path / "out"), "--dry-run"]) == 0
+    assert "0 of 12 runs are there already" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -156,6 +161,22 @@ def test_the_command_ends_runs_earlier_than_their_duration(tmp_path: Path, capsy
     sweep, columns = table_of(out)
     assert (sweep.until, sweep.scenario.simulation.duration) == (0.1, 0.3)
     assert columns["simulated_time"].tolist() == pytest.approx([0.1, 0.1])
+
+
+def test_a_fault_of_the_program_in_one_run_is_a_row_and_one_of_the_machine_ends_the_sweep(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def failing(error: Exception) -> Callable[..., object]:
+        def simulate(*_: object, **__: object) -> object:
+            raise error
+
+        return simulate
+
+    monkeypatch.setattr(run_metrics, "simulate", failing(KeyError("d")))
+    assert SweepRunner(SWEEP).metrics(3)["stopped"] == f"{ENDED}: internal error: KeyError: 'd'"
+    monkeypatch.setattr(run_metrics, "simulate", failing(OSError(errno.ENOSPC, "No space left on device")))
+    with pytest.raises(ScenarioError, match=r"run 3 cannot be computed here: .*No space left on device; others"):
+        SweepRunner(SWEEP).metrics(3)
 
 
 def test_what_is_refused_or_stops_is_a_row() -> None:

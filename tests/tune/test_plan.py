@@ -54,6 +54,10 @@ def test_a_gain_that_makes_no_sense_is_refused(text: str, sentence: str) -> None
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
+        (
+            {"scenario": edited(TUNING.scenario, "robot.urdf", "/nonsense.urdf")},
+            "/nonsense.urdf",
+        ),
         ({"aims": ()}, "--for nothing; allowed: one metric or two"),
         ({"aims": ("force_eror",)}, "--for 'force_eror'; allowed: motion_error, angle_error, force_error"),
         ({"aims": ("force_eror",)}, "did you mean force_error?"),

@@ -174,9 +174,18 @@ def _chart(plot: Plot, drawing: Drawing, signals: Signals, pinned: Sequence[tupl
     floor, logarithmic = drawing.floor, drawing.floor is not None
     if logarithmic and any((curve.y == floor).any() for curve in own):  # there the value is smaller
         title = f"{title}, from {f'{floor:g} {unit}'.rstrip()} on"
-    x_label = FREQUENCY if plot.spectral else TIME
+    t = signals["t"]
     return FigureChart(
-        title, unit, (*behind, *own), areas, x_label, logarithmic, drawing.at_least, logarithmic_x=plot.spectral
+        title,
+        unit,
+        (*behind, *own),
+        areas,
+        FREQUENCY if plot.spectral else TIME,
+        logarithmic,
+        drawing.at_least,
+        logarithmic_x=plot.spectral,
+        # of all charts alike, also of one whose lines begin later
+        x_range=None if plot.spectral else (float(t[0]), float(t[-1])),
     )
 
 

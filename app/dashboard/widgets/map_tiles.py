@@ -193,7 +193,7 @@ def _course(plan: SweepPlan, points: Points, numbers: np.ndarray, naming: Naming
         if points.stopped[k] or not known:
             lines.append([])
         if known and naming.share and plan.sweep.draw:
-            low, high = (_up(end) for end in interval(int(points.good[k]), int(points.arms[k])))
+            low, high = (_up(end) for end in interval(int(points.good[k]), int(points.counted[k])))
             shape += f'<path d="M {across:.1f} {low:.1f} V {high:.1f}" class="vs-interval"/>'
         dots.append(
             f'<g data-point="{i}" data-at="{i},0" tabindex="{-1 if dots else 0}" role="button" aria-label="{label}">'
@@ -224,7 +224,7 @@ def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Namin
         f"{naming.axes[axis.path][0]} {plain(float(points.values[axis.path][k]))} {naming.axes[axis.path][1]}".rstrip()
         for axis in plan.sweep.vary
     )
-    arms = int(points.arms[k])
+    arms = int(points.counted[k])
     if points.stopped[k] and math.isnan(number):
         return f"{where}: a run stopped or was refused"
     if points.never[k]:
@@ -237,7 +237,7 @@ def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Namin
     if naming.share:
         low, high = interval(int(points.good[k]), arms)
         count = f"{points.good[k]} of {arms} arms keep the limit of {naming.limit}"
-        return f"{where}: {count} (95 %: {low:.2f} to {high:.2f} of all){more}"
+        return f"{where}: {count} (95 %: {low:.2f} to {high:.2f} of arms drawn like these){more}"
     worst = f", worst of {arms} arms" if arms > 1 else ""
     return f"{where}: {naming.title} {plain(number)} {naming.unit}{worst}{more}"
 

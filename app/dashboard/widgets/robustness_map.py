@@ -76,7 +76,11 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._up = FieldChoice(desk, "Up", FIELDS, "mass of the true links, factor", optional=True)
         self._fields = {field.path: field for field in FIELDS}
         self._size = gui.add_dropdown("Steps of each", tuple(SIZES), initial_value="9")
-        self._arms = gui.add_dropdown("True arms", tuple(ARMS), hint="The same arms at every tile.")
+        self._arms = gui.add_dropdown(
+            "True arms",
+            tuple(ARMS),
+            hint="The same arms at every tile; across declared bounds, the same shares of them.",
+        )
         self._metric = gui.add_dropdown("Metric", tuple(METRICS), hint="At the end: over the last fifth of each run.")
         self._add_length()
         self._within = gui.add_text(
