@@ -18,6 +18,8 @@ from environments.surfaces.table import Surface
 def layout_of(
     scenario: Scenario, mode: Mode, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray, surface: Surface
 ) -> TaskLayout:
+    """Layout of a scenario's task coordinates. q_0: (n,) rad or m, the posture at the start, whose orientation is the
+    reference of the angles; surface: the one to which a flat tool is aligned."""
     joints, angles = task_joints(scenario, robot)
     estimate = nominal.evaluate(q_0, np.zeros(robot.n))
     flat = scenario.face.flat and mode.on_surface
@@ -40,6 +42,7 @@ def layout_of(
 
 
 def coordinates_of(layout: TaskLayout, mode: Mode, robot: robots.Robot) -> tuple[Coordinate, ...]:
+    """Task coordinates (n) with names and units, in the order of r."""
     if layout.joint:
         units = (unit_of_joint("rad", slides=slides) for slides in robot.slides)
         return tuple(Coordinate(indexed("q", joint), unit) for joint, unit in enumerate(units, start=1))

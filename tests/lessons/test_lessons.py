@@ -91,6 +91,14 @@ def lesson(*changes: tuple[str, str]) -> Lesson:
     return read(text, "test", "test/lesson.md")
 
 
+def test_the_right_answer_is_at_no_place_more_often_than_elsewhere() -> None:
+    questions = [step.question for name in shipped_lessons() for step in load(name).steps]
+    right = [each.right for each in questions if isinstance(each, ChoiceQuestion) and len(each.options) > 2]
+    assert len(right) > 30
+    assert {1, 2, 3} <= set(right)
+    assert max(map(right.count, right)) <= 0.5 * len(right)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_lessons())
 def test_every_shipped_lesson_is_fit_to_be_given(name: str) -> None:

@@ -18,11 +18,13 @@ NUMERIC = ("pinocchio", "numba", "scipy")
 
 
 # each in one process: what is loaded stays so, and nothing is needed at a stage that a later one must not have
+# app.workers.session serves the page, and app.workers.fork_server loads it before it is asked for one
 STAGES = {
     "program": {
         RUN.format(["list"]): (*HEAVY, "numba", "scipy"),
         "import app.workers.precompile; ": HEAVY,
         "import app.workers.preview; ": HEAVY,
+        "import app.workers.sweep, app.workers.export; ": HEAVY,
         RUN.format(["run", "planar2r-semicircle", "--duration", "0.01", "--out", "OUT"]): HEAVY,
         "import app.dashboard.page; ": ("trimesh", "matplotlib", "scipy.signal", "scipy.stats", "aiohttp"),
     },

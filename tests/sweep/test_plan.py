@@ -11,6 +11,7 @@ import pytest
 
 from app.scenario.data import edited, kind_of, shipped, with_value
 from app.scenario.declared_bounds import outside
+from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Declared
 from app.scenario.units import CARTESIAN
@@ -63,6 +64,19 @@ def test_the_same_arms_at_every_point_within_what_is_declared_and_at_its_corners
         assert truth.payload_mass == pytest.approx(declared.payload_mass)
     scaling = np.array([truth.link_scaling for truth in first])
     assert (np.abs(scaling - 1.0) < 0.9 * declared.link_scaling).any()
+
+
+def test_half_of_the_quantities_that_are_drawn_lie_at_their_edge() -> None:
+    """An edge is where promises break first."""
+    drawn = [Departure.inside(np.random.default_rng(seed), 6) for seed in range(400)]
+    lengths = np.linalg.norm([each.centres for each in drawn], axis=2)
+    for shares in (
+        np.abs([each.links for each in drawn]), np.abs([each.rotors for each in drawn]), lengths,
+        *(np.array([getattr(each, name) for each in drawn])
+          for name in ("payload", "offset", "coulomb", "viscous", "disturbance")),
+    ):  # fmt: skip
+        assert np.isclose(shares, 1.0).mean() == pytest.approx(0.5, abs=0.1)
+        assert shares.max() <= 1.0 + 1e-12
 
 
 def test_what_is_not_drawn_of_the_truth_stays() -> None:
