@@ -130,21 +130,21 @@ class StateFolder:
 
     def save(self, scenario: Scenario, pinned: tuple[Pinned, ...]) -> None:
         """Replace what was saved of this session. Raises OSError after saving as much as possible."""
+        there = (*self._kept, *self._taken_up.runs)
+        files = [next((file for known, file in there if known.recording is run.recording), None) for run in pinned]
+        if None in files and (self.path / SESSION).exists():  # else the runs of an offer are still in that alone
+            # the scenario first, with the runs of before: a long run takes seconds, in which this process may be ended
+            with contextlib.suppress(OSError):  # written again below, where it is told
+                self._write_index(scenario, self._kept)
         kept, failure = [], None
-        for run in pinned:
-            there = (*self._kept, *self._taken_up.runs)
-            name = next((name for known, name in there if known.recording is run.recording), None)
+        for run, file in zip(pinned, files, strict=True):
             try:
-                kept.append((run, name or self._write_run(run)))
+                kept.append((run, file or self._write_run(run)))
             except OSError as error:
                 failure = error
-        runs = [SavedRun(run.number, run.t, file, run.name) for run, file in kept]
-        index = Index(time.time(), to_toml(scenario), runs)
-        text = msgspec.json.format(msgspec.json.encode(index))
         self._kept = tuple(kept)  # where the index cannot be written, the next one names the same files
         try:
-            write_whole(self.path / SESSION, lambda file: file.write(text), _PRIVATE)
-            self._indexed = {run.file for run in runs}
+            self._write_index(scenario, kept)
             if self._taken_up.in_session(scenario, pinned):  # the loop takes it some periods after it has been read
                 (self.path / OFFER).unlink(missing_ok=True)
                 self._taken_up = _TakenUp()
@@ -152,6 +152,13 @@ class StateFolder:
             self._tidy()
         if failure is not None:
             raise failure
+
+    def _write_index(self, scenario: Scenario, kept: Sequence[tuple[Pinned, str]]) -> None:
+        """Write the index of the scenario and these runs, each with its file. Raises OSError."""
+        runs = [SavedRun(run.number, run.t, file, run.name) for run, file in kept]
+        text = msgspec.json.format(msgspec.json.encode(Index(time.time(), to_toml(scenario), runs)))
+        write_whole(self.path / SESSION, lambda file: file.write(text), _PRIVATE)
+        self._indexed = {run.file for run in runs}
 
     def _write_run(self, run: Pinned) -> str:
         name = f"run-{uuid.uuid4().hex}.npz"

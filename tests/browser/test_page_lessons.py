@@ -93,7 +93,7 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: PageSession
     expect(page.locator(".vs-prose msqrt")).to_have_count(1)
 
     go_on(session)
-    press(session, "B) swings further")
+    press(session, "A) swings further")
     go_on(session)
     at_step(session, 7)
     run_through(session)

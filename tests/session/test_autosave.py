@@ -73,6 +73,27 @@ def test_runs_are_written_once_however_often_their_index_cannot_be(
         assert (offer.scenario, [run.number for run in offer.runs]) == (layer(0.02), [2])
 
 
+def test_an_edit_is_saved_before_a_run_that_takes_its_time(
+    tmp_path: Path, pinned: tuple[Pinned, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A server that is ended while it writes the run has the scenario, and the runs of before."""
+    with closing(StateFolder(tmp_path)) as folder:
+        folder.save(layer(0.01), pinned[:1])
+
+        def ended(path: Path, *arguments: Any, **options: Any) -> None:
+            if path.name != SESSION:
+                raise KeyboardInterrupt
+            write_whole(path, *arguments, **options)
+
+        monkeypatch.setattr(autosave, "write_whole", ended)
+        with pytest.raises(KeyboardInterrupt):
+            folder.save(layer(0.02), pinned)
+    with closing(StateFolder(tmp_path)) as later:
+        offer = later.offer()
+        assert offer is not None
+        assert (offer.scenario, [run.number for run in offer.runs]) == (layer(0.02), [1])
+
+
 def faulty(from_toml: Callable[[str], Scenario]) -> Callable[[str], Scenario]:
     """Reader of scenarios that refuses one that this process has."""
 
