@@ -103,6 +103,8 @@ def export(
     chosen = PLOTS.unless(tuple(ALL_PLOTS if each == "all" else each for each in plots))
     plots_of(chosen)  # before the simulation, which would be in vain
     with scenario_errors():
+        if height in ("single", "double"):
+            raise ValueError(f"--height {height!r}: the width of a column or a page; allowed: a length such as 60mm")
         wide, high = _inches("--width", width), _inches("--height", height)
         options = FigureOptions(
             wide, high, TYPE_SIZE.unless(type_size), LETTERS.unless(letters), CAPTION.unless(caption)

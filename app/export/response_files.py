@@ -132,8 +132,8 @@ def _opened(loop: ForceLoop) -> _Opened:
 
 
 def followed(values: np.ndarray) -> np.ndarray:
-    """The same values (N, p) in each row, in the order in which each column goes on from its value in the row before:
-    curves that cross do not change places."""
+    """Curves through unordered values (N, p): each row is put into the order in which each column goes on from its
+    value in the row before, so that curves that cross do not change places."""
     from scipy.optimize import linear_sum_assignment  # takes 0.1 s, which no other command waits for
 
     found = values.copy()

@@ -9,8 +9,8 @@ LONGEST = 1000  # characters
 
 
 def printable(text: str) -> str:
-    """One line that a terminal only shows: control characters, escape sequences and characters that turn the direction
-    of writing are written as Python writes them, and a very long text is cut."""
+    """Text of one line that is safe on a terminal: control characters, escape sequences and characters that turn the
+    direction of writing are written as Python writes them, and a very long text is cut."""
     shown = text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in shown)
 

@@ -14,8 +14,8 @@ Known = TypeVar("Known", bound=inspect.Type)
 
 
 def struct_refusal(error: msgspec.ValidationError, data: object, kind: type[Struct], whole: str = "") -> str:
-    """One sentence with the place, the value and what is allowed. data: that msgspec refused; kind: that was asked
-    for; whole: what the data are called where no part of them is to blame, "" for nothing."""
+    """Refusal in one sentence, with the place, the value and what is allowed. data: that msgspec refused; kind: that
+    was asked for; whole: what the data are called where no part of them is to blame, "" for nothing."""
     reason, _, place = str(error).partition(" - at `")
     steps = re.findall(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]", place.rstrip("`").removeprefix("$"))
     there, known, path = data, inspect.type_info(kind), ""
@@ -126,7 +126,7 @@ def _tags(kind: inspect.Type | None) -> list[str]:
 
 
 def _types(kind: inspect.Type | None, of: type[Known]) -> list[Known]:
-    """Those of a type's alternatives that are of this class."""
+    """Alternatives of a type that are of this class."""
     while isinstance(kind, inspect.Metadata):
         kind = kind.type
     if isinstance(kind, inspect.UnionType):

@@ -227,12 +227,12 @@ class Autosave:
         self._thread.start()
 
     def take_up(self, offer: Offer) -> tuple[tuple[Pinned, ...], str]:
-        """See `StateFolder.read_offer`."""
+        """Pinned runs of an offer that is restored, and a sentence; see `StateFolder.read_offer`."""
         with self._using:
             return self._folder.read_offer(offer)
 
     def refuse_offer(self) -> None:
-        """See `StateFolder.refuse_offer`."""
+        """Remove the offer; see `StateFolder.refuse_offer`."""
         with self._using:
             self._folder.refuse_offer()
 

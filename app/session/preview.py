@@ -90,8 +90,8 @@ class PreviewRun:
 
     @cached_property
     def unchanged(self) -> PreviewRequest:
-        """The same request about the scenario that runs, for the same seconds: from its beginning where the edit begins
-        it anew. With a push where the asked one has a push."""
+        """Request about the scenario that runs, without the edit, for the same seconds: from the run's beginning where
+        the edit begins it anew. With a push where the asked one has a push."""
         state = ClosedLoop.from_system(self.base.anew(), history=1).state if self.restarts else self.request.state
         return replace(self.request, state=state, scenario=state.scenario, push=self._push)
 

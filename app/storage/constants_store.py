@@ -43,7 +43,7 @@ class ConstantsStore:
         self._folder, self._kept = folder if folder is not None else cache_folder() / "constants", kept
 
     def read(self, key: str, count: int) -> Numbers | None:
-        """See `search_memory.AnswerStore`."""
+        """Kept numbers of a search, None where there are none; see `search_memory.AnswerStore`."""
         path = self._path(key)
         try:
             if not path.is_file():

@@ -51,7 +51,7 @@ class UploadedUrdfs:
         self.marks: tuple[str, ...] = ()
 
     def keep(self, name: str, content: bytes) -> Path:
-        """See `keep`."""
+        """Path of the content, which is kept for the uploader with these marks; see `uploaded_urdfs.keep`."""
         return keep(name, content, self.marks)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import platform
 from importlib.metadata import version
 from pathlib import Path
 
@@ -10,8 +11,8 @@ from app.sweep.plan import Sweep
 from environments.regular_file import read_regular
 from environments.urdf import LARGEST as LARGEST_URDF
 
-COMPUTED = ("app/analysis", "app/scenario", "app/session", "app/simulation", "app/sweep", "controllers", "environments",
-            "kernels", "parameters")  # fmt: skip
+COMPUTED = ("app/analysis", "app/scenario", "app/session", "app/simulation", "app/storage", "app/sweep", "controllers",
+            "environments", "kernels", "parameters")  # fmt: skip
 ARMS = "static/robots"  # descriptions that come with the program
 URDF = "robot.urdf"
 
@@ -27,7 +28,8 @@ def fingerprint(sweep: Sweep | None = None, packages: tuple[str, ...] = (), libr
     for urdf in own_urdfs(sweep) if sweep else ():
         digest.update(hashlib.sha256(_content(urdf)).digest())
     computing = ("example-robot-data", "numba", "numpy", "pin", "scipy", *libraries)
-    digest.update(" ".join(f"{name} {version(name)}" for name in computing).encode())
+    versions = [f"python {platform.python_version()}", *(f"{name} {version(name)}" for name in computing)]
+    digest.update(" ".join(versions).encode())
     return digest.hexdigest()[:16]
 
 

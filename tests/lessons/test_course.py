@@ -20,7 +20,7 @@ import pytest
 from app.dashboard.panels.lessons import LessonsPanel
 from app.dashboard.plots.lesson_figures import run_colors
 from app.dashboard.theme.colors import MEASURED, line_css
-from app.dashboard.widgets.lesson_answers import CurveAnswer, NumberAnswer
+from app.dashboard.widgets.lesson_answers import CurveAnswer, NumberAnswer, OptionAnswer
 from app.dashboard.widgets.lesson_list import _state
 from app.dashboard.widgets.outcome_chart import _Frame, _path, outcome_html
 from app.lessons.answers import (
@@ -237,6 +237,22 @@ def test_a_lesson_that_was_left_does_not_unlock_the_one_that_computes_now() -> N
 def test_what_is_no_answer_is_refused(question: ChoiceQuestion | NumberQuestion | CurveQuestion, given: object) -> None:
     with pytest.raises(ScenarioError, match="answer: "):
         admitted(question, given)
+
+
+def test_the_chosen_option_is_marked_by_its_score() -> None:
+    gui = MagicMock()
+    gui.add_button.side_effect = lambda *_, **__: MagicMock(icon=None)
+    options = OptionAnswer(cast(Any, SimpleNamespace(gui=gui)), lambda _: None)
+    step, course = LessonStep(2, 2, "question", "", CHOICE, None), cast(Any, SimpleNamespace(measured={}, open=False))
+    for answer, icons in (
+        (None, [None, None]),
+        (Answer(1), ["point", None]),
+        (Answer(1, 0.0, "what happens: b"), ["x", None]),
+        (Answer(2, 1.0, "right"), [None, "check"]),
+    ):
+        options.show(step, answer, course)
+        assert [button.icon for button in options._buttons[:2]] == icons
+        assert [button.disabled for button in options._buttons[:2]] == [icon is None for icon in icons]
 
 
 def test_another_lesson_begins_with_an_empty_answer_and_a_comma_of_three_digits_is_no_number() -> None:

@@ -66,7 +66,7 @@ SOFT = """        Mode(
             "The tool yields like a soft spring.",
             on_surface=False,
             feedback="all",
-            contacts=("free", "elastic"),
+            contacts=("free", "elastic", "pushed"),
             stiffness=50.0,
         ),
     )
@@ -208,6 +208,12 @@ tool = loop.view().tool
 other = ClosedLoop.from_scenario(edited(added, "surface.origin", tool.tolist()))
 for _ in range(20):
     other.step()
+soft = edited(edited(load("mine"), "mode", "soft"), "contact.kind", "pushed")
+out = ClosedLoop.from_scenario(soft).system.surface.chart(tool, 0.0).G[0]
+pushed = [ClosedLoop.from_scenario(edited(soft, "surface.origin", (tool + d * out).tolist())) for d in (1e-3, -1e-3)]
+for each in pushed:
+    for _ in range(20):
+        each.step()
 print(json.dumps({
     "menus": [option for options in menus for option in options],
     "scenarios": list(shipped()),
@@ -224,7 +230,7 @@ print(json.dumps({
     "other": other.stopped,
     "measured": abs(other.recording.signals(("F",))["F"]).max(),
     "touched": abs(other.recording.signals(("multiplier",))["multiplier"]).max(),
-    "contact": edited(added, "contact.kind", "pushed").contact.nature.springs,
+    "pushed": sorted(abs(each.recording.signals(("multiplier",))["multiplier"]).max() for each in pushed),
 }))
 """
 
@@ -326,9 +332,11 @@ def test_a_stage_of_the_sensor_is_a_class_a_field_and_a_row(extended: dict[str, 
     assert extended["measured"] <= 0.5 < extended["touched"]
 
 
-def test_a_kind_of_contact_is_a_row(extended: dict[str, Any]) -> None:
+def test_a_kind_of_contact_is_a_row_and_its_name_in_the_modes_that_know_it(extended: dict[str, Any]) -> None:
     assert "pushed" in extended["menus"]
-    assert extended["contact"] is True
+    away, within = extended["pushed"]  # of the surface, on either side of it
+    assert away == 0.0
+    assert within > 1.0
 
 
 def test_an_arm_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,7 +23,7 @@ from app.sweep import run_store
 from app.sweep.axes import axis_of
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Sweep, SweepPlan
-from app.sweep.run_metrics import ENDED
+from app.sweep.run_metrics import ENDED, METRIC_COLUMNS
 from app.sweep.run_store import JOURNAL, RunStore, parts, schema_of, table_of
 from tests.sweep.test_plan import sweep_of
 
@@ -104,6 +104,26 @@ def test_nothing_is_lost_or_there_twice_after_fifty_kills(tmp_path: Path, monkey
     for number in (0, 777, 3999):
         row = ASKED.row(number)
         assert {path: columns[path][number] for path in row.values} == row.values
+
+
+@pytest.mark.slow
+def test_memory_stays_flat_over_a_hundred_thousand_runs(tmp_path: Path) -> None:
+    sweep = msgspec.structs.replace(
+        sweep_of("contact.K_e=1e3:1e5:50:log", "controller.K_s=20:80:2000"), program=fingerprint()
+    )
+
+    def megabytes() -> float:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    with RunStore(tmp_path, sweep) as store:
+        before = 0.0
+        for number in range(len(store.done)):
+            numbers = dict.fromkeys(METRIC_COLUMNS, 1e-06 * number)
+            store.add({"row": number, "point": number, "arm": 0, "contact.K_e": 1e3, "controller.K_s": 20.0} | numbers)
+            if number == 20_000:
+                before = megabytes()
+        assert megabytes() < before + 20.0  # the rows themselves would take some 200 MB more
+        assert store.done.all()
 
 
 def test_a_run_that_was_ended_by_a_fault_is_tried_again_and_has_one_row(tmp_path: Path) -> None:

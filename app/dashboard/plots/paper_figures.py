@@ -145,7 +145,7 @@ def _charts(
     rows: Signals,
     pinned: Sequence[tuple[RunLook, Signals]] = (),
 ) -> Iterator[tuple[Plot, FigureChart]]:
-    """Those of these plots that have a line to draw, and their charts."""
+    """Plots that have a line to draw, among these, with their charts."""
     t = rows["t"]
     if len(t) < 2:
         raise ValueError("figure: nothing recorded there yet")

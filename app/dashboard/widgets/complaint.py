@@ -58,7 +58,7 @@ class Complaint:
             self._text, self._offered = "", None
 
     def text(self, snapshot: Snapshot, now: float) -> str:
-        """What is shown at this instant (s, monotonic), with a new refusal by the runner; "" for nothing."""
+        """Text that is shown at this instant (s, monotonic), with a new refusal by the runner; "" for none."""
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
             self._refused, self._offered = f"{REFUSED}{refusal_in_words(snapshot.refusal or '')}", snapshot.way_out

@@ -17,7 +17,7 @@ FIRST = 3  # numbers of a list that is longer than that
 _PER_AXIS = ("target_model.", "controller.")  # fields with a number for each axis
 # a matrix of the target model as refusals name it, which may have the number of one of the paper's blocks
 _MATRIX = re.compile(r"\btarget_model\.([MBK]_[mf])([12]?)\b")
-# the field or section of which a refusal is, which stands first
+# the refused field or section, with which a refusal begins
 _OF = re.compile(r"^[a-z_]+(?:\.\w+)*(?=: )")
 # a field in a refusal, and the value that it may have
 _FIELD = re.compile(r"\b[a-z_]+(?:\.\w+)+(?: = (?:'([\w-]+)'|(true|false))(?![\w']))?")

@@ -59,13 +59,20 @@ class OptionAnswer:
                 text = options[number - 1]
                 for name, measured in course.measured.items():
                     text = text.replace(f"{{{{{name}}}}}", measured)
-                chosen = answer is not None and answer.given == number
+                chosen = answer if answer is not None and answer.given == number else None
                 button.label = f"{'ABCDE'[number - 1]}) {text}"
-                icon = viser.Icon.CHECK if chosen else None
+                icon = None if chosen is None else _mark(chosen)
                 if button.icon != icon:
                     button.icon = icon
-                button.color = None if chosen or answer is None else "gray"
-                button.disabled = not chosen and not course.open
+                button.color = "gray" if chosen is None and answer is not None else None
+                button.disabled = chosen is None and not course.open
+
+
+def _mark(answer: Answer) -> viser.IconName:
+    """Icon of the chosen option: a point until it is scored."""
+    if answer.score is None:
+        return viser.Icon.POINT
+    return viser.Icon.CHECK if answer.score > 0.0 else viser.Icon.X
 
 
 class NumberAnswer:
