@@ -98,8 +98,9 @@ def export(
     for option, instant in (("--start", start), ("--end", end)):
         if instant is not None and not (math.isfinite(instant) or (option, instant) == ("--end", math.inf)):
             raise ScenarioError(f"{option}: {instant:g}; allowed: an instant of the run in s")
-    if START.unless(start) > END.unless(end):
-        raise ScenarioError(f"--start {start:g}: after --end {end:g}; allowed: an earlier instant")
+    begins, ends = START.unless(start), END.unless(end)
+    if begins > ends:
+        raise ScenarioError(f"--start, --end: from {begins:g} to {ends:g} s; allowed: the start before the end")
     chosen = PLOTS.unless(tuple(ALL_PLOTS if each == "all" else each for each in plots))
     plots_of(chosen)  # before the simulation, which would be in vain
     with scenario_errors():
@@ -115,7 +116,7 @@ def export(
     if stopped is not None:
         print(f"stopped: {stopped}")
     with written_to(out):
-        stretch = ExportedStretch(scenario, recording, START.unless(start), END.unless(end))
+        stretch = ExportedStretch(scenario, recording, begins, ends)
         for path in write(stretch, kinds, FigureChoice(chosen, series, options), out):
             print(f"written: {path}")
     return DONE if stopped is None else STOPPED

@@ -272,7 +272,7 @@ def _caption(sweep: Sweep, points: Points, view: SweepView, missing: str, stoppe
         if fewer := int((points.arms < arms).sum()):
             caption += f", {_counted(fewer)} with fewer arms"
     if fewer := int(((points.counted < points.arms) & (points.counted > 0)).sum()):
-        caption += f". Of arms that have this metric, fewer in {_counted(fewer)}"
+        caption += f". In {_counted(fewer)} only some arms have this metric, and they alone count"
     if statistic_of(view) == "share" and sweep.draw:
         low, _ = interval(arms, arms)
         caption += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"

@@ -174,6 +174,22 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
             "--no-letters: with --to csv; allowed: with --to svg",
         ),
         (("export", "ur5-hybrid", "--to", "csv", "--caption"), "--caption: with --to csv; allowed: with --to svg, pdf"),
+        (("export", "ur5-hybrid", "--end", "-1"), "--start, --end: from 0 to -1 s; allowed: the start before the end"),
+        (("export", "ur5-hybrid", "--end", "-inf"), "--end: -inf; allowed: an instant of the run in s"),
+        (("export", "ur5-hybrid", "--start", "inf"), "--start: inf; allowed: an instant of the run in s"),
+        (("export", "ur5-hybrid", "--height", "single"), "--height 'single': the width of a column or a page; allowed"),
+        (
+            ("run", "ur5-corner", "--set", "second.surface.kind=sphere", "force.value=30\nfoo=3"),
+            "force.value: '30\\nfoo=3'; allowed: a number",
+        ),
+        (
+            ("sweep", "ur5-hybrid", "--set", "motion.period=3", "--vary", "motion=circle,line"),
+            "--set motion.period: motion is varied, too; allowed: one of both",
+        ),
+        (
+            ("response", "planar2r-semicircle", "--measure", "2", "--newton-metres", "5"),
+            "--newton-metres 5: no moment acts on a coordinate of planar2r-semicircle; allowed: --newtons",
+        ),
         (("export", "ur5-hybrid", "--to", "toml", "--start", "0"), "--start: with --to toml; allowed: with --to svg"),
         (
             ("export", "a.npz", "--engine", "pinocchio"),

@@ -129,7 +129,7 @@ def test_a_share_is_of_the_arms_that_have_the_metric() -> None:
     assert points.number == pytest.approx([1, 1, 2 / 3, 1, 1, 1])
     drawn = texts_of(chart(SWEEP, table, SweepView("envelope_violation", within=1e-3), "svg"))
     assert drawn.count("2/2") == 5
-    assert "Of arms that have this metric, fewer in 6 points" in " ".join(drawn)
+    assert "In 6 points only some arms have this metric, and they alone count" in " ".join(drawn)
 
 
 def test_one_run_that_is_not_drawn_is_no_sample() -> None:
