@@ -144,6 +144,7 @@ class PageContent:
 
     def close(self) -> None:
         """End all that was started for the page. The caller ends the runner."""
+        self._widget_lock.ended = True
         self._previewer.close()
         self._export_jobs.close()
         self._background_jobs.close()

@@ -31,6 +31,7 @@ from app.scenario.data import shipped
 from app.session.commands import Load
 from app.session.runner import Runner
 from drivers.viser_protocol import PROTOCOL
+from drivers.waiting import PATIENCE
 from tests.support.drawn import drawn
 
 pytestmark = pytest.mark.slow  # servers
@@ -245,7 +246,9 @@ def unmetered(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Dashboard, Runn
 async def page(dashboard: Dashboard) -> tuple[ClientConnection, asyncio.Task[None]]:
     """A page that reads what it is sent, as the task, and has told where it looks from."""
     known = set(dashboard.clients)
-    connection = await websockets.connect(f"ws://127.0.0.1:{dashboard.port}/", subprotocols=[PROTOCOL], max_size=None)
+    connection = await websockets.connect(
+        f"ws://127.0.0.1:{dashboard.port}/", subprotocols=[PROTOCOL], max_size=None, open_timeout=PATIENCE
+    )
 
     async def read() -> None:
         with suppress(websockets.ConnectionClosed):  # a server that is busy may not say goodbye in time

@@ -26,11 +26,12 @@ class WidgetLock:
     a drawing that hangs, for PATIENCE, and from then on processes the pages' messages without the lock.
 
     used: number of values that pages have sent.
+    ended: whether the server stops, so that values are processed no more: viser has no threads for their callbacks.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
         self.drawing = threading.RLock()
-        self.used = 0
+        self.used, self.ended = 0, False
         self._hangs = False
         wrap_updates(server, self._in_turn)
 
@@ -39,6 +40,8 @@ class WidgetLock:
             turn = self.drawing.acquire(timeout=0.0 if self._hangs else PATIENCE)
             self._hangs = not turn
             try:
+                if self.ended:
+                    return
                 outcome = handler(client, message)
                 if isawaitable(outcome):
                     await outcome
