@@ -27,7 +27,8 @@ def read(path: Path) -> Iterator[LinkMesh]:
             if missing or not shapes:
                 link.remove(visual)
     drawn = yourdfpy.URDF.load(
-        BytesIO(ElementTree.tostring(root)), filename_handler=lambda fname: str(urdf.mesh_file(path, fname) or "")
+        BytesIO(ElementTree.tostring(root, encoding="utf-8")),
+        filename_handler=lambda fname: str(urdf.mesh_file(path, fname) or ""),
     )
     if drawn.scene is None:
         return

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from app.scenario.data import edited, load
@@ -136,6 +136,8 @@ def test_whatever_is_nearly_an_arm_is_one_or_is_refused(tmp_path: Path) -> None:
     path, loaded = tmp_path / "generated.urdf", list[Robot]()
 
     @given(arms())
+    @example(BENT)  # how many of those that are drawn can be loaded is chance
+    @example('<robot name="r"/>')
     @settings(max_examples=120, deadline=None)
     def check(text: str) -> None:
         path.write_text(text)
@@ -145,20 +147,21 @@ def test_whatever_is_nearly_an_arm_is_one_or_is_refused(tmp_path: Path) -> None:
             one_sentence(error)
 
     check()
-    assert 5 < len(loaded) < 115  # both are tried
+    assert loaded
     assert all(np.isfinite(robot.posture).all() for robot in loaded)
 
 
 @given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
+@example("<À".encode())  # a tag that is not in ASCII
 @settings(max_examples=150, deadline=None)
 def test_whatever_is_uploaded_is_a_urdf_or_is_refused(content: bytes) -> None:
     for whole in (content, BENT.encode().replace(b"<axis", content)):
         try:
-            text = ElementTree.tostring(urdf.parse(whole, "arm.urdf"))
+            text = ElementTree.tostring(urdf.parse(whole, "arm.urdf"), encoding="utf-8")
         except RobotError as error:
             one_sentence(error)
         else:
-            assert ElementTree.tostring(urdf.parse(text, "arm.urdf")) == text
+            assert ElementTree.tostring(urdf.parse(text, "arm.urdf"), encoding="utf-8") == text
 
 
 def in_use(path: Path) -> Robot:
