@@ -15,7 +15,7 @@ from typing import Annotated, Any, Generic, TypeVar, get_args
 import msgspec
 import tyro
 
-from app.scenario.data import OWN, edited, field_of, kind_of, load, shipped, with_value
+from app.scenario.data import OWN, edited, field_of, found_at, kind_of, load, shipped, with_value
 from app.scenario.errors import ScenarioError
 from app.scenario.idle_fields import idle
 from app.scenario.schema import Scenario
@@ -246,9 +246,7 @@ def _whole_section(scenario: Scenario, path: str, value: object) -> tuple[str, o
     if path == "robot":
         return "robot.name", value
     section, _, last = path.rpartition(".")
-    held: object = scenario
-    for name in section.split("."):
-        held = getattr(held, name, None)
+    held = found_at(scenario, section)
     if last == "kind" and isinstance(held, msgspec.Struct) and held.__struct_config__.tag not in (None, value):
         return section, value
     return path, value
@@ -276,12 +274,10 @@ def setting(text: str) -> tuple[str, object]:
 def _value(text: str) -> object:
     """TOML value of a text; a text that is no TOML value, or more than one, is taken as it is."""
     try:
-        match tomllib.loads(f"value = {text}"):
-            case {"value": value, **others} if not others:
-                return value
+        found = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
-        pass
-    return text
+        return text
+    return found["value"] if len(found) == 1 else text
 
 
 def shown(value: object) -> str:

@@ -20,7 +20,6 @@ from app.cli.options import (
     written_to,
 )
 from app.cli.status import DONE
-from app.scenario.data import shipped
 from app.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ def response(
         newton_metres: amplitude of these pushes about each axis, N·m
         use: file with your own control law, surface or trajectory (docs/extending.md)
     """
-    from app.scenario.caption import title_of
+    from app.scenario.caption import titled
     from app.session.push_measurement import Chirp, PushExperiment
     from app.simulation.push_response import FORCE
     from app.simulation.sampled_stability import sampled_loop
@@ -86,7 +85,7 @@ def response(
     if seen.response is None:
         raise ScenarioError(f"response: {scenario} has none: the law chatters, the sensor is late, or J_q is singular")
     pushes = NEWTONS.unless(newtons), NEWTON_METRES.unless(newton_metres)
-    if newton_metres is not None and not any(axis.kind != FORCE for axis in seen.response.axes):
+    if newton_metres is not None and all(axis.kind == FORCE for axis in seen.response.axes):
         raise ScenarioError(
             f"--newton-metres {newton_metres:g}: no moment acts on a coordinate of {scenario}; allowed: --newtons"
         )
@@ -94,8 +93,7 @@ def response(
     points = [experiment.sine(each) for each in measure]
     points += [] if chirp is None else experiment.chirp(Chirp(*chirp))
     _print_response(seen, seen.response, points, loop)
-    title = title_of(chosen, shipped().get(chosen.name))
-    caption = f"{title.text} ({chosen.name}{', edited' if title.edited else ''}), at t = {loop.t:.3g} s."
+    caption = f"{titled(chosen)}, at t = {loop.t:.3g} s."
     _write(out, seen, seen.response, points, caption)
     return DONE
 

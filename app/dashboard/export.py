@@ -28,7 +28,7 @@ from app.export.printing import render
 from app.process.atomic_write import write_whole
 from app.scenario.errors import ScenarioError, scenario_errors
 from app.scenario.schema import Scenario
-from app.session.snapshot import snapshot_of, with_conditions_at
+from app.session.snapshot import as_recorded, snapshot_of
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
@@ -137,8 +137,7 @@ def _figure(stretch: ExportedStretch, choice: FigureChoice) -> Figure:
     snapshot = snapshot_of(ClosedLoop.from_scenario(stretch.scenario, history=1, memory=kept_memory()))
     if not stretch.recording.epochs:  # files of earlier versions do not hold the changes during the run
         stretch.recording.epochs.extend(snapshot.recording.epochs)
-    rows = stretch.recording.pieces(stretch.start, stretch.end)
-    snapshot = with_conditions_at(replace(snapshot, recording=stretch.recording), float(rows[-1][-1, 0]))
+    snapshot = as_recorded(replace(snapshot, recording=stretch.recording), stretch.start, stretch.end)
     setup = Setup.of(snapshot, 0, 0)
     figure = figure_of(plots_of(choice.plots), snapshot, setup, stretch.start, stretch.end)
     if not figure.charts:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import cycle, zip_longest
+from itertools import cycle, pairwise, zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,12 +45,12 @@ def thinned(x: np.ndarray, y: np.ndarray, bins: int, *, logarithmic: bool = Fals
     logarithmic: whether the bins are of one width on a logarithmic axis of x, which is positive."""
     if len(y) <= 2 * bins:
         return x, y
-    edges = np.geomspace if logarithmic else np.linspace
-    inner = np.searchsorted(x, edges(x[0], x[-1], bins + 1)[1:-1]) if logarithmic else edges(0, len(y), bins + 1)[1:-1]
-    starts = np.unique([0, *inner.astype(int)])
-    ends = np.append(starts[1:], len(y))
+    if logarithmic:
+        inner = np.searchsorted(x, np.geomspace(x[0], x[-1], bins + 1)[1:-1])
+    else:
+        inner = np.linspace(0, len(y), bins + 1)[1:-1].astype(int)
     extremes = {0, len(y) - 1}
-    for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
+    for first, last in pairwise([*np.unique([0, *inner]).tolist(), len(y)]):
         extremes |= {first + int(y[first:last].argmin()), first + int(y[first:last].argmax())}
     indices = sorted(extremes)
     return x[indices], y[indices]

@@ -45,6 +45,12 @@ def title_of(scenario: Scenario, begun_from: Scenario | None) -> Title:
     return Title(f"{arm}: {MODES[scenario.mode].label.lower()}{surface}", edited=True)
 
 
+def titled(scenario: Scenario) -> str:
+    """Title of a scenario with its name, and whether it is an edited one."""
+    title = title_of(scenario, shipped().get(scenario.name))
+    return f"{title.text} ({scenario.name}{', edited' if title.edited else ''})"
+
+
 def _about(scenario: Scenario) -> tuple[object, ...]:
     """Parts of a scenario that its title describes. The arm is not among them: with another arm a scenario loses its
     name, and so its title."""
@@ -67,10 +73,8 @@ def caption(
     t_from, t_to: s.
     angles: coordinates that are angles times l, counted from 0."""
     arm = scenario.robot.urdf or scenario.robot.name
-    title = title_of(scenario, shipped().get(scenario.name))
     sentences = [
-        f"{title.text} ({scenario.name}{', edited' if title.edited else ''}): {scenario.mode} mode, {arm}, "
-        f"t = {t_from:.4g} to {t_to:.4g} s",
+        f"{titled(scenario)}: {scenario.mode} mode, {arm}, t = {t_from:.4g} to {t_to:.4g} s",
         _model(scenario, model, units, angles),
         _law(scenario, controller, units),
         *(_section(scenario, name, units) for name in scenario.__struct_fields__ if name not in _ELSEWHERE),

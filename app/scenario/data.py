@@ -114,6 +114,14 @@ def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
     return from_plain(_without_none(data))
 
 
+def found_at(scenario: Scenario, path: str) -> object:
+    """Value at a dotted path without numbers of an entry, None where the scenario has no such field."""
+    found: object = scenario
+    for name in path.split("."):
+        found = getattr(found, name, None)
+    return found
+
+
 def field_of(path: str) -> str:
     """Dotted path of a field, without the numbers of an entry at the end of `path`."""
     return ".".join(_names_of_field(path))

@@ -350,7 +350,7 @@ def pushed(scenario: Scenario, robot: robots.Robot, t: float) -> Scenario:
 
 
 def _forces(scenario: Scenario) -> str:
-    """What the coordinates of a scenario's surfaces are about, in words."""
+    """Surfaces about which a scenario's coordinates are, in words."""
     count = len(scenario.surfaces)
     return f"{count} {'surface' if count == 1 else 'surfaces'}{' with a flat tool' if scenario.face.flat else ''}"
 

@@ -25,8 +25,6 @@ from environments.surfaces.table import Surface
 
 PREPARING = "preparing another arm, contact or path; the first one of its kind is compiled, which may take a minute"
 
-MATRICES = ("M_m", "B_m", "K_m", "K_f")  # of (8)
-
 
 @dataclass(frozen=True)
 class Snapshot(View):
@@ -87,7 +85,7 @@ class Snapshot(View):
     @cached_property
     def matrices(self) -> dict[str, np.ndarray]:
         """Matrices of (8) in force, each (n, n)."""
-        return {name: getattr(self.system.controller.model, name) for name in MATRICES}
+        return {name: getattr(self.system.controller.model, name) for name in ("M_m", "B_m", "K_m", "K_f")}
 
     @cached_property
     def standing(self) -> Standing:
@@ -127,11 +125,18 @@ def with_conditions_at(snapshot: Snapshot, t: float) -> Snapshot:
     if past[-1].scenario != snapshot.scenario:
         # nothing of the loop's system but what it has searched, since its thread may go on
         system = assemble(past[-1].scenario, memory=system.memory)
-    if any(not np.array_equal(getattr(model, name), getattr(system.controller.model, name)) for name in MATRICES):
+    if not model.same(system.controller.model):
         system = replace(system, controller=system.controller.following(model))
     if system is snapshot.system:
         return snapshot
     return replace(snapshot, scenario=past[-1].scenario, system=system, coordinates=system.coordinates)
+
+
+def as_recorded(snapshot: Snapshot, t_from: float, t_to: float) -> Snapshot:
+    """The snapshot with what was in force at the last recorded row of this stretch of time, s, see
+    `with_conditions_at`; itself where there is no row."""
+    pieces = snapshot.recording.pieces(t_from, t_to)
+    return with_conditions_at(snapshot, float(pieces[-1][-1, 0])) if pieces else snapshot
 
 
 def snapshot_of(loop: ClosedLoop) -> Snapshot:

@@ -16,9 +16,9 @@ import tomli_w
 from msgspec import Meta, Struct
 
 from app.scenario.data import differences as fields_that_differ
-from app.scenario.data import field_of, kind_of, require_few_dots, text_of, to_plain, with_value, with_values
+from app.scenario.data import field_of, found_at, kind_of, require_few_dots, text_of, to_plain, with_value, with_values
 from app.scenario.departures import DRAWN, MOVING, Departure
-from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, WrongKind
+from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, WrongKind, scenario_errors
 from app.scenario.idle_fields import idle
 from app.scenario.schema import STATED_IN, RobotSection, Scenario
 from app.scenario.struct_refusals import struct_refusal
@@ -29,7 +29,6 @@ from app.storage.joint_kinds import units_of
 from app.sweep.axes import Axis, Value, require_axis
 from environments.regular_file import read_regular
 from environments.robots import CATALOGUE
-from environments.urdf import RobotError
 from parameters import allowed
 
 MOST_ROWS = 10_000_000
@@ -194,17 +193,13 @@ class SweepPlan:
 
 @lru_cache(maxsize=16)
 def _joints(robot: RobotSection) -> int:
-    try:
+    with scenario_errors():
         return robot_of(Scenario(robot=robot)).n
-    except RobotError as error:
-        raise ScenarioError(str(error)) from error
 
 
 def _kind_at(scenario: Scenario, path: str) -> str | None:
     """Kind of the section at this dotted path, None where there is another field."""
-    found: object = scenario
-    for name in path.split("."):
-        found = getattr(found, name, None)
+    found = found_at(scenario, path)
     return kind_of(found) if isinstance(found, Struct) and found.__struct_config__.tag is not None else None
 
 

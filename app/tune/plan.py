@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from app.scenario.errors import ScenarioError
+from app.scenario.errors import ScenarioError, scenario_errors
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.simulation.controller_builder import mode_of
@@ -15,7 +15,6 @@ from app.sweep.axes import Axis, axis_of
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Design, Sweep, SweepPlan, arms_differ
 from app.sweep.run_metrics import COLUMNS, metric_title
-from environments.urdf import RobotError
 from parameters import allowed
 
 AIMS = (
@@ -89,10 +88,8 @@ def is_gain(path: str) -> bool:
 
 def known_aims(scenario: Scenario) -> list[str]:
     """Aims that runs of the scenario have. Raises ScenarioError where its arm cannot be read."""
-    try:
+    with scenario_errors():
         mode, robot = mode_of(scenario), robot_of(scenario)
-    except RobotError as error:
-        raise ScenarioError(str(error)) from error
     joint, tilts = scenario.task_space.kind == "joint", 2 if scenario.face.flat and mode.on_surface else 0
     supplemental, angles = task_joints(scenario, robot)
     turning = angles - tilts + sum(not robot.slides[each] for each in supplemental)

@@ -32,7 +32,7 @@ from app.export.playback_frames import playback_frames
 from app.scenario.data import from_file, to_toml
 from app.scenario.errors import ScenarioError
 from app.session.commands import Load
-from app.session.snapshot import Snapshot, with_conditions_at
+from app.session.snapshot import Snapshot, as_recorded
 from app.storage.recording_files import ProgressCallback, table
 
 MEGABYTE = 1e6
@@ -68,12 +68,6 @@ class _Part:
         """Name that tells files of other parts and contents apart. content: see `export_jobs.file_name`."""
         begin = max(self.begin, self.snapshot.recording.first)  # what is older has been forgotten
         return file_name(self.snapshot.scenario.name, self.end, extension, content, begin)
-
-
-def _as_recorded(part: _Part) -> Snapshot:
-    """The part's snapshot with what was in force at its last row. Raises ScenarioError."""
-    pieces = part.snapshot.recording.pieces(part.begin, part.end)
-    return with_conditions_at(part.snapshot, float(pieces[-1][-1, 0])) if pieces else part.snapshot
 
 
 class ExportPanel:
@@ -150,7 +144,7 @@ class ExportPanel:
             return
 
         def make(on_progress: ProgressCallback) -> bytes:
-            drawn = _as_recorded(part)
+            drawn = as_recorded(part.snapshot, part.begin, part.end)
             setup = Setup.of(drawn, viewing.coordinate, viewing.joint)
             pinned = tuple(map(PinnedChart.of, drawn.pinned))
             figure = figure_of(plots_of(chosen), drawn, setup, part.begin, part.end, pinned)
@@ -173,7 +167,8 @@ class ExportPanel:
         viewing, part = self._desk.viewing, self._chosen()
 
         def make(on_progress: ProgressCallback) -> bytes:
-            last, begin, end = _as_recorded(part), part.begin, part.end
+            begin, end = part.begin, part.end
+            last = as_recorded(part.snapshot, begin, end)
             frames = playback_frames(last.scenario, last.recording, begin, end)
             setup = Setup.of(last, viewing.coordinate, viewing.joint)
             figure = figure_of(plots_of(BESIDE_PLAYBACK), last, setup, begin, end)

@@ -12,7 +12,7 @@ import numpy as np
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import FieldPlace, NumberRow
-from app.scenario.data import with_values
+from app.scenario.data import found_at, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.idle_fields import idle
 from app.scenario.schema import Scenario
@@ -49,12 +49,7 @@ class Field:
 
     def value(self, snapshot: Snapshot) -> float | None:
         """Present value, None where the scenario has no such number."""
-        found: Any = snapshot.scenario
-        if self.place is not None:
-            found = self.place.read(snapshot)
-        else:
-            for part in self.path.split("."):
-                found = getattr(found, part, None)
+        found: Any = found_at(snapshot.scenario, self.path) if self.place is None else self.place.read(snapshot)
         return float(found) if isinstance(found, int | float) else None
 
     def require_there(self, scenario: Scenario) -> None:

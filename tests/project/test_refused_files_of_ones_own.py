@@ -1,0 +1,75 @@
+"""Files of one's own for the `vsmrc` command that are wrong, or not used: one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.support.commands import Done
+
+pytestmark = pytest.mark.slow  # processes of its own
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("raise BaseException('of no kind')", "line 1: BaseException: of no kind"),
+        ("def __getattr__(name): raise ValueError(name)", "LAW, SURFACE and TRAJECTORY are missing"),
+        (
+            "class Dumb(Exception):\n    def __str__(self): raise ValueError\nraise Dumb",
+            "line 3: Dumb",
+        ),
+        (
+            """
+from controllers.control_law import ControlLaw
+from parameters import Parameter
+
+LAW = ControlLaw("mine", "Mine", "", None, parameters=(Parameter("k", 10**400, 0, 1, "1", "gain"),))
+""",
+            "parameter k, value 1000",
+        ),
+    ],
+)
+def test_a_file_of_ones_own_that_breaks_is_refused_in_one_sentence(
+    text: str, said: str, tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    file = tmp_path / "a:b" / "mine.py"  # the folder's name, too: it parts the names of a search path
+    file.parent.mkdir()
+    file.write_text(text)
+    done = here("run", "ur5-hybrid", "--use", str(file), "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"vsmrc: --use {file}")
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_law_that_is_not_chosen_is_said(tmp_path: Path, here: Callable[..., Done]) -> None:
+    asked = ("run", "planar3r-hybrid", "--use", "docs/examples/pid_gravity.py", "--duration", "0.01", "--out")
+    done = here(*asked, str(tmp_path))
+    assert done.returncode == 0
+    assert "the law pid-gravity of --use is not used; --set controller.law=pid-gravity chooses it\n" in done.stderr
+    assert "not used" not in here(*asked, str(tmp_path), "--set", "controller.law=pid-gravity").stderr
+
+
+@pytest.mark.parametrize(
+    ("states", "message"),
+    [
+        ("5", "states 5; allowed: a function of the number of coordinates"),
+        ("lambda n: -1", "states gives -1 for 2 coordinates; allowed: a whole number, 0 to 1000"),
+        ("lambda n: 1 / 0", "line 4: ZeroDivisionError: division by zero"),
+    ],
+)
+def test_a_law_whose_state_has_no_length_is_refused(
+    states: str, message: str, tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    (law := tmp_path / "law.py").write_text(
+        "from controllers.control_law import ControlLaw\n"
+        "def torque(given, out, x, x_dot):\n    pass\n"
+        f"LAW = ControlLaw('refused', 'Refused', 'None.', torque, states={states})\n"
+    )
+    done = here("run", "planar3r-hybrid", "--use", str(law), "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert str(law) in done.stderr
