@@ -109,8 +109,8 @@ class Gains(NamedTuple):
     by_theorem: whether d is what (17) needs, else the constant d, N.
     epsilon: N, of (17).
     tight: whether the tight bounds are used, else those of (7).
-    switching: number of the switching function; layer: m/s, width of its boundary layer; reaching_share: 1, of epsilon,
-    see `Switching.reaching_share`.
+    switching: number of the switching function; layer: m/s, of its boundary layer, inf without one; reaching_share: 1,
+    of epsilon, see `SwitchingFunction.reaching_share`.
     uncertainty: what is declared of the true arm.
     """
 

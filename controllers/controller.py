@@ -26,7 +26,7 @@ from controllers.laws import table
 from controllers.nominal_model import Estimate
 from controllers.reference_estimates import FeedforwardModel
 from controllers.sliding import measure
-from controllers.switching import Switching
+from controllers.switching import SwitchingFunction, number_of
 from controllers.target_model import InvalidGain, TargetModel, as_matrix, require_spd
 from controllers.task_space import Scratch, TaskSpace
 from kernels import kernel
@@ -63,7 +63,7 @@ class Controller:
     d: float | None
     epsilon: float
     bounds: Literal["tight", "paper"]
-    switching: Switching
+    switching: SwitchingFunction
     layer: float
     uncertainty: Uncertainty
     controlled: np.ndarray
@@ -76,13 +76,13 @@ class Controller:
         for name, value, least in (("epsilon", self.epsilon, 0.0), ("d", self.d, 0.0)):
             if value is not None and not (np.isfinite(value) and value > least):
                 raise InvalidGain(f"controller.{name}: {value}; allowed: a number > {least}")
-        if self.switching is not Switching.DISCONTINUOUS and not (np.isfinite(self.layer) and self.layer > 0.0):
+        if self.switching.has_layer and not (np.isfinite(self.layer) and self.layer > 0.0):
             raise InvalidGain(f"controller.layer: {self.layer}; allowed: a number > 0, or switching = 'discontinuous'")
 
     @property
     def has_layer(self) -> bool:
         """Whether the law has a boundary layer: (25) with a switching function that is smooth across s = 0."""
-        return self.law.robust and self.switching is not Switching.DISCONTINUOUS
+        return self.law.robust and self.switching.has_layer
 
     @cached_property
     def gains(self) -> Gains:
@@ -107,8 +107,8 @@ class Controller:
             d=float(self.d or 0.0),
             epsilon=float(self.epsilon),
             tight=self.bounds == "tight",
-            switching=int(self.switching),
-            layer=float(self.layer),
+            switching=number_of(self.switching),
+            layer=float(self.layer) if self.switching.has_layer else np.inf,
             reaching_share=self.switching.reaching_share,
             uncertainty=self.uncertainty,
         )

@@ -4,7 +4,7 @@ F_c."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -203,3 +203,7 @@ MODES: dict[str, Mode] = {
         ),
     )
 }
+if TYPE_CHECKING:
+    ModeName = str
+else:
+    ModeName = Literal[tuple(MODES)]

@@ -225,7 +225,7 @@ def check_posture(given, output, record, period, scratch, table, check):
 
     at_rest = raised * gain_at_rest(given, scratch)
     held = SAMPLING_SHARE * gains.K_s_smallest  # of `Premise.HELD`, which counts against K_s
-    stiffness = gains.K_s_largest + held + (at_rest / gains.layer if gains.switching > 0 else 0.0)
+    stiffness = gains.K_s_largest + held + at_rest / gains.layer
     table.limit[LAYER] = 2.0
     table.value[LAYER] = stiffness * period / check.H_min
 

@@ -38,6 +38,7 @@ def kick_and_drift(arm, h):
 
 @kernel
 def semi_implicit_euler(arm, h):
+    """Change q_dot by h s of q_ddot, then move q along it."""
     arm = arm[0]
     for i in range(arm.q.shape[0]):
         arm.q_dot[i] += h * arm.q_ddot[i]

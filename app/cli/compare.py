@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from app.cli.options import (
+    UNTYPED,
     EngineOption,
     Files,
     Settings,
@@ -31,8 +32,8 @@ def compare(
     scenarios: Annotated[tuple[str, ...], tyro.conf.Positional],
     /,
     *,
-    last: float | None = None,
-    duration: float | None = None,
+    last: Annotated[float | None, UNTYPED] = None,
+    duration: Annotated[float | None, UNTYPED] = None,
     engine: EngineOption = None,
     use: Files = (),
     settings: Settings = (),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import tyro
 
 from app.cli.options import (
+    UNTYPED,
     Default,
     EngineOption,
     Files,
@@ -49,9 +50,9 @@ def export(
     out: Path,
     to: Annotated[tuple[str, ...], tyro.conf.arg(metavar=braces(KINDS_OF_FILES))] = ("pdf",),
     plots: Annotated[tuple[str, ...], PLOTS.hint] = (),
-    series: tuple[str, ...] = (),
-    width: str | None = None,
-    height: str | None = None,
+    series: Annotated[tuple[str, ...], UNTYPED] = (),
+    width: Annotated[str | None, UNTYPED] = None,
+    height: Annotated[str | None, UNTYPED] = None,
     type_size: Annotated[float | None, TYPE_SIZE.hint] = None,
     letters: Annotated[tyro.conf.DisallowNone[bool | None], LETTERS.hint] = None,
     caption: Annotated[tyro.conf.DisallowNone[bool | None], CAPTION.hint] = None,
@@ -70,10 +71,11 @@ def export(
         to: kinds of files: svg, pdf, png for figures; csv, npz for data; html for the 3-D playback; toml for the
             scenario
         plots: plots to draw: names of plots, titles of the page's plot tabs (docs/export.md), or all
-        series: draw only these lines; use their names in the legends; type psi_1 for ψ₁
-        width: width of a figure: single (column, 85 mm), double (180 mm), or a length such as 120mm or 5in
-        height: height of a figure, such as 60mm; by default as much as its plots need
-        type_size: size of the text in a figure, pt
+        series: draw only these lines; use their names in the legends; type psi_1 for ψ₁; by default all of a plot
+        width: width of a figure: single (column, 85 mm), double (180 mm), or a length such as
+            120mm or 5in (40 to 600 mm); by default single for up to four plots
+        height: height of a figure, such as 60mm (20 to 2000 mm); by default as much as its plots need
+        type_size: size of the text in a figure, 4 to 24 pt
         letters: put (a), (b), … before the titles of the plots
         caption: print the numbers of the scenario below the figure
         start: start of the exported time range, s

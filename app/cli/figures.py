@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from app.cli.options import EngineOption, engine_of, require_folder, written_to
+from app.cli.options import UNTYPED, EngineOption, engine_of, require_folder, written_to
 from app.cli.status import DONE
 from app.scenario.errors import ScenarioError
 from parameters import allowed
@@ -13,7 +14,7 @@ from parameters import allowed
 def figures(
     *,
     out: Path,
-    only: tuple[str, ...] = (),
+    only: Annotated[tuple[str, ...], UNTYPED] = (),
     thin: int = 1,
     engine: EngineOption = None,
 ) -> int:
@@ -21,7 +22,7 @@ def figures(
 
     Args:
         out: folder for the files
-        only: names of the sections to compute; by default all sections
+        only: names of the sections to compute, such as theorem or families; by default all sections
         thin: for a quick look, compute only every N-th case
         engine: pinocchio, or compiled, which is faster; their results differ by rounding (docs/command-line.md)
     """

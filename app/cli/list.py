@@ -3,25 +3,28 @@ recording."""
 
 from __future__ import annotations
 
+import json
 from typing import Annotated
 
 import tyro
 
-from app.cli.options import one_of
+from app.cli.options import UNTYPED, one_of
 from app.cli.status import DONE
 from app.scenario.data import shipped
 from app.scenario.errors import ScenarioError
-from app.scenario.field_info import FieldInfo, field_info, paths_below, types_of
+from app.scenario.field_info import FieldInfo, FieldOfKind, fields_of_kinds, paths_below, types_of
 from app.scenario.schema import Scenario
 
 SECTIONS = tuple(name for name in Scenario.__struct_fields__ if types_of(Scenario, name))
 
 
-def list_(*, fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION")] = None, signals: bool = False) -> int:
+def list_(
+    *, fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION"), UNTYPED] = None, signals: bool = False
+) -> int:
     """List the robots and the shipped scenarios, the fields of a section of scenarios, or the signals of a recording.
 
     Args:
-        fields: list the fields of this section instead, with unit, bounds and meaning: robot, truth, surface, ...
+        fields: list the fields of this section instead, with unit, default, bounds and meaning: robot, truth, ...
         signals: list the signals of a recording instead, with unit and meaning
     """
     if signals:
@@ -49,20 +52,41 @@ def list_(*, fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION")] = N
 
 
 def _fields_of(section: str) -> list[str]:
-    """Lines on the fields of a section: path, unit, what is allowed, meaning, and the kinds that have it if few do."""
+    """Lines on the fields of a section: path, unit, default, what is allowed, meaning, and the kinds that have it if
+    few do; of a field that is not the same in all kinds, a line for each."""
     kinds = types_of(Scenario, section)
-    having = {str(kind.__struct_config__.tag): set(paths_below(section, [kind])) for kind in kinds}
-    lines = [f"{section}.kind: {', '.join(having)}"] if len(kinds) > 1 else []
+    kinds_of = {f"{section}.kind": kinds} | {
+        f"{section}.{name}.kind": types_of(kind, name) for kind in kinds for name in kind.__struct_fields__
+    }
+    lines = [
+        f"{path}: {', '.join(str(kind.__struct_config__.tag) for kind in several)}"
+        for path, several in kinds_of.items()
+        if len(several) > 1
+    ]
+    known = fields_of_kinds(section, kinds)
     for path in paths_below(section, kinds):
-        info, of = field_info(path), [kind for kind, paths in having.items() if path in paths]
-        meaning = info.doc + (f" ({', '.join(of)})" if len(of) < len(kinds) else "")
-        columns = f"{path:34s}", f"{info.unit.removesuffix('1'):8s}", f"{_allowed(info):22s}", meaning
-        lines.append("  ".join(columns).rstrip())
+        alike: dict[str, list[FieldOfKind]] = {}
+        for each in known:
+            if each.path == path:
+                alike.setdefault(repr(each[2:]), []).append(each)
+        several = next((of for at, of in reversed(kinds_of.items()) if path.startswith(at.removesuffix("kind"))), [])
+        for same in alike.values():
+            info, default, of = same[0].info, same[0].default, [each.kind for each in same]
+            meaning = info.doc + (f" ({', '.join(of)})" if len(of) < len(several) else "")
+            columns = f"{path:34s}", f"{info.unit.removesuffix('1'):9s}", f"{_written(default):16s}"
+            lines.append("  ".join((*columns, f"{_allowed(info, default):22s}", meaning)).rstrip())
     return lines
 
 
-def _allowed(info: FieldInfo) -> str:
+def _written(default: object) -> str:
+    """Default as it would stand in a file, "" where a field has none."""
+    return "" if default is None else json.dumps(default, ensure_ascii=False)
+
+
+def _allowed(info: FieldInfo, default: object) -> str:
     """What is allowed in a field, in a few signs."""
+    if isinstance(default, bool):
+        return "true, false"
     least, largest = info.least, info.largest
     low = "" if least is None else f"{'>=' if info.least_allowed else '>'} {least:g}"
     high = "" if largest is None else f"{'<=' if info.largest_allowed else '<'} {largest:g}"

@@ -25,6 +25,7 @@ from parameters import allowed
 
 Choice = TypeVar("Choice", bound=str)
 Value = TypeVar("Value")
+UNTYPED: Any = tyro.conf.arg(help_behavior_hint="")  # of an option whose help says itself what holds without it
 Files = Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE.py")]
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from app.cli.options import (
+    UNTYPED,
     Default,
     Files,
     Settings,
@@ -40,8 +41,8 @@ def response(
     *,
     out: Path,
     at: float = 0.0,
-    measure: tuple[float, ...] = (),
-    chirp: tuple[float, float] | None = None,
+    measure: Annotated[tuple[float, ...], UNTYPED] = (),
+    chirp: Annotated[tuple[float, float] | None, UNTYPED] = None,
     newtons: Annotated[float | None, NEWTONS.hint] = None,
     newton_metres: Annotated[float | None, NEWTON_METRES.hint] = None,
     use: Files = (),
@@ -55,7 +56,8 @@ def response(
         scenario: a shipped scenario or a .toml file
         out: folder for the files
         at: instant of the run at which the loop is linearised, s
-        measure: also measure the impedance at these frequencies, Hz, by simulating sinusoidal pushes
+        measure: also measure the impedance at these frequencies, Hz (1/60 to a quarter of the control rate), by
+            simulating sinusoidal pushes
         chirp: also measure the impedance by simulating a push whose frequency sweeps from the first value to the
             second, Hz
         newtons: amplitude of these pushes along each axis, N

@@ -10,6 +10,7 @@ import numpy as np
 import tyro
 
 from app.cli.options import (
+    UNTYPED,
     Default,
     EngineOption,
     Files,
@@ -42,14 +43,14 @@ TITLE = 40  # letters of a metric's name, before its value
 
 
 def run(
-    scenario: tyro.conf.Positional[str | None] = None,
+    scenario: Annotated[tyro.conf.Positional[str | None], UNTYPED] = None,
     /,
     *,
     out: Path,
-    from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None,
-    row: int | None = None,
-    duration: float | None = None,
-    blend_to: str | None = None,
+    from_: Annotated[Path | None, tyro.conf.arg(name="from"), UNTYPED] = None,
+    row: Annotated[int | None, UNTYPED] = None,
+    duration: Annotated[float | None, UNTYPED] = None,
+    blend_to: Annotated[str | None, UNTYPED] = None,
     blend_at: Annotated[float | None, BLEND_AT.hint] = None,
     blend_over: Annotated[float | None, BLEND_OVER.hint] = None,
     strict: bool = False,
@@ -63,7 +64,7 @@ def run(
         scenario: a shipped scenario (see `vsmrc list`) or a .toml file
         out: folder for the files
         from_: repeat a run of a sweep: the folder of the sweep, instead of a scenario
-        row: number of the run of that sweep
+        row: number of the run of that sweep, counted from 0
         duration: simulated time in s; by default the duration that the scenario sets
         blend_to: change gradually to the target model of this scenario; see also the fields of `blend`
         blend_at: when this change starts, s

@@ -12,7 +12,18 @@ import tyro
 from app.access.admission import is_loopback
 from app.access.given_token import given_token
 from app.access.rate_limits import ConnectionLimits
-from app.cli.options import Default, Files, Settings, braces, configured, one_of, require_folder, typed, use_own
+from app.cli.options import (
+    UNTYPED,
+    Default,
+    Files,
+    Settings,
+    braces,
+    configured,
+    one_of,
+    require_folder,
+    typed,
+    use_own,
+)
 from app.cli.status import DONE
 from app.dashboard.theme.colors import Theme
 from app.gateway.server_settings import PageStyle, ServerSettings, Token
@@ -44,16 +55,16 @@ def serve(
     port: int = 8080,
     theme: Annotated[str, tyro.conf.arg(metavar=braces(THEMES))] = "dark",
     fps: float = 30.0,
-    state_dir: Path | None = None,
+    state_dir: Annotated[Path | None, UNTYPED] = None,
     stateless: bool = False,
-    log_level: Annotated[str | None, tyro.conf.arg(metavar=braces(LEVELS))] = None,
-    log_file: Path | None = None,
+    log_level: Annotated[str | None, tyro.conf.arg(metavar=braces(LEVELS)), UNTYPED] = None,
+    log_file: Annotated[Path | None, UNTYPED] = None,
     shared: bool = False,
     token: Annotated[str, tyro.conf.arg(metavar=braces(TOKENS))] = "auto",
-    token_file: Path | None = None,
-    origin: tuple[str, ...] = (),
-    max_sessions: int | None = None,
-    per_address: int | None = None,
+    token_file: Annotated[Path | None, UNTYPED] = None,
+    origin: Annotated[tuple[str, ...], UNTYPED] = (),
+    max_sessions: Annotated[int | None, UNTYPED] = None,
+    per_address: Annotated[int | None, UNTYPED] = None,
     copies: Annotated[tyro.conf.DisallowNone[bool | None], COPIES.hint] = None,
     classes: Annotated[bool, tyro.conf.arg(name="class")] = False,
     idle_minutes: Annotated[float | None, IDLE_MINUTES.hint] = None,
@@ -68,7 +79,7 @@ def serve(
             visitors need the link with the token.
         port: port to listen on
         theme: theme of the page at the start; the key T switches it on the page
-        fps: frames per second of the 3-D scene; fewer frames leave more computing time to the control loop
+        fps: frames per second of the 3-D scene, 1 to 60; fewer frames leave more computing time to the control loop
         state_dir: folder in which the server saves scenarios and pinned runs for its next start; by default
             ~/.local/state/vsmrc-lab. A server for an audience (--shared, --class, --host, --origin, a given token, or
             --token always) saves nothing unless you name a folder.

@@ -10,6 +10,7 @@ import msgspec
 import tyro
 
 from app.cli.options import (
+    UNTYPED,
     Default,
     EngineOption,
     Settings,
@@ -55,18 +56,18 @@ def sweep(
     scenario: tyro.conf.Positional[str],
     /,
     *,
-    vary: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    vary: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], UNTYPED] = (),
     design: Annotated[str | None, tyro.conf.arg(metavar="{grid,latin,sobol}"), DESIGN.hint] = None,
     points: Annotated[int | None, POINTS.hint] = None,
     draw: Annotated[int | None, DRAW.hint] = None,
     corners: Annotated[tyro.conf.DisallowNone[bool | None], CORNERS.hint] = None,
     seed: Annotated[int | None, SEED.hint] = None,
-    out: Path | None = None,
-    duration: float | None = None,
-    until: float | None = None,
+    out: Annotated[Path | None, UNTYPED] = None,
+    duration: Annotated[float | None, UNTYPED] = None,
+    until: Annotated[float | None, UNTYPED] = None,
     engine: Annotated[EngineOption, ENGINE.hint] = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
+    workers: Annotated[int | None, UNTYPED] = None,
+    scheduler: Annotated[str | None, UNTYPED] = None,
     dry_run: bool = False,
     settings: Settings = (),
 ) -> int:
@@ -76,7 +77,7 @@ def sweep(
     Args:
         scenario: a shipped scenario, a .toml file, or the sweep.toml of an earlier sweep
         vary: field to vary and its values: PATH=LOW:HIGH:COUNT (add :log for logarithmic steps) or PATH=VALUE,VALUE.
-            With --design latin or sobol: PATH=LOW:HIGH.
+            With --design latin or sobol: PATH=LOW:HIGH, or PATH=LOW:HIGH:log.
         design: grid: all combinations of the values; latin: points of a Latin hypercube; sobol: points of a Sobol
             sequence
         points: with --design latin or sobol: number of points
@@ -84,7 +85,7 @@ def sweep(
             (where the declared set is varied, the same shares of it)
         corners: draw these arms at the corners of the declared set
         seed: seed of the random arms and points
-        out: folder for the runs
+        out: folder for the runs; required, except with --dry-run
         duration: simulated time of each run in s; by default the duration that the scenario sets
         until: end each run at this time, s, before its duration; the controller's constants are still computed for the
             whole duration

@@ -9,7 +9,7 @@ from typing import Annotated, get_args
 
 import tyro
 
-from app.cli.options import one_of, require_folder, written_to
+from app.cli.options import UNTYPED, one_of, require_folder, written_to
 from app.cli.status import DONE
 from app.export.formats import Format
 from app.process.terminal_text import print_line
@@ -17,26 +17,26 @@ from app.scenario.errors import ScenarioError
 
 
 def sweep_plot(
-    folder: tyro.conf.Positional[Path | None] = None,
+    folder: Annotated[tyro.conf.Positional[Path | None], UNTYPED] = None,
     /,
     *,
     of: str = "motion_error",
-    within: float | None = None,
-    show: Annotated[str | None, tyro.conf.arg(metavar="{share,median,worst}")] = None,
-    over: tuple[str, ...] = (),
-    kind: Annotated[str | None, tyro.conf.arg(name="as", metavar="{map,slices,scatter,parallel}")] = None,
-    to: Annotated[str | None, tyro.conf.arg(metavar="{svg,pdf,png}")] = None,
-    out: Path | None = None,
+    within: Annotated[float | None, UNTYPED] = None,
+    show: Annotated[str | None, tyro.conf.arg(metavar="{share,median,worst}"), UNTYPED] = None,
+    over: Annotated[tuple[str, ...], UNTYPED] = (),
+    kind: Annotated[str | None, tyro.conf.arg(name="as", metavar="{map,slices,scatter,parallel}"), UNTYPED] = None,
+    to: Annotated[str | None, tyro.conf.arg(metavar="{svg,pdf,png}"), UNTYPED] = None,
+    out: Annotated[Path | None, UNTYPED] = None,
 ) -> int:
     """Draw the results of a sweep. The sweep need not be finished.
 
     Args:
         folder: folder of the sweep
         of: metric to draw (docs/sweeps.md)
-        within: limit in SI units; the chart shows the share of the arms that keep it
-        show: which value to show for the arms of a point
-        over: fields for the axes
-        kind: kind of chart
+        within: limit, in the metric's unit (docs/sweeps.md); the chart shows the share of the arms that keep it
+        show: which value to show for the arms of a point; by default share with --within, else worst
+        over: fields for the axes; by default the varied ones
+        kind: kind of chart; by default the one that suits the fields
         to: file format; by default the format that the file's name says, or svg
         out: file to write; by default a file in the folder of the sweep, named after what is shown
     """

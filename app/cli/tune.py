@@ -9,6 +9,7 @@ import msgspec
 import tyro
 
 from app.cli.options import (
+    UNTYPED,
     Settings,
     configured,
     folder_of,
@@ -30,16 +31,18 @@ def tune(
     scenario: Annotated[str, tyro.conf.Positional],
     /,
     *,
-    move: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
-    aims: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="for", metavar="METRIC")] = (),
+    move: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], UNTYPED] = (),
+    aims: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="for", metavar="METRIC"), UNTYPED
+    ] = (),
     draw: int = 0,
     budget: int = 120,
     unseen: int = 32,
     seed: int = 0,
-    out: Path | None = None,
-    duration: float | None = None,
-    until: float | None = None,
-    workers: int | None = None,
+    out: Annotated[Path | None, UNTYPED] = None,
+    duration: Annotated[float | None, UNTYPED] = None,
+    until: Annotated[float | None, UNTYPED] = None,
+    workers: Annotated[int | None, UNTYPED] = None,
     dry_run: bool = False,
     settings: Settings = (),
 ) -> int:
@@ -49,14 +52,16 @@ def tune(
 
     Args:
         scenario: a shipped scenario or a .toml file; the search tries to beat its gains
-        move: gain to search over, PATH=LOW:HIGH; add :log to search on a logarithmic scale
-        aims: metric to minimise (docs/tuning.md); with two metrics the result is a Pareto front
+        move: gain to search over, a field of controller or target_model: PATH=LOW:HIGH; add :log to search on a
+            logarithmic scale
+        aims: metric to minimise, such as force_error (docs/tuning.md lists them); give it twice for two metrics, and
+            the result is a Pareto front
         draw: number of true arms, drawn at random inside the declared set, the same for every candidate; 0: use the
             scenario's own true arm
         budget: number of candidates, not counting the scenario's own gains
         unseen: number of new true arms for the final test, which compares the best gains with the scenario's own
         seed: seed of the random arms and the search; the same seed gives the same result with any number of processes
-        out: folder for the runs, the best scenarios, and a figure
+        out: folder for the runs, the best scenarios, and a figure; required, except with --dry-run
         duration: simulated time of each run in s; by default the duration that the scenario sets
         until: end each run at this time, s, before its duration; the controller's constants are still computed for the
             whole duration

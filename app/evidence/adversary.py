@@ -15,7 +15,7 @@ from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
-from controllers.switching import Switching
+from controllers.switching import SWITCHING
 
 SEED = 1000  # of the situations, other ones than those of the random arms
 POPULATION, GENERATIONS = 25, 11  # of each hunt: 275 tries, or 25 where all of the first generation are refused
@@ -23,7 +23,7 @@ DURATION = 0.15  # s
 START = 0.03  # rad, largest displacement of each joint from the start of the path; 0 on a rigid surface
 SHARED = 18  # numbers of a try besides nine for each joint
 PAPER_FROM = 0.5  # on [-1, 1]: a quarter of the first tries have the bounds of (7)
-KINDS = tuple(kind.name.lower() for kind in Switching)
+KINDS = tuple(SWITCHING)
 
 
 @dataclass(frozen=True)

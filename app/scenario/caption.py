@@ -124,7 +124,7 @@ def _law(scenario: Scenario, controller: Controller, units: Units) -> str:
     d = f"d = {law.d:g} {units.force}"
     if law.gain == "theorem":
         d = f"d by (17) with ε = {law.epsilon:g} {units.force}, bounds: {law.bounds}"
-    layer = "" if law.switching == "discontinuous" else f" over {law.layer:g} {units.of_r('m/s')}"
+    layer = f" over {law.layer:g} {units.of_r('m/s')}" if controller.has_layer else ""
     return f"Law (25): {gains}, {d}, {law.switching} switching{layer}, T = {law.period * 1e3:g} ms"
 
 

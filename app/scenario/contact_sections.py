@@ -18,7 +18,9 @@ from parameters import Section, Vector3, Widget, decades, field
 class ContactSection(Section, frozen=True, forbid_unknown_fields=True):
     """Contact between the tool and the surface."""
 
-    kind: Annotated[ContactName, field("no surface, elastic (32), mass-damper-spring (28), or rigid (39)", "")] = "free"
+    kind: Annotated[
+        ContactName, field("contact: none (free), elastic (32), mass-damper-spring (28), or rigid (39)", "")
+    ] = "free"
     K_e: Annotated[float, field("stiffness of the surface", "N/m", ge=0, le=1e7)] = 10000.0
     B_e: Annotated[float, field("damping of the surface", "N·s/m", ge=0, le=1e5)] = 0.0
     M_e: Annotated[float, field("mass of the surface", "kg", ge=0, le=1e4)] = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import msgspec
 from msgspec import Struct
@@ -80,6 +80,34 @@ def types_of(struct: type[Struct], name: str) -> list[type[Struct]]:
     kind = kind.type if isinstance(kind, _Metadata) else kind
     kinds = kind.types if isinstance(kind, msgspec.inspect.UnionType) else [kind]
     return [k.cls for k in kinds if isinstance(k, msgspec.inspect.StructType)]
+
+
+class FieldOfKind(NamedTuple):
+    """Field in one of the kinds of a section.
+    path: dotted; kind: names of the kinds on the way to it, "" in a section of one kind.
+    info: its facts there; default: its value in a file that does not have it."""
+
+    path: str
+    kind: str
+    info: FieldInfo
+    default: Any
+
+
+def fields_of_kinds(prefix: str, kinds: Sequence[type[Struct]], outer: str = "") -> list[FieldOfKind]:
+    """Every field of every kind of a section, kind by kind."""
+    found: list[FieldOfKind] = []
+    for kind in kinds:
+        tag = str(kind.__struct_config__.tag) if len(kinds) > 1 else outer
+        defaults = {f.name: f for f in msgspec.structs.fields(kind)}
+        for f in _schema(kind).fields:
+            path = f"{prefix}.{f.name}"
+            if within := types_of(kind, f.name):
+                found += fields_of_kinds(path, within, tag)
+            elif isinstance(f.type, _Metadata):
+                of = defaults[f.name]
+                made = of.default_factory() if callable(of.default_factory) else of.default
+                found.append(FieldOfKind(path, tag, _info(f.type), made))
+    return found
 
 
 def paths_below(prefix: str, kinds: Sequence[type[Struct]]) -> list[str]:

@@ -19,6 +19,8 @@ from app.scenario.contact_sections import (
     FurtherSurface,
     SurfaceInWorld,
 )
+from controllers.modes import ModeName
+from controllers.switching import SwitchingName
 from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import AnyForceProfile
 from environments.sensors import Sensor
@@ -36,7 +38,7 @@ Offsets = Annotated[tuple[Offset | Annotated[tuple[Offset, ...], Meta(max_length
 class RobotSection(Section, frozen=True, forbid_unknown_fields=True):
     """The arm."""
 
-    name: Annotated[Name, field("row of the catalogue", "")] = "ur5"
+    name: Annotated[Name, field("arm of the catalogue, as `vsmrc list` names it", "")] = "ur5"
     urdf: Annotated[Text | None, field("path of a URDF to use instead", "")] = None
     tool_frame: Annotated[
         Name | None, field("frame of the tool; default: the catalogue's, or the last one of the arm", "")
@@ -51,7 +53,9 @@ class RobotSection(Section, frozen=True, forbid_unknown_fields=True):
 class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     """Differences of the true arm from the controller's model."""
 
-    link_scaling: Annotated[float | Vector, field("factor on the inertia of every link, or one per link", "1")] = 1.0
+    link_scaling: Annotated[float | Vector, field("factor on every link's mass and inertia, or one per link", "1")] = (
+        1.0
+    )
     rotor_scaling: Annotated[float | Vector, field("factor on every joint's rotor inertia, or one each", "1")] = 1.0
     link_centre: Annotated[
         Offsets, field("shift of every link's centre of mass along its axes, or one row of three per link", "m")
@@ -68,7 +72,9 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     payload_offset: Annotated[Offset3, field("place of that mass in the tool frame", "m")] = (0.0, 0.0, 0.0)
     coulomb: Annotated[float, field("Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
     viscous: Annotated[float, field("viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
-    disturbance: Annotated[float, field("norm of a disturbance torque", "N·m", ge=0, le=200)] = 0.0
+    disturbance: Annotated[
+        float, field("norm of a sinusoidal torque that disturbs the joints", "N·m", ge=0, le=200)
+    ] = 0.0
     disturbance_frequency: Annotated[float, field("frequency of that torque", "Hz", ge=0, le=100)] = 0.5
     torque_limit: Annotated[
         float | Vector,
@@ -128,7 +134,7 @@ STATED_IN = {
 class Declared(Section, frozen=True, forbid_unknown_fields=True):
     """Bounds of the modelling errors that the controller is told, (6)."""
 
-    link_scaling: Annotated[float, field("links' inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
+    link_scaling: Annotated[float, field("links' masses and inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
     rotor_scaling: Annotated[float, field("rotors' inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
     link_centre: Annotated[
         float, field("largest distance of a link's centre of mass from its believed place", "m", ge=0, le=1)
@@ -225,24 +231,24 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
     F_1: Annotated[Matrix | float, field("sliding gain on e_r (10): diagonal", "1/s")] = 10.0
     F_2: Annotated[Matrix | float, field("sliding gain on z (10): diagonal, nonsingular", "1")] = 1.0
     K_s: Annotated[Matrix | float, field("gain of the linear reaching term (15), s.p.d.", "N·s/m")] = 100.0
-    gain: Annotated[Literal["theorem", "constant"], field("gain d: by (17), or a constant", "")] = "theorem"
+    gain: Annotated[
+        Literal["theorem", "constant"], field("gain d: what (17) requires (theorem), or the number d (constant)", "")
+    ] = "theorem"
     d: Annotated[float, field("the constant d", "N", gt=0, le=1e5)] = 30.0
     epsilon: Annotated[float, field("margin of the gain d in (17)", "N", gt=0, le=1e4)] = 2.0
     bounds: Annotated[
         Literal["tight", "paper"], field("error bounds: computed in task space (tight), or by (7)", "")
     ] = "tight"
-    switching: Annotated[
-        Literal["discontinuous", "saturation", "rational", "tanh"], field("s/||s||, or a smooth version of it", "")
-    ] = "saturation"
+    switching: Annotated[SwitchingName, field("s/||s||, or a smooth version of it", "")] = "saturation"
     layer: Annotated[float, field("boundary layer: within it the switching is smooth", "m/s", gt=0, le=10)] = 0.01
     z_0: Annotated[Vector | None, field("z at the start; only with on_change = watch; default: zeros", "m/s")] = None
     on_change: Annotated[
         Literal["remove", "watch"],
-        field("z at the start and on changes: set so that s = 0 (Remark 2), or kept", ""),
+        field("z at the start and on changes: set so that s = 0 (remove, Remark 2), or kept (watch)", ""),
     ] = "remove"
     estimates: Annotated[
         Literal["online", "along-reference"],
-        field("estimates of M, C, G: at q, or in advance along r_d (Remark 3)", ""),
+        field("estimates of M, C, G: at q (online), or in advance along r_d (along-reference, Remark 3)", ""),
     ] = "online"
     period: Annotated[float, field("control period", "s", ge=1e-5, le=0.05)] = 0.001
     K_e_hat: Annotated[float, field("estimated stiffness of the surface (33)", "N/m", gt=0, le=1e9)] = 10000.0
@@ -260,7 +266,9 @@ class ShiftSection(Section, frozen=True, forbid_unknown_fields=True):
 class Simulation(Section, frozen=True, forbid_unknown_fields=True):
     """Computation of the run, and its end."""
 
-    duration: Annotated[float, field("simulated time of a headless run", "s", gt=0, le=36000)] = 10.0
+    duration: Annotated[
+        float, field("simulated time of a run without the page; Ω is for the reference within it", "s", gt=0, le=36000)
+    ] = 10.0
     seed: Annotated[int, field("seed of the sensor's noise", "", ge=0, le=2**63 - 1)] = 0
     integrator: Annotated[Literal["leapfrog", "semi-implicit-euler", "rk4"], field("integrator of the plant", "")] = (
         "leapfrog"
@@ -284,10 +292,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
 
     name: Name = "unnamed"
     title: Name = ""
-    mode: Annotated[
-        Literal["motion", "impedance", "hybrid", "hybrid-impedance", "constrained"],
-        field("mode: one of the applications of section IV", ""),
-    ] = "motion"
+    mode: Annotated[ModeName, field("mode: what is controlled, one of the applications of section IV", "")] = "motion"
     robot: RobotSection = msgspec.field(default_factory=RobotSection)
     truth: TruthSection = msgspec.field(default_factory=TruthSection)
     declared: Declared = msgspec.field(default_factory=Declared)

@@ -21,7 +21,7 @@ from controllers.followed_faces import FollowedFaces
 from controllers.laws.table import LAWS
 from controllers.modes import Mode
 from controllers.surface_stability import SurfaceRange, passive_throughout
-from controllers.switching import Switching
+from controllers.switching import SWITCHING
 from controllers.target_model import InvalidGain, TargetModel
 from controllers.task_space import TaskLayout
 from environments.robots import Robot
@@ -296,7 +296,7 @@ def controller_of(scenario: Scenario, robot: Robot, mode: Mode, layout: TaskLayo
         d=None if c.gain == "theorem" else c.d,
         epsilon=c.epsilon,
         bounds=c.bounds,
-        switching=Switching[c.switching.upper()],
+        switching=SWITCHING[c.switching],
         layer=c.layer,
         uncertainty=uncertainty_of(scenario, robot, constants.k_C, constants.rates),
         controlled=mode.controlled(n),

@@ -25,7 +25,6 @@ from app.simulation.verdict import sentence
 from controllers.blend import ModelBlend, blended
 from controllers.posture_check import periods_between_checks
 from controllers.premises import Premise, PromiseRecord, judge
-from controllers.switching import Switching
 from environments.contact import Holding
 
 Loop = TypeVar("Loop", bound=SampledLoop)
@@ -103,7 +102,7 @@ class PremiseWatch:
         band = epoch.t + certificate.time_to(float(np.sqrt(2.0 * check.V_band / check.H_min)))
         falls = check.layer_width > 0.0 and check.radius <= check.layer_width  # V falls down to the layer
         layer = epoch.t + certificate.time_to(check.layer_width) if falls else None
-        if self.system.controller.switching is Switching.DISCONTINUOUS:
+        if not self.system.controller.switching.has_layer:
             layer = band
         return replace(epoch, layer_reached_by=layer, band_reached_by=band)
 
@@ -305,7 +304,7 @@ class PremiseWatch:
     def layer_reached(self) -> float | None:
         """Instant at which ||s|| was first within the boundary layer, or within the band for a law that has no layer,
         since the last change, s; None while it has not been."""
-        if self.system.controller.switching is Switching.DISCONTINUOUS:
+        if not self.system.controller.switching.has_layer:
             return self.band_reached
         reached = self._state.evaluation.part("promise_record").layer_reached
         return None if np.isnan(reached) else reached

@@ -25,7 +25,7 @@ from app.simulation.sampled_force_loop import drags, gain_by_force, unit_loads, 
 from app.simulation.system import System
 from controllers.force_loop import LONGEST_DELAY
 from controllers.premises import Premise
-from controllers.switching import Switching
+from controllers.switching import SWITCHING
 from environments.step_resolution import ROUNDING
 
 Touched = tuple[int, ...]  # numbers of the surfaces that are touched
@@ -223,7 +223,7 @@ def _poles(system: System, at: Posture, A: np.ndarray) -> tuple[np.ndarray, np.n
 def _chatters(system: System) -> bool:
     """Whether the law is the discontinuous one: it has no linear part, but the motion on its sliding surface has."""
     controller = system.controller
-    return controller.law.robust and controller.switching is Switching.DISCONTINUOUS
+    return controller.law.robust and not controller.has_layer
 
 
 def _kept_on_surface(system: System, at: Posture) -> System:
@@ -231,7 +231,7 @@ def _kept_on_surface(system: System, at: Posture) -> System:
     controller = system.controller
     K_s = HALVED * np.linalg.eigvalsh(at.H_hat)[0] / system.scenario.controller.period * np.eye(system.layout.n)
     return system.with_controller(
-        replace(controller, K_s=K_s, d=np.finfo(float).tiny, switching=Switching.SATURATION, layer=1.0)
+        replace(controller, K_s=K_s, d=np.finfo(float).tiny, switching=SWITCHING["saturation"], layer=1.0)
     )
 
 

@@ -4,12 +4,15 @@ figures."""
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from app.export.ticks import plain_number
 from app.scenario.field_info import FieldInfo, field_info
 from app.scenario.units import Units, unit_in
 from app.simulation.controller_builder import laws
 from controllers.modes import MODES
+from controllers.switching import SWITCHING
+from environments.contact_kinds import CONTACTS
 
 # of the fields that are offered first, and of those whose meaning in the schema goes on from the field before
 TITLES = {
@@ -47,6 +50,13 @@ TITLES = {
     "surface.tilt.frequency": "frequency of the surface's tilt",
     "simulation.domain_radius": "radius of Ω",
     "simulation.seed": "seed of the sensor's noise",
+}
+# titles on the page of the values of fields that name a row of a table
+TITLED: dict[str, Callable[[], dict[str, str]]] = {
+    "mode": lambda: {name: mode.label for name, mode in MODES.items()},
+    "contact.kind": lambda: {name: kind.title for name, kind in CONTACTS.items()},
+    "controller.law": lambda: {name: law.title for name, law in laws().items()},
+    "controller.switching": lambda: {name: function.title for name, function in SWITCHING.items()},
 }
 FURTHER = {"second": "second surface", "third": "third surface"}
 # words for the sections whose fields' meanings do not say of what they are
@@ -97,11 +107,11 @@ def named(path: str, units: Units) -> str:
 
 
 def value_in_words(path: str, value: object) -> str:
-    """Value of a field in words: of a law its title, of a number three digits."""
-    if path == "controller.law" and (law := laws().get(str(value))) is not None:
-        return law.title
-    if path == "mode" and str(value) in MODES:
-        return MODES[str(value)].label
+    """Value of a field in words: of a row of a table its title on the page, of a number three digits."""
+    first, _, rest = path.partition(".")
+    titles = TITLED.get(rest if first in FURTHER else path)
+    if titles is not None and (title := titles().get(str(value))) is not None:
+        return title
     return plain_number(float(f"{value:.3g}"), None) if isinstance(value, float) else str(value)
 
 

@@ -50,7 +50,11 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     chart: ClassVar[Any]
     resolution: ClassVar[int] = 41
 
-    origin: Annotated[Vector3, field("a point of it", "m", ORIGIN)] = (0.0, 0.0, 0.0)
+    origin: Annotated[Vector3, field("a point of it; a sphere's centre, a point of a cylinder's axis", "m", ORIGIN)] = (
+        0.0,
+        0.0,
+        0.0,
+    )
     motion: SurfaceMotion = msgspec.field(default_factory=SurfaceMotion)
 
     @property

@@ -54,7 +54,7 @@ class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula
         "z - 0.02*sin(8*x - 2*t)"
     )
     solid: Annotated[
-        Literal["below", "above"], field("solid where the formula is below 0, or where it is above", "", SOLID)
+        Literal["below", "above"], field("side that is solid: where the formula is below 0, or above", "", SOLID)
     ] = "below"
     normal: Annotated[Vector3, field("direction across the surface; psi_1, psi_2 run across it", "1", NORMAL)] = (
         0.0,

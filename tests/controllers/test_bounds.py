@@ -17,7 +17,7 @@ from controllers.controller import Controller
 from controllers.estimate_rates import SYMMETRIC_BASIS, LinkRates, LocalRates
 from controllers.nominal_model import ON_LINE, Estimate
 from controllers.reference_estimates import FeedforwardModel
-from controllers.switching import Switching
+from controllers.switching import SWITCHING
 from tests.support.arms import CERTAIN, ROBOTS, State, charted, lipschitz_of, random_law, random_reference
 from tests.support.declared_plants import CHART, DECLARED, Plant, direction, doubted, draw, draw_state, in_task_space
 
@@ -32,7 +32,7 @@ Bounds = Literal["tight", "paper"]
 def law_for(system: System, u: Uncertainty, bounds: Bounds) -> Controller:
     """A law that takes d from the theorem."""
     n = system.robot.n
-    law = random_law(np.random.default_rng(1), n, Switching.SATURATION, np.zeros(n))
+    law = random_law(np.random.default_rng(1), n, SWITCHING["saturation"], np.zeros(n))
     mass = sum(link.mass for link in list(system.robot.model.inertias)[1:])
     known = u._replace(k_C=system.constants.k_C, rates=rates_of(system.robot.name), mass=mass)
     return replace(law, d=None, bounds=bounds, uncertainty=known)

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from controllers.modes import MODES
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import FeedforwardModel
-from controllers.switching import Switching
+from controllers.switching import SWITCHING
 from controllers.target_model import InvalidGain, TargetModel, require_spd
 from environments.acceleration import Arm, PlantWorkspace, accelerate_heavy
 from environments.contact import Contact, ContactKinematics, Contacts, Face, World
@@ -83,7 +83,7 @@ def test_law_in_joint_space_is_the_law_in_task_space(
     robot: str, chart: str, feedback: str, random: np.random.Generator
 ) -> None:
     system = charted(robot, chart)
-    n, switching = system.robot.n, Switching(random.integers(4))
+    n, switching = system.robot.n, list(SWITCHING.values())[random.integers(4)]
     law = random_law(random, n, switching, controlled(feedback, n))
     assert_torque_is_force_in_task_space(system, law, random_state(system, random), random)
 
@@ -95,7 +95,7 @@ def test_known_arm_obeys_the_target_model(robot: str, chart: str, kind: str, ran
     """(14) with H s_dot + C s = -K_s s - d sigma(s), the inside of (22); and (8) at once under computed torque."""
     system = charted(robot, chart)
     n = system.robot.n
-    law = random_law(random, n, Switching.SATURATION, np.ones(n), kind=kind)
+    law = random_law(random, n, SWITCHING["saturation"], np.ones(n), kind=kind)
     q, q_dot, t = random_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(6)
@@ -251,7 +251,7 @@ def test_references_have_exact_derivatives(path: PointToPoint | Circle | Line | 
     ],
 )
 def test_law_refuses_by_name(change: dict[str, object], said: str, random: np.random.Generator) -> None:
-    law = random_law(random, 3, Switching.SATURATION, np.ones(3))
+    law = random_law(random, 3, SWITCHING["saturation"], np.ones(3))
     with pytest.raises(InvalidGain, match=said):
         replace(law, **change)
 

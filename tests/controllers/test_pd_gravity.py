@@ -9,7 +9,7 @@ import pytest
 from app.scenario.data import shipped, with_values
 from app.simulation.closed_loop import ClosedLoop
 from controllers.reference_estimates import FeedforwardModel
-from controllers.switching import Switching
+from controllers.switching import SWITCHING
 from tests.support.arms import charted, random_law, random_reference, random_state
 
 
@@ -19,7 +19,7 @@ def test_pd_leaves_the_target_model_with_the_arm_s_own_inertia(robot: str) -> No
     random = np.random.default_rng(3)
     system = charted(robot, "sphere outside")
     n = system.robot.n
-    law = random_law(random, n, Switching.SATURATION, np.ones(n), kind="pd-gravity")
+    law = random_law(random, n, SWITCHING["saturation"], np.ones(n), kind="pd-gravity")
     q, q_dot, t = random_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, F = random_reference(task.r, random), 10.0 * random.standard_normal(6)

@@ -103,16 +103,29 @@ def test_run_says_in_which_units_its_figures_are(
 @pytest.mark.parametrize("section", SECTIONS)
 def test_the_fields_of_each_section_are_listed(section: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert execute(["list", "--fields", section]) == 0
-    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
+    lines: dict[str, list[str]] = {}
+    for line in capsys.readouterr().out.splitlines():
+        lines.setdefault(line.split()[0], []).append(line)
     stated = getattr(load("ur5-corner"), section)
     names = [name for name in stated.__struct_fields__ if not types_of(type(stated), name)]
     assert {f"{section}.{name}" for name in names} <= lines.keys()
-    for path in lines.keys() - {f"{section}.kind:"}:
+    for path in (path for path in lines if not path.endswith(".kind:")):
         info = field_info(path)
-        assert info.doc in lines[path]
-        assert info.largest is None or f"{info.largest:g}" in lines[path]
+        assert info.doc in lines[path][0]
+        assert info.largest is None or f"{info.largest:g}" in lines[path][0]
     if section == "motion":
-        assert lines["motion.ramp"].endswith("time to full speed (circle, line)")
+        assert lines["motion.ramp"][0].endswith(
+            "1.0               >= 0, <= 3600           time to full speed (circle, line)"
+        )
+        assert [line.rpartition("  ")[2] for line in lines["motion.period"]] == [
+            "time of one turn (circle)",
+            "time there and back (line)",
+        ]
+    if section == "second":
+        assert lines["second.surface.kind:"] == ["second.surface.kind: plane, cylinder, sphere, formula, own"]
+        assert lines["second.surface.radius"][0].endswith("radius (cylinder, sphere)")
+        assert lines["second.force.rise"][0].endswith("how long it takes (step)")
+        assert "  true              true, false  " in lines["second.contact.unilateral"][0]
     assert execute(["list", "--fields", "surfaces"]) == 2
     assert capsys.readouterr().err.endswith("simulation; did you mean surface?\n")
 

@@ -39,6 +39,20 @@ from tests.support.pages import Page
 pytestmark = pytest.mark.slow  # a process that compiles
 
 ROOT = Path(__file__).parents[2]
+STEEP = """@inline
+def _arctan(size, layer):
+    return 2.0 / np.pi * np.arctan(0.5 * np.pi * size / layer) / size
+
+
+@inline
+def _arctan_width(layer, given_up):
+    return 2.0 / np.pi * layer * np.tan(0.5 * np.pi * (1.0 - given_up))
+
+
+SWITCHING: dict"""
+STEEP_ROW = """
+        SwitchingFunction("arctan", "arc tangent", _arctan, _arctan_width),
+        SwitchingFunction("tanh","""
 DAMPING = '''"""Damping: a brake in every task coordinate."""
 
 from controllers.control_law import ControlLaw
@@ -179,6 +193,7 @@ ASKED = """
 import gc
 import json
 from unittest.mock import MagicMock
+import numpy as np
 from app.dashboard.panels.controller import ControllerPanel
 from app.dashboard.panels.task import TaskPanel
 from app.dashboard.panels.world import WorldPanel
@@ -209,6 +224,14 @@ other = ClosedLoop.from_scenario(edited(added, "surface.origin", tool.tolist()))
 for _ in range(20):
     other.step()
 soft = edited(edited(load("mine"), "mode", "soft"), "contact.kind", "pushed")
+bent = load("mine")
+for path, value in {
+    "switching": "arctan", "gain": "constant", "d": 50.0, "layer": 0.02, "on_change": "watch", "z_0": [0.02, 0.01],
+}.items():
+    bent = edited(bent, f"controller.{path}", value)
+bent = ClosedLoop.from_scenario(bent)
+J_q = bent.system.observe(bent.state.arm.views.q, np.zeros(2), 0.0)[1].J_q
+bent.step()
 out = ClosedLoop.from_scenario(soft).system.surface.chart(tool, 0.0).G[0]
 pushed = [ClosedLoop.from_scenario(edited(soft, "surface.origin", (tool + d * out).tolist())) for d in (1e-3, -1e-3)]
 for each in pushed:
@@ -223,6 +246,9 @@ print(json.dumps({
     "tau": row[columns["tau"]].tolist(),
     "stopped": loop.stopped,
     "fields": fields,
+    "s": bent.recording.signals(("s",))["s"][0].tolist(),
+    "switched": np.linalg.solve(J_q.T, bent.recording.signals(("tau_switching",))["tau_switching"][0]).tolist(),
+    "width": bent.state.evaluation.part("posture_check").layer_width,
     "normal": other.system.surface.chart(tool, 0.0).G[0].tolist(),
     "wanted": other.system.reference(0.3).r_d.tolist(),
     "start": other.system.plan.start.tolist(),
@@ -262,7 +288,8 @@ def said_by_the_extended(tree: Path) -> str:
     (tree / "controllers" / "laws" / "damping.py").write_text(DAMPING, encoding="utf-8")
     insert(tree / "controllers" / "laws" / "__init__.py", '"pd-gravity")', '"pd-gravity", "damping")')
     insert(tree / "controllers" / "modes.py", "    )\n}\n", SOFT)
-    insert(tree / "app" / "scenario" / "schema.py", '"constrained"],', '"constrained", "soft"],')
+    insert(tree / "controllers" / "switching.py", "SWITCHING: dict", STEEP)
+    insert(tree / "controllers" / "switching.py", '\n        SwitchingFunction("tanh",', STEEP_ROW)
     for kind, file, text, table, before in (
         ("Slope", "surfaces/slope.py", SLOPE, "SURFACES", "Sphere, FormulaSurface, OwnForm)"),
         ("Nod", "trajectories/nod.py", NOD, "TRAJECTORIES", "Circle, Line, OwnPath)"),
@@ -300,6 +327,15 @@ def test_a_law_is_a_file_and_its_name(extended: dict[str, Any]) -> None:
 def test_a_mode_is_a_row_and_its_name(extended: dict[str, Any]) -> None:
     assert extended["stiffness"] == 50.0
     assert "Soft" in extended["menus"]
+
+
+def test_a_switching_function_is_two_kernels_and_a_row(extended: dict[str, Any]) -> None:
+    assert "arc tangent" in extended["menus"]
+    s, layer, d = np.array(extended["s"]), 0.02, 50.0
+    eta = 2.0 / np.pi * np.arctan(0.5 * np.pi * np.linalg.norm(s) / layer)
+    assert extended["switched"] == pytest.approx(-d * eta * s / np.linalg.norm(s), rel=1e-9)
+    kept = 1.0 - 0.5 * 2.0 / d  # epsilon is 2 N
+    assert extended["width"] == pytest.approx(2.0 / np.pi * layer * np.tan(0.5 * np.pi * kept))
 
 
 def test_a_scenario_is_a_file(extended: dict[str, Any]) -> None:

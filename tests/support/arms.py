@@ -20,7 +20,7 @@ from controllers.control_law import Reference
 from controllers.controller import Controller
 from controllers.estimate_rates import Lipschitz
 from controllers.laws.table import LAWS
-from controllers.switching import Switching
+from controllers.switching import SwitchingFunction
 from controllers.target_model import TargetModel
 from environments.acceleration import PlantState
 from environments.robots import CATALOGUE
@@ -116,7 +116,12 @@ def random_reference(r: np.ndarray, random: np.random.Generator) -> Reference:
 
 
 def random_law(
-    random: np.random.Generator, n: int, switching: Switching, controlled: np.ndarray, m: int = 0, kind: str = "vsmrc"
+    random: np.random.Generator,
+    n: int,
+    switching: SwitchingFunction,
+    controlled: np.ndarray,
+    m: int = 0,
+    kind: str = "vsmrc",
 ) -> Controller:
     """Of a law: full matrices wherever the paper allows them; d a constant."""
     M_m, B_m, K_m = (random_spd(random, n, 1.0, 30.0) for _ in range(3))
@@ -139,15 +144,15 @@ def random_law(
 
 
 # eta(r, w) for r = ||s|| > 0 and a layer w, written without the product
-ETA: dict[Switching, Callable[[float, float], float]] = {
-    Switching.DISCONTINUOUS: lambda _r, _w: 1.0,
-    Switching.SATURATION: lambda r, w: min(1.0, r / w),
-    Switching.RATIONAL: lambda r, w: r / (r + w),
-    Switching.TANH: lambda r, w: float(np.tanh(r / w)),
+ETA: dict[str, Callable[[float, float], float]] = {
+    "discontinuous": lambda _r, _w: 1.0,
+    "saturation": lambda r, w: min(1.0, r / w),
+    "rational": lambda r, w: r / (r + w),
+    "tanh": lambda r, w: float(np.tanh(r / w)),
 }
 
 
-def unit_vector(s: np.ndarray, kind: Switching, layer: float) -> np.ndarray:
+def unit_vector(s: np.ndarray, function: SwitchingFunction, layer: float) -> np.ndarray:
     """sigma(s) (n,) = eta(||s||) s/||s||, zero at s = 0."""
     r = float(np.linalg.norm(s))
-    return s * ETA[kind](r, layer) / r if r > 0.0 else np.zeros_like(s)
+    return s * ETA[function.kind](r, layer) / r if r > 0.0 else np.zeros_like(s)

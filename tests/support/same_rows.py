@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from app.simulation.closed_loop import ClosedLoop
-from controllers.switching import Switching
 
 PRECISION = 5e-11  # of the largest number of each signal: contact, friction and feedback amplify the terms' rounding
 # the discontinuous law divides by ||s||; where s is 0 it makes jumps of rounding, so such a run ends while s is not
@@ -24,7 +23,7 @@ def require_same_rows(
     assert compiled.state.judged.station == stepped.state.judged.station
     assert [epoch.t for epoch in compiled.recording.epochs] == [epoch.t for epoch in stepped.recording.epochs]
     expected, found = stepped.recording.stretch(), compiled.recording.stretch()
-    sudden = stepped.system.controller.switching is Switching.DISCONTINUOUS
+    sudden = not stepped.system.controller.switching.has_layer
     precision = PRECISION_OF_SUDDEN if sudden else precision
     for signal in expected:
         of_largest = (closer or {}).get(signal, precision)

@@ -17,6 +17,7 @@ from app.simulation.controller_builder import laws
 from controllers.control_law import ControlLaw
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
+from controllers.switching import SWITCHING
 from parameters import Parameter
 
 _SAID = '<div class="vs-checks"><div class="vs-message vs-warn">{}</div></div>'
@@ -38,12 +39,7 @@ class ControllerPanel:
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
-        switching = {
-            "s / ‖s‖ (discontinuous)": "discontinuous",
-            "saturation": "saturation",
-            "s / (‖s‖ + s_b)": "rational",
-            "tanh": "tanh",
-        }
+        switching = {function.title: function.kind for function in SWITCHING.values()}
         law = Dropdown(desk, "controller.law", "Law", {law.title: kind for kind, law in laws().items()})
         self._about = gui.add_html("")
         self._facts = TheoremTable(gui)
@@ -52,7 +48,7 @@ class ControllerPanel:
         self._robust_only: list[viser.GuiFolderHandle] = [term, surface]
         with term:
             d = PlaceWhere("controller.d", lambda scenario: scenario.controller.gain == "constant")
-            layer = PlaceWhere("controller.layer", lambda scenario: scenario.controller.switching != "discontinuous")
+            layer = PlaceWhere("controller.layer", lambda scenario: SWITCHING[scenario.controller.switching].has_layer)
             self._controls += [
                 Dropdown(desk, "controller.gain", "Gain d", {"by the theorem (17)": "theorem", "constant": "constant"}),
                 NumberField(desk, d, "constant d [N]", log_scale(1, 1000)),

@@ -145,6 +145,7 @@ class Frame:
 
 
 def values_of(rows: Signals, lines: Sequence[ChartLine]) -> np.ndarray:
+    """Values (N, k) of k lines at N rows."""
     return np.stack([line.values(rows) for line in lines], axis=1) if lines else np.empty((len(rows["t"]), 0))
 
 

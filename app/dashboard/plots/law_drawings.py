@@ -63,6 +63,7 @@ def _phases() -> list[ChartLine]:
 
 
 def reaching(setup: Setup) -> Drawing | None:
+    """Drawing of ||s|| with its bound (20), none without a bound."""
     if not setup.bounded:
         return None
     bound, band = _bound_and_band()
@@ -76,6 +77,7 @@ def reaching(setup: Setup) -> Drawing | None:
 
 
 def lyapunov_function(setup: Setup) -> Drawing | None:
+    """Drawing of V with its bound (24), none without a bound."""
     if not setup.bounded:
         return None
     lines = [
@@ -87,6 +89,7 @@ def lyapunov_function(setup: Setup) -> Drawing | None:
 
 
 def components_of_s(setup: Setup) -> Drawing | None:
+    """Drawing of the sliding variable by coordinates, none without a bound."""
     if not setup.bounded:
         return None
     lines = [
@@ -115,6 +118,7 @@ def needed_stack() -> tuple[list[ChartLine], list[Area]]:
 
 
 def gain_by_causes(setup: Setup) -> Drawing | None:
+    """Drawing of d and the real perturbation over the terms of (17), none without a bound."""
     if not setup.bounded:
         return None
     lines, areas = needed_stack()
@@ -126,6 +130,7 @@ def gain_by_causes(setup: Setup) -> Drawing | None:
 
 
 def perturbation(setup: Setup) -> Drawing:
+    """Drawing of the real perturbation by its causes."""
     parts = (("inertia", 0), ("coriolis", 1), ("gravity", 2), ("disturbance", 4))
     lines = [ChartLine(CAUSES[i], color(i), column(name), dashed=is_dashed(i)) for name, i in parts]
     lines.append(ChartLine("together", ACCENT, column("perturbation"), width=2.6))
@@ -133,6 +138,7 @@ def perturbation(setup: Setup) -> Drawing:
 
 
 def margin(setup: Setup) -> Drawing | None:
+    """Drawing of d less what (17) needs, and less the real perturbation; none without a bound."""
     if not setup.bounded:
         return None
     d, needed, real = under_gain(column("d")), column("d_required"), column("perturbation")
@@ -144,6 +150,7 @@ def margin(setup: Setup) -> Drawing | None:
 
 
 def torques(setup: Setup) -> Drawing:
+    """Drawing of the joint torques."""
     lines = [
         ChartLine(indexed("τ", i + 1), color(i), column("tau", i), dashed=is_dashed(i))
         for i in range(len(setup.joints))
@@ -159,12 +166,14 @@ def torque_stack(joint: int) -> tuple[list[ChartLine], list[Area]]:
 
 
 def terms_of_torque(setup: Setup) -> Drawing:
+    """Drawing of the terms of (25) for the chosen joint, and of their sum."""
     lines, areas = torque_stack(setup.joint)
     lines.append(ChartLine("τ", ACCENT, column("tau", setup.joint), width=2.0))
     return Drawing(f"terms of  {indexed('τ', setup.joint + 1)}  (25)  [{setup.unit_of_joint('N·m')}]", lines, areas)
 
 
 def robust_terms(setup: Setup) -> Drawing | None:
+    """Drawing of the linear and the switching term for the chosen joint, none without a bound."""
     if not setup.bounded:
         return None
     lines = [
@@ -176,10 +185,13 @@ def robust_terms(setup: Setup) -> Drawing | None:
 
 
 def spectrum(setup: Setup) -> Drawing:
+    """Drawing of the amplitude spectrum of the joint torques."""
     return Drawing(f"amplitude spectrum of  τ  [{setup.units.of_joints('N·m')}]", torques(setup).lines, floor=1e-3)
 
 
 def variation(setup: Setup) -> Drawing:
+    """Drawing of the torque variation by joints."""
+
     def rate(joint: int) -> Values:
         tau = column("tau", joint)
         return lambda signals: variation_rate(signals["t"], tau(signals), LEAD)
@@ -192,6 +204,7 @@ def variation(setup: Setup) -> Drawing:
 
 
 def residual(setup: Setup) -> Drawing:
+    """Drawing of the residual of (8) by coordinates."""
     lines = [
         ChartLine(coordinate.name, color(i), column("residual", i), dashed=is_dashed(i))
         for i, coordinate in enumerate(setup.coordinates)
@@ -200,6 +213,7 @@ def residual(setup: Setup) -> Drawing:
 
 
 def norm_of_residual(setup: Setup) -> Drawing:
+    """Drawing of the norm of the residual of (8)."""
     lines = [*(_phases()[:2] if setup.bounded else ()), ChartLine("‖residual‖", color(0), norm("residual"))]
     return Drawing(f"norm of the residual  [{setup.units.force}]", lines, floor=1e-3)
 
@@ -212,7 +226,7 @@ def reaching_note(snapshot: Snapshot) -> str:
     if epoch.certificate.t_r < snapshot.scenario.controller.period:
         return f"s(0) = 0: no reaching phase (Remark 2), since t = {epoch.t:.2f} s"
     stages = [("band", epoch.band_reached, epoch.band_reached_by)]
-    if snapshot.scenario.controller.switching != "discontinuous":
+    if snapshot.system.controller.has_layer:
         stages.append(("layer", epoch.layer_reached, epoch.layer_reached_by))
 
     def stage_in_words(name: str, measured: float | None, promised: float | None) -> str:

@@ -13,6 +13,7 @@ _MEASURED = (MEASURED, SERIES[0], SERIES[5])  # colours of the measured force on
 
 
 def tracking_error(setup: Setup) -> Drawing:
+    """Drawing of e_r by coordinates."""
     lines = [
         ChartLine(coordinate.name, color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
         for i, coordinate in enumerate(setup.coordinates)
@@ -21,6 +22,7 @@ def tracking_error(setup: Setup) -> Drawing:
 
 
 def position_error(setup: Setup) -> Drawing | None:
+    """Drawing of the coordinates of e_r that are lengths, none without such."""
     lines = [
         ChartLine(coordinate.name, color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
         for i, coordinate in enumerate(setup.coordinates)
@@ -30,6 +32,7 @@ def position_error(setup: Setup) -> Drawing | None:
 
 
 def rotation_error(setup: Setup) -> Drawing | None:
+    """Drawing of the coordinates of e_r that are angles, none without such."""
     lines = [
         ChartLine(
             _bare(coordinate),
@@ -52,6 +55,7 @@ def _bare(coordinate: Coordinate) -> str:
 
 
 def one_coordinate(setup: Setup) -> Drawing:
+    """Drawing of the chosen coordinate, desired and actual."""
     i, coordinate = setup.coordinate, setup.coordinates[setup.coordinate]
     factor, unit = 1e3 / coordinate.per_radian, "mrad" if coordinate.is_angle else "mm"
     lines = [
@@ -62,6 +66,7 @@ def one_coordinate(setup: Setup) -> Drawing:
 
 
 def force(setup: Setup) -> Drawing:
+    """Drawing of the normal forces, desired and measured; without a controlled one, that of the force by axes."""
     if not setup.normal:
         return force_by_axes(setup)
     lines = []
@@ -88,6 +93,7 @@ def _on(setup: Setup, i: int) -> str:
 
 
 def force_by_axes(_: Setup) -> Drawing:
+    """Drawing of the measured force by the axes of the world."""
     lines = [
         ChartLine(f"F {axis}", color(i), column("F", i), compared=True, band=REACH) for i, axis in enumerate("xyz")
     ]
@@ -96,6 +102,7 @@ def force_by_axes(_: Setup) -> Drawing:
 
 
 def moment_by_axes(setup: Setup) -> Drawing | None:
+    """Drawing of the measured moment: those of a flat tool, or by the axes of the world; none without a moment."""
     if setup.tilts:
         return _alignment(setup)
     if not setup.twisted:
@@ -118,6 +125,7 @@ def _alignment(setup: Setup) -> Drawing:
 
 
 def normal_force(setup: Setup) -> Drawing | None:
+    """Drawing of the normal forces with their predicted steady state (37), none without a surface."""
     if not (setup.normal or setup.touching):
         return None
     lines = []
@@ -138,6 +146,7 @@ def normal_force(setup: Setup) -> Drawing | None:
 
 
 def force_error(setup: Setup) -> Drawing | None:
+    """Drawing of the normal forces less the desired ones, none where no force is controlled."""
     if not setup.normal:
         return None
     lines = []

@@ -49,23 +49,33 @@ class _Updates(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class GuiUpdateMessage(_Message, frozen=True):
+    """Message of a new value of a widget."""
+
     uuid: Name
     updates: _Updates
 
 
 class GuiFormSubmitMessage(_Message, frozen=True):
+    """Message of a form that was sent."""
+
     uuid: Name
 
 
 class GuiFormDirtyMessage(_Message, frozen=True):
+    """Message of a form whose widgets have changed."""
+
     uuid: Name
 
 
 class CommandTriggerMessage(_Message, frozen=True):
+    """Message of a command that was chosen."""
+
     uuid: Name
 
 
 class ViewerCameraMessage(_Message, frozen=True):
+    """Message of the page's camera."""
+
     wxyz: tuple[Number, Number, Number, Number]
     position: Point
     fov: Number
@@ -78,6 +88,8 @@ class ViewerCameraMessage(_Message, frozen=True):
 
 
 class SceneNodeDragMessage(_Message, frozen=True):
+    """Message of a pointer that drags an object of the scene."""
+
     phase: Literal["start", "update", "end"]
     name: Name
     instance_index: int | None
@@ -91,6 +103,8 @@ class SceneNodeDragMessage(_Message, frozen=True):
 
 
 class FileTransferStartUpload(_Message, frozen=True):
+    """Message of the begin of an upload."""
+
     source_component_uuid: Name
     transfer_uuid: Name
     filename: Annotated[str, Meta(max_length=1000)]
@@ -100,6 +114,8 @@ class FileTransferStartUpload(_Message, frozen=True):
 
 
 class FileTransferPart(_Message, frozen=True):
+    """Message of a part of an upload."""
+
     source_component_uuid: Name | None
     transfer_uuid: Name
     part_index: Annotated[int, Meta(ge=0, le=1000)]
@@ -107,6 +123,8 @@ class FileTransferPart(_Message, frozen=True):
 
 
 class GetRenderResponseMessage(_Message, frozen=True):
+    """Message of a picture of the scene that the program has asked for."""
+
     payload: bytes
     render_uuid: Name
 

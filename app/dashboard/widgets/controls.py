@@ -79,6 +79,8 @@ class Desk:
 
 
 class Control(Protocol):
+    """Control of the page: it shows what the snapshot says."""
+
     def show(self, snapshot: Snapshot) -> None: ...
 
 

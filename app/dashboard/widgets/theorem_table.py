@@ -11,7 +11,6 @@ from app.dashboard.widgets.chips import chip
 from app.session.snapshot import Snapshot
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
-from controllers.switching import Switching
 
 
 class TheoremTable:
@@ -67,7 +66,7 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
             ),
             ("band reached", *_reached(epoch.t, epoch.band_reached, epoch.band_reached_by)),
         ]
-        if snapshot.system.controller.switching is not Switching.DISCONTINUOUS:  # which has no layer
+        if snapshot.system.controller.switching.has_layer:
             rows.append(("layer reached", *_reached(epoch.t, epoch.layer_reached, epoch.layer_reached_by)))
         layer = STATEMENTS[Premise.LAYER]
         layer_limit = snapshot.metrics.evaluation.read().table.limit[Premise.LAYER]

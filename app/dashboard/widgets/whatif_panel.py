@@ -15,6 +15,7 @@ from app.dashboard.widgets.whatif import WhatIf
 from app.scenario.units import Units
 from app.session.preview_messages import Preview, PreviewMetrics
 from app.session.snapshot import Snapshot
+from controllers.switching import SWITCHING
 
 BANDS = {"none": 0, "16 of the declared set": 16, "64 of the declared set": 64}
 WEAK, FINE = 0.1, 1e-5  # N, m: below them mN and µm are easier to read
@@ -207,7 +208,7 @@ def _table(preview: Preview, units: Units) -> str:
     """Table of the preview's metrics as HTML, of the rows that have a meaning; beside them those of the running
     scenario."""
     metrics, today = preview.metrics, preview.today
-    reached = "band" if preview.scenario.controller.switching == "discontinuous" else "layer"
+    reached = "layer" if SWITCHING[preview.scenario.controller.switching].has_layer else "band"
     lines = ["<tr><th></th><th>with it</th><th>without</th></tr>"]
     for row in _rows(units, reached, [metrics] if today is None else [metrics, today]):
         if (value := row.value(metrics)) is None:
