@@ -89,6 +89,8 @@ class StateFolder:
             self.continues = self._readable(SESSION) is not None
             if self.continues:
                 os.replace(self.path / SESSION, self.path / OFFER)
+            for file in [file for file in self.path.iterdir() if file.name.startswith(UNFINISHED)]:
+                file.unlink(missing_ok=True)  # only now: later other threads of this process write such files
             self._tidy()
         except OSError as error:
             self.close()
@@ -192,16 +194,15 @@ class StateFolder:
         return self.path / run.file
 
     def _tidy(self) -> None:
-        """Remove unfinished files of a killed process, and runs that no index names any more, set aside or not. The
-        index of this process is not read: it stays whatever is in it."""
+        """Remove runs that no index names any more, set aside or not. The index of this process is not read: it stays
+        whatever is in it."""
         named = {name for _, name in self._kept} | self._indexed
         if (offer := self._readable(OFFER)) is not None:
             named |= {run.file for run in offer.pinned}
         runs = [file for file in self.path.iterdir() if _RUN_FILE.fullmatch(file.name)]
         for name in (SESSION, OFFER):  # now, since a file may have been set aside just before
             named |= _named_aside(self.path / (ASIDE + name), runs)
-        left = [file for file in self.path.iterdir() if file.name.startswith(UNFINISHED)]
-        for file in (*left, *(run for run in runs if run.name not in named)):
+        for file in (run for run in runs if run.name not in named):
             file.unlink(missing_ok=True)
 
 
@@ -284,7 +285,7 @@ def default_folder() -> Path:
 
 
 def _subject(snapshot: Snapshot) -> _Subject:
-    return snapshot.latest.scenario, snapshot.pinned
+    return snapshot.own_push.back(snapshot.latest.scenario), snapshot.pinned
 
 
 def _same(subject: _Subject, other: _Subject | None) -> bool:

@@ -270,7 +270,7 @@ class CommandedRun:
             case HoldTool(grip):
                 timeline.hold(grip)
             case Blend(model, over):
-                plan = {"to": dict(model), "at": timeline.loop.t, "over": over}
+                plan = {"to": dict(model), "at": self._now, "over": over}
                 self._edit(edited(scenario_now, "blend", plan))
             case Load(scenario):
                 self._edit(scenario, as_it_is=True)
@@ -288,7 +288,7 @@ class CommandedRun:
                 timeline.adopt(pinned)
             case PushNow():
                 own = self._own_push
-                self._edit(changes.pushed(scenario_now, timeline.loop.system.robot, timeline.loop.t), as_it_is=True)
+                self._edit(changes.pushed(scenario_now, timeline.loop.system.robot, self._now), as_it_is=True)
                 self._own_push = own.behind(scenario_now, timeline.loop.system.scenario)
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the present mode is not begun anew
@@ -313,6 +313,11 @@ class CommandedRun:
                 self._say_adaptation(requested)
             case Edit(path, value):
                 self._edit(edited(scenario_now, path, value))
+
+    @property
+    def _now(self) -> float:
+        """Instant at which an edit takes effect, s: 0 where the run has stopped, since it then begins anew."""
+        return 0.0 if self.loop.stopped else self.loop.t
 
     def _adapt(self, requested: Scenario, scenario: Scenario) -> None:
         """Edit to the nearest scenario that can run, and say how it differs from what was asked."""
@@ -374,11 +379,13 @@ class CommandedRun:
             first=timeline.first,
             end=timeline.end,
             stop=timeline.stop,
+            performing=self._performed is not None and self._performed.run == self.runs and not loop.stopped,
             phase="stopped" if loop.stopped else "running" if self.playing else "paused",
             speed=self.speed,
             refusal=self._refusal,
             refusal_number=self._refusals,
             way_out=self._way_out,
+            own_push=self._own_push,
             latest=timeline.latest,
             recording=timeline.recording,
             pinned=timeline.pinned,

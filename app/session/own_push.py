@@ -30,5 +30,7 @@ class OwnPush:
 
     def back(self, scenario: Scenario) -> Scenario:
         """The scenario with its own push; a field that has been edited since the button was pressed stays."""
+        if not self.fields:
+            return scenario
         own = {name: own for name, (own, given) in self.fields.items() if getattr(scenario.truth, name) == given}
         return msgspec.structs.replace(scenario, truth=msgspec.structs.replace(scenario.truth, **own))

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from app.scenario.schema import Scenario
+from app.session.own_push import OwnPush
 from app.session.pacing import Pace
 from app.session.timeline import Pinned
 from app.session.ways_out import WayOut
@@ -36,7 +37,9 @@ class Snapshot(View):
     refusal_number: number of refused commands.
     executed: number of commands that were carried out or refused.
     way_out: out of the last refusal, None where there is none.
+    own_push: the scenario's own push, with which its next run begins.
     t: the instant looked at, between `first` and `end`, s.
+    performing: whether a run up to a given instant is going on, or was paused on the way there, see `Perform`.
     scenario, system: those at t.
     latest: the system at `end`.
     recording: of the whole run, up to its end.
@@ -53,6 +56,7 @@ class Snapshot(View):
     t: float
     first: float
     end: float
+    performing: bool
     phase: Literal["running", "paused", "stopped"]
     reason: str
     stop: str
@@ -62,6 +66,7 @@ class Snapshot(View):
     refusal_number: int
     executed: int
     way_out: WayOut | None
+    own_push: OwnPush
     notice: str
     system: System
     robot: Robot
@@ -150,6 +155,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         t=loop.t,
         first=loop.t,
         end=loop.t,
+        performing=False,
         phase="stopped" if loop.stopped else "paused",
         reason=loop.stopped or "",
         stop=loop.stopped or "",
@@ -159,6 +165,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         refusal_number=0,
         executed=0,
         way_out=None,
+        own_push=OwnPush(),
         notice=loop.warning or "",
         robot=system.robot,
         coordinates=system.coordinates,

@@ -160,7 +160,7 @@ class Timeline:
         half = 0.5 * self.loop.period
         if not self.first - half <= t <= self.end + half:  # also when t is not a number
             raise ScenarioError(
-                f"time: {t:g} s; allowed: {self.first:g} to {self.end:g} s, as far as this run is known"
+                f"time: {t:g} s; allowed: {self.first:.10g} to {self.end:.10g} s, as far as this run is known"
             )
 
     def to_end(self) -> None:

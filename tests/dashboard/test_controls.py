@@ -16,7 +16,7 @@ from app.dashboard.widgets.controls import Dropdown, NumberField, Switch
 from app.dashboard.widgets.field_place import FieldPlace, log_scale
 from app.dashboard.widgets.text_field import TextField
 from app.scenario.data import edited, shipped
-from app.session.commands import Command, Edit, EditAll, Load, Pause, StepOnce
+from app.session.commands import Command, Edit, EditAll, Load, Pause, Reset, StepOnce
 from app.session.snapshot import PREPARING, Snapshot
 from tests.support.page_stand_in import Page
 
@@ -237,3 +237,24 @@ def test_a_hint_says_the_bounds_in_words() -> None:
     assert FieldPlace("shift.duration").hint.endswith("; allowed: from 0.001 to 60 s")
     assert FieldPlace("blend.over").hint.endswith("; allowed: above 0, at most 3600 s")
     assert FieldPlace("controller.F_1").hint.endswith("[1/s]")
+
+
+@pytest.mark.parametrize("ended_by", ["revert", "a page that is closed", "another run"])
+def test_a_slider_whose_preview_has_ended_shows_the_running_value_and_applies_nothing(ended_by: str) -> None:
+    page = Page()
+    field = NumberField(page.desk, FieldPlace("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
+    _, text, slider = page.widgets
+    field.show(page.snapshot())
+    running, place = text.value, slider.value
+    page.whatif.look(page.snapshot(), {1})
+    page.give(slider, place - 0.2)
+    if ended_by == "another run":
+        page.desk.post(Reset())
+    elif ended_by == "revert":
+        page.whatif.drop()
+    page.whatif.look(page.snapshot(), set() if "page" in ended_by else {1})
+    field.show(page.snapshot())
+    assert (text.value, slider.value) == (running, place)
+    page.give(text, f"{text.value}{RELEASED}")
+    assert page.snapshot().scenario == shipped()["ur5-hybrid"]
+    assert page.whatif.undo(page.snapshot()) is None

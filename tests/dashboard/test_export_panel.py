@@ -42,7 +42,7 @@ def name_of() -> Callable[..., str]:
         )
         desk.viewing.window = window
         panel = ExportPanel(cast(Desk, desk))
-        panel._delivery = cast(Any, SimpleNamespace(give=lambda _, __, name, ___: given.update(name=name)))
+        panel._delivery = cast(Any, SimpleNamespace(give=lambda _, __, name, ___, **____: given.update(name=name)))
         for label, value in (("Figure of", plots), ("Lines", lines), ("Part of the run", part)):
             widgets[label].value = value
         widgets["Width"].value, widgets["Text size"].value = "as the plots need", "7 pt"

@@ -27,6 +27,8 @@ from app.scenario.schema import Scenario
 from app.session.commands import EditAll
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
+from app.session.snapshot import snapshot_of
+from app.simulation.closed_loop import ClosedLoop
 from app.sweep.axes import Value
 from app.sweep.background import Background
 from app.sweep.run_metrics import RunMetrics
@@ -249,9 +251,17 @@ def test_what_the_sentences_at_the_end_do_not_offer_cannot_be_applied(
     search._choose(ended, "4", 1)
     assert page.whatif.held is not None
     assert page.whatif.held.then == AGAIN
-    search._choose(ended, "4", 1)
+    search._choose(ended, "4", 2)  # another page's first click
+    assert not page.posted
+    search._choose(ended, "4", 2)
     assert page.posted == [EditAll({"controller.layer": 0.04})]
     assert not page.complaints
+    page._snapshot = snapshot_of(ClosedLoop.from_scenario(edited(BASE, "task_space.characteristic_length", 0.3)))
+    search._choose(ended, "4", 1)
+    assert page.complaints == [
+        "candidate 4: of an earlier scenario, whose gains mean something else; allowed: a search for the present one"
+    ]
+    assert len(page.posted) == 1
 
 
 def test_a_search_under_a_law_of_ones_own_has_the_engine_that_takes_it(viser_server: viser.ViserServer) -> None:
@@ -330,6 +340,9 @@ def test_a_search_has_a_gain_to_move_and_nothing_else(viser_server: viser.ViserS
         None,
     ]
     search._request(page.snapshot())
+    search._moves[0]._range.value = "-1, 0.05"
+    with pytest.raises(ScenarioError, match=r"^boundary layer: -1\.?0?; allowed: a number > 0"):
+        search._request(page.snapshot())
     for each in search._moves:
         each.leave()
     with pytest.raises(ScenarioError) as refused:

@@ -237,7 +237,8 @@ def test_a_course_ends_at_a_value_of_which_there_is_no_figure_and_begins_anew_be
 def test_a_map_that_failed_says_so() -> None:
     assert "its process has ended" in picture(SweepView("force_error"), problem="its process has ended")
     assert "24 of 24 runs" in picture(SweepView("force_error"), going=True)
-    assert "waits until those of other visitors are done" in picture(SweepView("force_error"), waiting=True)
+    waiting = picture(SweepView("force_error"), waiting=True)
+    assert "It waits until the maps and searches of other visitors are done" in waiting
 
 
 @pytest.mark.parametrize(("across", "up"), [(9, 9), (13, 5), (5, 5)])
@@ -310,8 +311,12 @@ def test_a_map_beyond_what_its_field_allows_is_refused_and_a_limit_that_is_none_
 
 @pytest.mark.parametrize(
     ("scenario", "earlier"),
-    [(edited(SWEEP.scenario, "contact.K_e", 2e4), False), (in_mode(SWEEP.scenario, "impedance"), True)],
-    ids=["a softer surface", "another mode"],
+    [
+        (edited(SWEEP.scenario, "contact.K_e", 2e4), False),
+        (in_mode(SWEEP.scenario, "impedance"), True),
+        (edited(SWEEP.scenario, "task_space.characteristic_length", 0.3), True),
+    ],
+    ids=["a softer surface", "another mode", "other task coordinates"],
 )
 def test_a_map_of_an_earlier_scenario_says_so(
     viser_server: viser.ViserServer, scenario: Scenario, earlier: bool
@@ -321,4 +326,5 @@ def test_a_map_of_an_earlier_scenario_says_so(
     robustness._fields = {each.path: each for each in FIELDS}
     work = SimpleNamespace(plan=SweepPlan(SWEEP), rows=[], going=True, waiting=False, problem="")
     drawn = robustness._drawn(cast(BackgroundSweep, work), page.snapshot())
-    assert ("The map is of an earlier scenario: mode, arm or surfaces were others." in drawn) == earlier
+    told = "The map is of an earlier scenario: mode, arm, task coordinates or surfaces were others."
+    assert (told in drawn) == earlier

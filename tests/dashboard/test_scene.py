@@ -105,7 +105,7 @@ def test_a_ball_that_is_turned_follows_the_hand_on_its_outside() -> None:
     orientation."""
     front, right = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
     R = Rotation.from_rotvec([0.2, 0.1, 0.0])
-    held = HeldHandle(1, "turn", RADIUS * front, np.zeros(3), R.as_matrix(), front)
+    held = HeldHandle(1, 0, False, "turn", RADIUS * front, np.zeros(3), R.as_matrix(), front)
     turned = Rotation.from_rotvec(held.turned(RADIUS * front + 0.05 * right)) * R.inv()
     np.testing.assert_allclose(turned.as_rotvec(), [0.0, 0.0, 0.05 / LEVER], atol=1e-12)
     np.testing.assert_allclose(
@@ -147,6 +147,38 @@ def test_a_tool_that_a_page_pulls_is_held_by_no_other_one_until_it_is_let_go_or_
     again = posted[3:]
     assert [command for command in again if isinstance(command, HoldTool)][1] == HoldTool(None)
     assert again[-1] == HoldTool(None) if second == "push" else isinstance(again[-1], Edit)
+
+
+@pytest.mark.parametrize("ended_by", [{"phase": "paused"}, {"run": 1}, {"phase": "stopped"}])
+@pytest.mark.parametrize("kind", ["push", "target"])
+def test_a_hand_that_was_let_go_takes_hold_again_only_by_another_drag(kind: str, ended_by: dict[str, object]) -> None:
+    start = replace(snapshot_of(ClosedLoop.from_scenario(load("ur5-impedance"), history=1)), phase="running")
+    desk, posted, now = MagicMock(), [], [start]
+    desk.snapshot, desk.viewing = lambda: now[0], Viewing()
+    desk.post = lambda command: posted.append(command) or True
+    desk.lock.refuses = lambda _: ""
+    hand = Hand(MagicMock(), desk, {1}.__contains__)
+
+    def drag(phase: str, by: float = 0.0) -> None:
+        at = tuple(start.tool)
+        event = SimpleNamespace(
+            client_id=1, phase=phase, start_position=at, end_position=(at[0] + by, at[1] + by, at[2] + by)
+        )
+        hand._drag(event, kind)  # pyright: ignore[reportArgumentType]
+
+    drag("start")
+    drag("update", 0.1)
+    before = list(posted)
+    now[0] = replace(start, **ended_by)
+    drag("update", 0.15)
+    now[0] = replace(now[0], phase="running")
+    drag("update", 0.2)
+    drag("end", 0.2)
+    assert posted == before
+    drag("start")
+    drag("update", 0.1)
+    drag("end", 0.1)
+    assert len(posted) > len(before)
 
 
 @pytest.mark.parametrize("away", [(0.0, 0.0, 0.02), (0.01, -0.02, 0.0), (0.03, 0.0, -0.01), (0.02, 0.01, 0.0)])

@@ -7,10 +7,13 @@ from typing import cast
 import numpy as np
 import pytest
 
+from app.dashboard.widgets.whatif import applied
 from app.scenario.data import edited, shipped
+from app.session.autosave import _subject
 from app.session.commands import BeginScenario, Command, Edit, Load, PushNow, Reset
 from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.restarts import begins_anew
 
 OWN = {"push_start": 0.2, "push_every": 0.3, "push_duration": 0.05}
 
@@ -71,8 +74,8 @@ def test_what_was_edited_after_a_push_by_the_button_and_another_scenario_stay_as
     pushes(runner, 20)
     runner._obey([PushNow()])
     runner._loop.fail("the arm", ArithmeticError("torn"))
-    runner._obey([PushNow()])  # begins a new run with that push
-    assert runner._publish().scenario.truth.push_start == pytest.approx(0.02)
+    runner._obey([PushNow()])  # begins a new run, which it pushes at once
+    assert runner._publish().scenario.truth.push_start == 0.0
     runner._obey([Reset()])
     assert runner._publish().scenario.truth == truth
     pushes(runner, 20)
@@ -89,6 +92,19 @@ def test_a_second_push_in_a_run_that_the_first_one_has_stopped_is_a_push() -> No
     runner._obey([PushNow()])
     runner._loop.fail("the arm", ArithmeticError("torn"))
     runner._obey([PushNow()])
-    assert pushes(runner, 40) == pytest.approx([0.02], abs=0.0015)
+    assert pushes(runner, 40) == pytest.approx([0.0], abs=0.0015)
     runner._obey([Reset()])
     assert runner._publish().scenario == own
+
+
+def test_a_push_by_the_button_is_neither_saved_for_another_server_nor_in_the_preview_of_a_new_run() -> None:
+    runner = Runner(own := shipped()["ur5-hybrid"])
+    pushes(runner, 20)
+    runner._obey([PushNow()])
+    now = runner._publish()
+    assert now.scenario.truth.push_start == pytest.approx(0.02)
+    assert _subject(now)[0] == own
+    goes_on, anew = Edit("controller.layer", 0.02), Edit("simulation.domain_radius", 0.1)
+    assert applied(now, goes_on) == (now.scenario, edited(now.scenario, goes_on.path, goes_on.value))
+    assert applied(now, anew) == (own, edited(own, anew.path, anew.value))
+    assert begins_anew(now.scenario, edited(now.scenario, anew.path, anew.value))

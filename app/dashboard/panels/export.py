@@ -140,7 +140,7 @@ class ExportPanel:
                 caption=self._caption.value,
             )
         except ValueError as error:
-            self._desk.complain(f"The figure was not made: {error}")
+            self._desk.complain(f"figure: {error}")
             return
 
         def make(on_progress: ProgressCallback) -> bytes:
@@ -193,16 +193,15 @@ class ExportPanel:
             Image.fromarray(picture).save(file, "png")
             return file.getvalue()
 
-        self._give_instant(event, "3-D picture", "png", make, "scene" if scale == 1 else f"scene {scale}x")
+        content = "scene" if scale == 1 else f"scene {scale}x"
+        snapshot = self._desk.snapshot()
+        name = file_name(snapshot.scenario.name, snapshot.t, "png", content)
+        self._delivery.give(event, "3-D picture", name, make, maker=client.client_id)
 
     def _on_scenario(self, event: viser.GuiEvent) -> None:
         scenario = self._desk.snapshot().scenario
-        self._give_instant(event, "Scenario", "toml", lambda _: to_toml(scenario).encode())
-
-    def _give_instant(self, event: viser.GuiEvent, what: str, extension: str, make: Make, content: str = "") -> None:
-        """Give a file of the shown instant. content: see `export_jobs.file_name`."""
-        snapshot = self._desk.snapshot()
-        self._delivery.give(event, what, file_name(snapshot.scenario.name, snapshot.t, extension, content), make)
+        name = file_name(scenario.name, self._desk.snapshot().t, "toml")
+        self._delivery.give(event, "Scenario", name, lambda _: to_toml(scenario).encode())
 
     async def _on_upload(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
         if event.client is None:

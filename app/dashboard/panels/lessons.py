@@ -101,6 +101,7 @@ class LessonsPanel:
     def _leave_course(self) -> None:
         if self._course is not None:
             self._course.leave()
+            self._busy = None  # what it computes is not waited for
 
     def _close(self) -> None:
         self._leave_course()
@@ -221,7 +222,8 @@ class LessonsPanel:
             return
         step, answer = course.step, course.answer
         self._goal.show(step, course, snapshot, self._entered)
-        playing = snapshot.phase == "running" and isinstance(step.block, blocks.LessonRun)
+        performing = snapshot.performing and isinstance(step.block, blocks.LessonRun)
+        playing = f"{snapshot.phase} …" if performing else ""
         of = (course.lesson.name, step.number, answer, course.progress, len(course.outcomes), self._busy, playing)
         if of == self._shown:
             return
@@ -250,14 +252,14 @@ class LessonsPanel:
         self._next.color = None if course.ready else "gray"
         self._back.disabled = busy or step.number == 1
 
-    def _show_run(self, step: LessonStep, course: LessonCourse, *, busy: bool, playing: bool) -> None:
+    def _show_run(self, step: LessonStep, course: LessonCourse, *, busy: bool, playing: str) -> None:
         runs = isinstance(step.block, blocks.LessonRun)
         self._run.visible = runs
         if isinstance(step.block, blocks.LessonRun):
             again = step.number in course.outcomes
             seconds = f"{step.block.seconds:g} s"
             label = f"Run{' again' if again else ''}: {step.block.title} ({seconds})"
-            self._run.label = "running …" if playing and again else label
+            self._run.label = playing if playing and again else label
             self._run.disabled = busy
 
 

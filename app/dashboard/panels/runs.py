@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from html import escape
 from typing import Literal
 
@@ -18,6 +19,7 @@ from app.dashboard.widgets.field_words import differences_in_words
 from app.session.commands import Load, Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
 from app.session.timeline import Pinned
+from app.simulation.system import System
 from app.storage.session_index import PINS
 
 Over = Literal["own", "same"]
@@ -194,17 +196,22 @@ def table_html(snapshot: Snapshot, window: float, over: Over = "own") -> str:
     )
     heads = "".join(f'<th><i class="vs-dot" style="background: {css(RUNS[p.place])}"></i> {escape(p.title)}</th>'
                     for p in snapshot.pinned)  # fmt: skip
-    rows = "".join(_row(metric, metric.units(systems), accounts) for metric in ACCOUNT_METRICS)
+    rows = "".join(_row(metric, systems, accounts) for metric in ACCOUNT_METRICS)
     notes = "".join(_pinned_note(pinned, snapshot) for pinned in snapshot.pinned)
     return f'<table class="vs-facts vs-runs"><tr><th></th><th>now</th>{heads}</tr>{rows}</table>{notes}'
 
 
-def _row(metric: ShownMetric, unit: str, accounts: tuple[Account | None, ...]) -> str:
+def _row(metric: ShownMetric, systems: Sequence[System], accounts: Sequence[Account | None]) -> str:
     now, *others = (metric.of(account) for account in accounts)
     if now is None and not any(value is not None for value in others):
         return ""
-    cells = f"<td>{_number(now)}</td>" + "".join(f"<td>{_number(v)}{_against(v, now)}</td>" for v in others)
-    return f'<tr><td>{metric.title} <span class="vs-dim">{unit}</span></td>{cells}</tr>'
+    unit, *units = (metric.units([system]) for system in systems)
+    cells = [f"<td>{_number(now)}</td>"]
+    for value, other in zip(others, units, strict=True):
+        against = _against(value, now) if other == unit else ""  # numbers of two units are not compared
+        own = f' <span class="vs-dim">{other}</span>' if other != unit and value is not None else ""
+        cells.append(f"<td>{_number(value)}{own}{against}</td>")
+    return f'<tr><td>{metric.title} <span class="vs-dim">{unit}</span></td>{"".join(cells)}</tr>'
 
 
 def _number(value: float | None) -> str:

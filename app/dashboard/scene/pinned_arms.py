@@ -31,8 +31,9 @@ class PinnedArms:
         """Move the arms to their postures at snapshot.t; hide them unless wanted."""
         runs = {pinned.number: pinned for pinned in snapshot.pinned}
         for number, (pinned, arm) in list(self._arms.items()):
-            # a continued session numbers its pinned runs anew
-            if number not in runs or runs[number].recording is not pinned.recording:
+            now = runs.get(number)
+            # a continued session numbers its pinned runs anew, and gives them other places
+            if now is None or now.recording is not pinned.recording or now.place != pinned.place:
                 arm.remove()
                 del self._arms[number]
         for pinned in snapshot.pinned:

@@ -30,6 +30,7 @@ _BESIDE = np.array([RADIUS, 0.0, RADIUS])  # m, from the tool to the hint
 class HeldHandle:
     """Drag of the handle that is going on.
     client: whose pointer it is.
+    run: in which it has begun; playing: whether that was running then.
     drag: push, turn, or move of the target.
     offset: (3,) m; for a push: anchor minus pointer; for a turn: point of the ball that the pointer holds; for a moved
     target: coordinates g under the pointer at the beginning.
@@ -38,11 +39,17 @@ class HeldHandle:
     grasped: direction (3,) from the ball's middle to the point that the pointer holds."""
 
     client: int
+    run: int
+    playing: bool
     drag: str
     offset: np.ndarray
     moved: np.ndarray
     R: np.ndarray
     grasped: np.ndarray
+
+    def over(self, snapshot: Snapshot) -> bool:
+        """Whether the drag has ended without its page: another run has begun, or the run was paused."""
+        return snapshot.run != self.run or (self.playing and snapshot.phase != "running")
 
     def turned(self, pointer: np.ndarray) -> tuple[float, float, float]:
         """Rotation vector, rad, of the orientation to which the pointer (3,) m turns the tool, like a ball that it
@@ -126,7 +133,7 @@ class Hand:
                 self._let_go(snapshot, self._held)  # its end has not come
             self._held = self._taken(snapshot, event, drag)
         held = self._held
-        if held is None or held.client != event.client_id:
+        if held is None or held.client != event.client_id or self._dropped(snapshot, held):
             return
         if event.phase == "end":
             self._held = None
@@ -143,13 +150,19 @@ class Hand:
             moved = snapshot.system.charted.chart(pointer, snapshot.t).g - held.offset
             self._held = replace(held, moved=moved)
 
+    def _dropped(self, snapshot: Snapshot, held: HeldHandle) -> bool:
+        """Whether the drag is over, after which the pointer moves nothing until it takes hold again."""
+        if held.over(snapshot):
+            self._held = None
+        return held.over(snapshot)
+
     def _pull(self, grip: Grip) -> None:
         if self._desk.post(HoldTool(grip)) is None:  # a lesson's goal has begun meanwhile
             self._held = None
             self._desk.post(HoldTool(None))
 
     def _taken(self, snapshot: Snapshot, event: viser.SceneNodeDragEvent, drag: str) -> HeldHandle | None:
-        grab, client = np.array(event.start_position), event.client_id
+        grab, begun = np.array(event.start_position), (event.client_id, snapshot.run, snapshot.phase == "running")
         away = grab - snapshot.tool
         turning = (np.zeros(3), orientation(snapshot), away / max(float(np.linalg.norm(away)), 1e-9))
         if drag != "target" and self._desk.lock.refuses("a push by hand"):
@@ -158,9 +171,9 @@ class Hand:
             self._desk.complain("push: the past cannot be pushed; allowed: at the end of the run, or after a fork (F)")
             return None
         if drag == "push":
-            return HeldHandle(client, drag, -away, *turning)
+            return HeldHandle(*begun, drag, -away, *turning)
         if drag == "turn":
-            return HeldHandle(client, drag, grab, *turning)
+            return HeldHandle(*begun, drag, grab, *turning)
         if snapshot.tool_desired is None:
             self._desk.complain("target: cannot be dragged in joint space; allowed: Cartesian task spaces")
             return None
@@ -170,7 +183,7 @@ class Hand:
                 "target: every coordinate of position is pressed; allowed: where one of them follows the path"
             )
             return None
-        return HeldHandle(client, drag, snapshot.system.charted.chart(grab, snapshot.t).g, *turning)
+        return HeldHandle(*begun, drag, snapshot.system.charted.chart(grab, snapshot.t).g, *turning)
 
     def _let_go(self, snapshot: Snapshot, held: HeldHandle) -> None:
         if held.drag != "target":
@@ -183,6 +196,8 @@ class Hand:
     def show(self, snapshot: Snapshot, newtons: float) -> None:
         """Show the handle at the tool, and the spring that holds it. newtons: per `UNIT` of arrow."""
         tool, push = snapshot.tool, snapshot.push
+        if self._held is not None:
+            self._dropped(snapshot, self._held)
         move(self._handle, tool)
         self._arrow.show(tool, push, newtons)
         self._axis.show(tool, snapshot.push_moment, NEWTON_METRES)

@@ -105,10 +105,13 @@ def lasting(scenario: Scenario, seconds: float) -> Scenario:
 
 
 def task_of(scenario: Scenario) -> tuple[object, ...]:
-    """Mode, arm and kinds of surfaces of a scenario, without which the results of its runs mean nothing."""
-    return scenario.mode, scenario.robot, [type(each.form) for each in scenario.surfaces]
+    """Mode, arm, task coordinates, kinds of surfaces and face of the tool of a scenario, without which the results of
+    its runs mean nothing."""
+    surfaces = [type(each.form) for each in scenario.surfaces]
+    return scenario.mode, scenario.robot, scenario.task_space, surfaces, scenario.face.flat
 
 
 def earlier_html(what: str) -> str:
     """Note on results of a scenario with another `task_of` than the present one, as HTML."""
-    return f'<div class="vs-note">{what} is of an earlier scenario: mode, arm or surfaces were others.</div>'
+    others = "mode, arm, task coordinates or surfaces were others"
+    return f'<div class="vs-note">{what} is of an earlier scenario: {others}.</div>'

@@ -70,7 +70,7 @@ def _progress_html(tuning: BackgroundTuning) -> str:
     if tuning.problem:
         return escape(tuning.problem)
     if tuning.waiting:
-        return "waits until those of other visitors are done"
+        return "It waits until the maps and searches of other visitors are done"
     judged, points = max(len(tuning.candidates) - 1, 0), tuning.tuning.points - 1
     if tuning.complete:
         return f"{judged} candidates in {tuning.runs} runs"

@@ -139,6 +139,6 @@ def _bars(counted: Sequence[tuple[str, int]]) -> str:
 def _summary(question: ClassQuestion, answers: Sequence[Given]) -> str:
     """Summary of the answers for the students' pages, as HTML."""
     if question.kind != "choice":
-        return inline_html(f"{len(answers)} answers; watch the screen")
+        return inline_html(f"{len(answers)} answer{'s' if len(answers) != 1 else ''}; watch the screen")
     counted = ", ".join(f"{'ABCDE'[k]}: {count}" for k, (_, count) in enumerate(_counted(question, answers)))
     return inline_html(f"{counted}; watch the screen")

@@ -74,5 +74,6 @@ class Complaint:
         return self._text
 
     def _show(self, text: str) -> None:
-        self._text, self._until = text, None
-        self._posted, self._of = self._runner.posted, None
+        # the text last: a page that is drawn in between must not take it for that of the run before
+        self._posted, self._of, self._until = self._runner.posted, None, None
+        self._text = text

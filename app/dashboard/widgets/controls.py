@@ -137,6 +137,7 @@ class NumberField:
         self._answer = AwaitedAnswer()
         self._held: float | None = None  # value of the slider that a page holds, which another page may hide
         self._held_until = -math.inf  # on the monotonic clock, s; the page may have gone
+        self._held_in = -1  # run in which it is held
         self._before: Snapshot | None = None  # when it was moved first, where it applies its values at once
         self._form = desk.gui.add_form(None)
         with self._form:
@@ -197,10 +198,11 @@ class NumberField:
         self._text.value = written(value)
         self._desk.choose(self.row)
         edit = self._place.edit(snapshot, value)
-        self._held, self._held_until = value, time.monotonic() + LONGEST
+        self._held, self._held_until, self._held_in = value, time.monotonic() + LONGEST, snapshot.run
         if self._desk.whatif.on:
             value_text, client = f"{written(value)} {self._unit_beside(snapshot)}".rstrip(), event.client.client_id
-            held = HeldControl(edit, self._label, value_text, self, client, moved=self._moved(snapshot, value))
+            moved = self._moved(snapshot, value)
+            held = HeldControl(edit, self._label, value_text, self, client, moved=moved, dropped=self._drop)
             self._desk.whatif.hold(held)
         else:
             self._before = self._before or snapshot
@@ -220,9 +222,11 @@ class NumberField:
         if running is None:
             self._desk.whatif.let_go(self)
             return
+        # another page's slider may be previewed in place of this one
         there = time.monotonic() < self._held_until or self._desk.whatif.holds(self)
+        there = there and (snapshot.run == self._held_in or not self._desk.whatif.on)
         held, before = self._held if there else None, self._before or snapshot
-        self._held, self._held_until, self._before = None, -math.inf, None
+        self._drop()
         usual = self._place.read(before)
         # a slider that was not moved shows its value only roughly
         value = usual if not apply else running if held is None else held
@@ -235,6 +239,10 @@ class NumberField:
         self._desk.whatif.let_go(self)
         if not changed:
             self._show_again(snapshot)
+
+    def _drop(self) -> None:
+        """Forget the value of the held slider."""
+        self._held, self._held_until, self._before = None, -math.inf, None
 
     def _moved(self, snapshot: Snapshot, value: float) -> dict[object, float]:
         """The value by each place that an edit of this one sets."""
@@ -255,7 +263,7 @@ class NumberField:
             self._form.visible = value is not None
         if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
             return
-        if self._desk.whatif.on and time.monotonic() < self._held_until:
+        if self._desk.whatif.on and time.monotonic() < self._held_until and snapshot.run == self._held_in:
             return
         if snapshot.system.units != self._units:
             self._show_units(snapshot.system.units)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 
 import structlog
 import viser
@@ -18,23 +18,36 @@ class FileDelivery:
     """Delivery of files that are made in another process, so that the run goes on."""
 
     def __init__(self) -> None:
-        self._busy = threading.Lock()
+        self._lock, self._busy = threading.Lock(), set[Hashable]()
 
-    def give(self, event: viser.GuiEvent, what: str, name: str, make: Callable[[ProgressCallback], bytes]) -> None:
+    def give(
+        self,
+        event: viser.GuiEvent,
+        what: str,
+        name: str,
+        make: Callable[[ProgressCallback], bytes],
+        maker: Hashable = None,
+    ) -> None:
         """Make a file and send it to the page that asked. To be called in a thread that may wait.
         what: name of the file in sentences.
         name: file name.
-        make: returns the content."""
+        make: returns the content.
+        maker: makes one file at a time; by default the process for exports, else the page that draws a picture."""
         client = event.client
         if client is None:
             return
-        if not self._busy.acquire(blocking=False):
-            client.add_notification(what, "Another file is being made: try again then.", auto_close_seconds=4.0)
+        with self._lock:
+            waits = maker in self._busy
+            self._busy.add(maker)
+        if waits:
+            note = "Another file is being made: try again when it is done."
+            client.add_notification(what, note, auto_close_seconds=4.0)
             return
         try:
             content = _made(client, what, name, make)
         finally:
-            self._busy.release()  # before the file is sent, since its receiver may ask for the next one at once
+            with self._lock:  # before the file is sent, since its receiver may ask for the next one at once
+                self._busy.discard(maker)
         if content is not None:
             client.send_file_download(name, content, save_immediately=True)
 

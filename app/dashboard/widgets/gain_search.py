@@ -22,6 +22,7 @@ from app.dashboard.widgets.swept_fields import (
     number_of,
     prepared,
     require_arms,
+    require_ends,
 )
 from app.dashboard.widgets.whatif import HeldControl
 from app.export.export_jobs import MadeJob, file_name
@@ -79,7 +80,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             "Judged by", tuple(ARMS), initial_value="4 of the declared set", hint="By the worst of these true arms."
         )
         self._budget = gui.add_dropdown("Candidates", tuple(BUDGETS), initial_value="32")
-        self._unseen = gui.add_text("Arms not seen", "8", hint="What is found is tried on as many other arms: 1 to 64.")
+        self._unseen = gui.add_text("Arms not seen", "8", hint="Number of other arms that test the result, 1 to 64.")
         self._add_length()
         self._seed = gui.add_text("Seed", "0", hint="The same seed has the same answer.")
         self._add_button()
@@ -117,9 +118,12 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         if len({field.path for field in fields}) < len(fields):
             raise ScenarioError("the gains that may move: one is there twice; allowed: each once")
         scenario = prepared(snapshot, fields)
+        ranges = tuple(each.range(scenario) for each in moves)
+        for field, axis in zip(fields, ranges, strict=True):
+            require_ends(scenario, field.name, axis)
         request = Tuning(
             lasting(scenario, seconds),
-            tuple(each.range(scenario) for each in moves),
+            ranges,
             points=BUDGETS[self._budget.value] + 1,
             draw=ARMS[self._arms.value],
             seed=seed,
@@ -161,12 +165,19 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             self._leave()
             return
         snapshot = self._desk.snapshot()
+        if task_of(work.tuning.scenario) != task_of(snapshot.scenario):
+            self._desk.complain(
+                f"{name_of(candidate.number)}: of an earlier scenario, whose gains mean something else; allowed: a "
+                "search for the present one"
+            )
+            return
         try:
             edit = self._edit(snapshot, candidate)
         except ScenarioError as error:
             self._desk.complain(str(error))
             return
-        if self._chosen == candidate.number and self._desk.whatif.holds(self):
+        held = self._desk.whatif.held
+        if self._chosen == candidate.number and held is not None and (held.control, held.client) == (self, client):
             if candidate.badge and candidate.number:
                 self._desk.complain(f"candidate {candidate.number}: not offered, {candidate.badge}")
             elif self._desk.post(edit) is not None:

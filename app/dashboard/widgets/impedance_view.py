@@ -33,17 +33,22 @@ RESPONSE, FORCE_LOOP = "CSV", "force loop"
 @dataclass(frozen=True)
 class _Measurement:
     """Measurement of the impedance by a push.
-    scenario: in which the push began.
+    scenario, run: in which the push began.
     t: instant at which the push began, s.
     loop: sampled loop at that instant, with the predicted response.
     points: measured.
     beside: properties of the run that the prediction leaves out."""
 
     scenario: Scenario
+    run: int
     t: float
     loop: RespondingLoop
     points: Sequence[Measured]
     beside: tuple[str, ...]
+
+    def still_of(self, snapshot: Snapshot) -> bool:
+        """Whether it is of the run and the scenario of a snapshot."""
+        return (self.scenario, self.run) == (snapshot.scenario, snapshot.run)
 
     def description(self, response: PushResponse) -> str:
         """Words on the measured points, for the text below the map. response: predicted."""
@@ -83,7 +88,10 @@ class ImpedanceView:
         try:
             job = MadeJob(encoded, (state, loop.response.axes, chirp_for(state), engine_ready()))
             points = decoded(self._desk.export_jobs.made(job, lambda _: None))
-            self._measurement = _Measurement(snapshot.scenario, state.t, loop, points, not_linear(state))
+            measured = _Measurement(snapshot.scenario, snapshot.run, state.t, loop, points, not_linear(state))
+            if not measured.still_of(self._desk.snapshot()):
+                self._desk.complain(f"the push measured the run at t = {state.t:.2f} s, which has been changed since")
+            self._measurement = measured
         except (ExportError, OSError) as error:
             self._desk.complain(Fault(f"the impedance could not be measured: {error}"))
         finally:
@@ -115,9 +123,9 @@ class ImpedanceView:
         self._delivery.give(event, "Response", name, make)
 
     def _of(self, snapshot: Snapshot) -> _Measurement | None:
-        """The measurement, None once the scenario has been changed."""
+        """The measurement, None once the scenario has been changed or another run has begun."""
         found = self._measurement
-        return found if found is not None and found.scenario == snapshot.scenario else None
+        return found if found is not None and found.still_of(snapshot) else None
 
     def show(self, snapshot: Snapshot) -> None:
         measurement = self._of(snapshot)

@@ -120,11 +120,12 @@ class NumberAnswer:
         unit = answer_unit(step, course)
         self._text.label = f"your answer [{unit}]" if unit else "your answer"
         self._text.disabled = not course.open
+        question = course.lesson.name, step.number, answer is not None
         if answer is not None:
             self._text.value = f"{answer.given:g}"
-        elif self._question != (course.lesson.name, step.number):
+        elif self._question != question:  # another one, or this one when the lesson is taken again
             self._text.value = ""
-        self._question = course.lesson.name, step.number
+        self._question = question
 
 
 def answer_unit(step: LessonStep, course: LessonCourse) -> str:

@@ -127,7 +127,7 @@ def _progress_html(sweep: BackgroundSweep) -> str:
     if sweep.problem:
         return escape(sweep.problem)
     if sweep.waiting:
-        return "waits until those of other visitors are done"
+        return "It waits until the maps and searches of other visitors are done"
     return f"{done} of {count} runs" + (" are computed" if sweep.going or done == count else ", cancelled")
 
 

@@ -118,7 +118,8 @@ def _ray(zeta: float) -> str:
 def _mark(pole: Pole, low: int, high: int, look: str, number_of: int | None = None) -> str:
     x, y = _place(pole, low, high)
     imaginary = f" ± {pole.value.imag:.4g} j" if pole.value.imag > _SAME * pole.omega else ""
-    tip = f"{pole.value.real:.4g}{imaginary} 1/s, ω = {pole.omega:.4g} rad/s, ζ = {pole.zeta:.3g}, {pole.count} poles"
+    counted = "1 pole" if pole.count == 1 else f"{pole.count} poles"
+    tip = f"{pole.value.real:.4g}{imaginary} 1/s, ω = {pole.omega:.4g} rad/s, ζ = {pole.zeta:.3g}, {counted}"
     shape = (
         f'<path d="M {x - 4.5:.1f} {y - 4.5:.1f} l 9 9 m 0 -9 l -9 9"/>'
         if look == "now"

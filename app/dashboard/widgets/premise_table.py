@@ -5,6 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from app.dashboard.widgets.chips import chip, verdict_now, verdict_of_run
+from app.scenario.caption import percent
 from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
 from app.simulation.verdict import Finding
@@ -20,7 +21,7 @@ def premises_html(snapshot: Snapshot) -> str:
     if whole != now:
         head += (
             f"<div>{chip(f'this run: {whole}', look_of_run)} {escape(run.because)}; "
-            f"all premises held in {100 * run.share:.4g} % of its periods</div>"
+            f"all premises held in {percent(run.share)} % of its periods</div>"
         )
     rows = "".join(_row(f) for f in standing.findings)
     titles = "".join(f"<td>{title}</td>" for title in ("premise", "value", "limit", "least margin", "now", "failed"))

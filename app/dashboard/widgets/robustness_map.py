@@ -22,10 +22,10 @@ from app.dashboard.widgets.swept_fields import (
     number_of,
     prepared,
     require_arms,
+    require_ends,
 )
 from app.export.export_jobs import MadeJob, file_name
 from app.export.formats import FIGURE_FORMATS
-from app.scenario.data import with_value
 from app.scenario.departures import DRAWN
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -35,7 +35,6 @@ from app.session.snapshot import Snapshot
 from app.storage.joint_kinds import units_of
 from app.storage.recording_files import ProgressCallback
 from app.sweep import charts
-from app.sweep.axes import Axis
 from app.sweep.background import BackgroundSweep
 from app.sweep.plan import Sweep, SweepPlan
 from app.sweep.points import Points, SweepView, points_of
@@ -145,7 +144,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         scenario, count = prepared(snapshot, fields), SIZES[self._size.value]
         vary = tuple(side.axis(scenario, count) for side in sides)
         for field, axis in zip(fields, vary, strict=True):
-            _require_ends(scenario, field.name, axis)
+            require_ends(scenario, field.name, axis)
         request = Sweep(lasting(scenario, seconds), vary, draw=arms, until=seconds, engine="pinocchio")
         require_arms(request, f"True arms: {self._arms.value}", "the scenario's own")
         self._fields |= {field.path: field for field in fields}
@@ -211,7 +210,8 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         for side, other in ((self._across, self._up), (self._up, self._across)):
             side.avoid(snapshot.scenario, other.field)
             side.show(snapshot.system.units)
-        if self._within.label != (label := f"Limit [{self._unit(snapshot.system.units)}]"):
+        units = snapshot.system.units if self._work is None else units_of(self._work.plan.sweep.scenario)
+        if self._within.label != (label := f"Limit [{self._unit(units)}]"):
             self._within.label = label
         super().show(snapshot)
 
@@ -226,15 +226,6 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         else:
             note += earlier_html("The map")
         return note + map_html(work, self._points(work), self._naming(units_of(sweep.scenario)), present)
-
-
-def _require_ends(scenario: Scenario, name: str, axis: Axis) -> None:
-    """Raise ScenarioError where the field of an axis, which the page calls `name`, does not allow an end of it."""
-    for end in (0.0, 1.0):
-        try:
-            with_value(scenario, axis.path, axis.at(end))
-        except ScenarioError as error:
-            raise ScenarioError(f"{name}: {str(error).removeprefix(f'{axis.path}: ')}") from error
 
 
 def shown_by(sweep: Sweep, view: SweepView) -> str:

@@ -9,10 +9,13 @@ from html import escape
 import numpy as np
 
 from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.edit_lock import EditLock
+from app.scenario.data import differences
 from app.session.changes import pushed
 from app.session.commanded_run import SLOWEST
-from app.session.commands import Edit, PushNow, ShowAgain, TakeWayOut
+from app.session.commands import Edit, EditAll, PushNow, ShowAgain, TakeWayOut
 from app.session.snapshot import Snapshot
+from app.session.ways_out import WayOut
 from controllers.control_law import ControlLaw
 from controllers.laws.table import LAWS
 
@@ -40,7 +43,12 @@ class SceneButtons:
         self._desk.post(PushNow())
 
     async def _take_way_out(self, _: object) -> None:
-        self._desk.post(TakeWayOut())
+        way, lock = self._desk.snapshot().way_out, self._desk.lock
+        if lock.fields is not None and way is not None and _admitted(lock, way, self._desk.snapshot()):
+            now = self._desk.snapshot().scenario
+            self._desk.post(EditAll({path: new for path, (_, new) in differences(now, way.scenario or now).items()}))
+        else:
+            self._desk.post(TakeWayOut())
 
     async def _reach(self, _: object) -> None:
         snapshot = self._desk.snapshot()
@@ -64,7 +72,7 @@ class SceneButtons:
         )
         if reaching(snapshot) is not None:
             content += _button("n", "See s reach zero", "in slow motion")
-        if way := snapshot.way_out:
+        if (way := snapshot.way_out) and _admitted(self._desk.lock, way, snapshot):
             note = "a fix of what was refused"
             content += _button("o", way.title, note, opens=".urdf" if way.asks_for_file else "")
         content += "</div>"
@@ -83,6 +91,13 @@ class SceneButtons:
             self._shown = None
         else:
             self._shown = replace(shown, begun=begun)
+
+
+def _admitted(lock: EditLock, way: WayOut, snapshot: Snapshot) -> bool:
+    """Whether a way out changes no field that a lesson locks."""
+    if lock.fields is None:
+        return True
+    return way.scenario is not None and differences(snapshot.scenario, way.scenario).keys() <= lock.fields
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.field_place import FieldPlace, NumberRow
-from app.scenario.data import found_at, with_values
+from app.scenario.data import found_at, with_value, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.idle_fields import idle
 from app.scenario.schema import Scenario
@@ -238,6 +238,15 @@ def require_arms(sweep: Sweep, asked: str, instead: str) -> None:
             f"{asked}: they are all alike, since no quantity that is drawn is declared; allowed: a bound above 0 on "
             f"the tab Robot, such as that of the links, or {instead}"
         )
+
+
+def require_ends(scenario: Scenario, name: str, axis: Axis) -> None:
+    """Raise ScenarioError where the field of an axis, which the page calls `name`, does not allow an end of it."""
+    for end in (0.0, 1.0):
+        try:
+            with_value(scenario, axis.path, axis.at(end))
+        except ScenarioError as error:
+            raise ScenarioError(f"{name}: {str(error).removeprefix(f'{axis.path}: ')}") from error
 
 
 def number_of(name: str, text: str) -> float:

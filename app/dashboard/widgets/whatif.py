@@ -14,6 +14,7 @@ from app.session.model_entries import with_model_entries
 from app.session.preview_client import Previewer
 from app.session.preview_messages import Preview, PreviewRefusal
 from app.session.snapshot import Snapshot
+from app.simulation.restarts import begins_anew
 
 HORIZON, PUSH, ARMS = 5.0, 30.0, 16  # s, N, and number of true arms of the band, until the user changes them
 
@@ -26,7 +27,8 @@ class HeldControl:
     control: by identity.
     client: whose page the control is held on.
     then: ways to go on, in words for the user.
-    moved: value of every place that the edit sets."""
+    moved: value of every place that the edit sets.
+    dropped: called where the hold ends without the control: its value is not applied any more."""
 
     edit: FieldEdit
     label: str
@@ -35,6 +37,7 @@ class HeldControl:
     client: int
     then: str = "let go: apply · Esc: cancel"
     moved: Mapping[object, float] = field(default_factory=dict)
+    dropped: Callable[[], None] = lambda: None
 
 
 def changed(scenario: Scenario, edit: FieldEdit) -> Scenario:
@@ -46,6 +49,15 @@ def changed(scenario: Scenario, edit: FieldEdit) -> Scenario:
             return with_values(scenario, dict(values))
         case EditModel(entries):
             return with_model_entries(scenario, entries)
+
+
+def applied(snapshot: Snapshot, edit: FieldEdit) -> tuple[Scenario, Scenario]:
+    """The scenario before and after this edit: both with the own push of the scenario where the edit begins the run
+    anew. Raises ScenarioError."""
+    after = changed(snapshot.scenario, edit)
+    if snapshot.phase == "stopped" or begins_anew(snapshot.scenario, after):
+        return snapshot.own_push.back(snapshot.scenario), snapshot.own_push.back(after)
+    return snapshot.scenario, after
 
 
 @dataclass(frozen=True)
@@ -117,6 +129,12 @@ class WhatIf:
         if self.holds(control):
             self.held = None
 
+    def drop(self) -> None:
+        """End the hold without its control."""
+        held, self.held = self.held, None
+        if held is not None:
+            held.dropped()
+
     def moved(self, snapshot: Snapshot) -> Mapping[object, float]:
         """Values that controls show in place of the running ones, by place: those of the held slider, or, until the
         runner has answered, of the slider that was let go."""
@@ -130,11 +148,11 @@ class WhatIf:
     ) -> None:
         """Remember an edit that is posted, for `undo`. moved: see `HeldControl`."""
         try:
-            after = changed(snapshot.scenario, edit)
+            before, after = applied(snapshot, edit)
         except ScenarioError:  # the runner will refuse it, too, and say so
             self._applied = None
         else:
-            self._applied = _Applied(snapshot.scenario, after, moved, _answers(snapshot))
+            self._applied = _Applied(before, after, moved, _answers(snapshot))
 
     def undo(self, snapshot: Snapshot) -> EditAll | None:
         """Command that takes back the last edit by a slider, None where it was refused or the scenario has been changed
@@ -148,7 +166,8 @@ class WhatIf:
         """Request the preview of the held slider, and take answers. Returns whether the preview to draw has changed."""
         held = self.held
         if held is not None and (held.client not in clients or snapshot.run != self._run):
-            self.held = held = None  # the page was closed with the slider held, or another run has begun
+            self.drop()  # the page was closed with the slider held, or another run has begun
+            held = None
         if held is None:
             return self._rest(snapshot)
         drawn, refused = self.preview, self.refusal
@@ -181,7 +200,7 @@ class WhatIf:
             return
         self._request = now
         try:
-            scenario = changed(snapshot.scenario, held.edit)
+            _, scenario = applied(snapshot, held.edit)
         except ScenarioError as error:
             self._previewer.drop()
             self.preview, self.refusal = None, str(error)
