@@ -18,7 +18,8 @@ class Held(NamedTuple):
     r: (n,) m, of the arm; s_norm: m/s.
     push: (6,), a wrench.
     r_d, r_d_dot, r_d_ddot: (n,), of the reference, m, m/s, m/s^2.
-    known: whether there is a period before under the same law."""
+    known: whether there is a period before under the same law.
+    placed: whether there is a period before, under any law, so that r is known."""
 
     model: np.ndarray
     z_dot: np.ndarray
@@ -29,12 +30,16 @@ class Held(NamedTuple):
     r_d_dot: np.ndarray
     r_d_ddot: np.ndarray
     known: bool
+    placed: bool
 
     @classmethod
     def zeros(cls, n: int) -> Held:
         """Quantities for n coordinates, before the first period."""
         v = np.zeros(n)
-        return cls(model=v, z_dot=v, r=v, s_norm=0.0, push=np.zeros(6), r_d=v, r_d_dot=v, r_d_ddot=v, known=False)
+        push = np.zeros(6)
+        return cls(
+            model=v, z_dot=v, r=v, s_norm=0.0, push=push, r_d=v, r_d_dot=v, r_d_ddot=v, known=False, placed=False
+        )
 
 
 @inline

@@ -52,9 +52,9 @@ STATEMENTS: dict[Premise, Statement] = {
         "q has left Ω: it is {value} {unit} from the postures along the reference (at most {limit} {unit}); "
         "choose a larger radius of Ω, or a path nearer to the arm",
         "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it, and, for surfaces "
-        "whose places or forms do not recur, until simulation.duration",
-        unknown="k_r′ and k_r″ of (19) are known for the surfaces until simulation.duration only, since these do not "
-        "come back to their places or forms",
+        "whose places or forms do not recur, until simulation.duration, or for 1000 s where they move more slowly",
+        unknown="k_r′ and k_r″ of (19) are not known for the present places or forms of the surfaces: these do not "
+        "recur within simulation.duration, or not within 1000 s",
     ),
     Premise.REGULAR: Statement(
         "σ_min(J_q)",

@@ -47,7 +47,7 @@ def require_spd(name: str, matrix: np.ndarray) -> None:
 def require_spsd(name: str, matrix: np.ndarray) -> None:
     """Raise InvalidGain unless the matrix is symmetric positive semidefinite."""
     smallest = smallest_eigenvalue(name, matrix)
-    if smallest < -1e-12:
+    if smallest < -1e-12 * max(1.0, float(np.abs(matrix).max())):  # that of a singular matrix is rounded
         raise InvalidGain(f"{name}: smallest eigenvalue {smallest:.4g}; allowed: symmetric positive semidefinite")
 
 

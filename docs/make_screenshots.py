@@ -283,7 +283,7 @@ def compare(page: Page, runner: Runner, album: Album) -> None:
             runner.post(Pin())
     runner.post(Pause())  # the pinned runs have ended and would leave the plots' window
     page.get_by_role("tab", name="Runs", exact=True).click()
-    shoot(page, album, "compared", "Pinned runs: their arms, curves and figures beside those of the run")
+    shoot(page, album, "compared", "Pinned runs: their arms, curves and metrics beside those of the run")
     page.get_by_role("button", name="back").click()
     shoot(page, album, "past", "Looking back")
     page.get_by_role("button", name="to the end").click()
@@ -299,7 +299,7 @@ def robustness_map(page: Page, album: Album) -> None:
     page.get_by_role("button", name="Compute the map").click()
     page.get_by_text("81 of 81 runs").wait_for(timeout=240e3)
     page.get_by_role("button", name="Compute the map").wait_for()  # the page has brought the map into view
-    shoot(page, album, "robustness-map", "The robustness map: a figure for many settings, a tile opens its run")
+    shoot(page, album, "robustness-map", "The robustness map: a metric for many settings, a tile opens its run")
     page.get_by_role("tab", name="Task", exact=True).click()
 
 

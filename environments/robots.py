@@ -234,7 +234,7 @@ def load(
     model, locked = _chain(full, frame_name, path)
     _require_moving_bodies(model, root, path)
     frame = model.frames[model.getFrameId(frame_name, pin.BODY)]
-    # the catalogue's data of a tool hold for its own tool only
+    # the catalogue's point of a tool holds for its own tool only; the rest is about the joints
     own = entry if entry is not None and frame_name == entry.tool_frame else None
     offset = np.array(tool_offset or (own.tool_offset if own else (0.0, 0.0, 0.0)))
     placement = frame.placement * pin.SE3(np.eye(3), offset)
@@ -244,11 +244,13 @@ def load(
     endless = {joint.get("name") for joint in root.iter("joint") if joint.get(description.ENDLESS)}
     if posture is not None:
         home = _posture(posture, model, names)
-    elif own is not None:
-        home = np.array([own.posture[joint] for joint in names])
+    elif entry is not None and set(names) == entry.posture.keys():
+        home = np.array([entry.posture[joint] for joint in names])
     else:
         home = tool.working_posture(path.name)
-    rotor = own.rotor_inertia if own else (ROTOR_INERTIA,) * model.nv
+    # rotors belong to joints, whatever the tool
+    known = dict(zip(entry.posture, entry.rotor_inertia, strict=True)) if entry else {}
+    rotor = tuple(known.get(joint, ROTOR_INERTIA) for joint in names)
     model.armature = _vector("robot.rotor_inertia", rotor if rotor_inertia is None else rotor_inertia, model.nv)
     if (model.armature < 0).any():
         raise RobotError(f"robot.rotor_inertia: {model.armature.tolist()} has a negative entry; allowed: >= 0 kg m^2")
@@ -260,9 +262,19 @@ def load(
         tool_placement=placement,
         posture=home,
         geometry=geometry,
-        supplemental=tuple(names.index(j) for j in own.supplemental) if own else tool.supplemental(home),
+        supplemental=(
+            tuple(names.index(j) for j in entry.supplemental)
+            if entry is not None and set(names) == entry.posture.keys()
+            else tool.supplemental(home)
+        ),
         endless=tuple(name in endless for name in names),
-        rotor_source="given by the user" if rotor_inertia is not None else own.rotor_source if own else "assumed",
+        rotor_source=(
+            "given by the user"
+            if rotor_inertia is not None
+            else entry.rotor_source
+            if entry is not None and set(names) <= known.keys()
+            else "assumed"
+        ),
         tool_frame=frame_name,
         tool_offset=offset,
         frames=tuple(frames),

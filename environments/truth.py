@@ -43,6 +43,11 @@ class Truth:
     link_centre: np.ndarray | float = 0.0
     link_shape: np.ndarray | float = 0.0
 
+    @classmethod
+    def as_believed(cls, n: int) -> Truth:
+        """Truth of n joints that is the nominal arm."""
+        return cls(np.ones(n), 0.0, np.zeros(3), 0.0, 0.0, 0.0, 0.0)
+
     def model(self, robot: Robot) -> pin.Model:
         """Pinocchio's model of the true arm."""
         model = robot.model.copy()

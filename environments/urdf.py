@@ -33,6 +33,7 @@ LONGEST = 200  # characters, of a name and of the numbers of an attribute
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # numbers that C++ and Python read alike
 LARGEST_MESH = 60_000_000  # bytes
 ROUNDED = 1e-6  # kg m^2: a negative eigenvalue up to this size may be zero, rounded in the file
+NO_EFFORT = "1e6"  # N m: effort limit that a continuous joint without limits gets, so large that it is none
 FARTHEST = 1e6  # no number in SI units that describes an arm is larger
 
 
@@ -85,15 +86,20 @@ def parse(content: bytes, name: str) -> Element:
         raise refuse(f"not XML: {error}") from error
     except _Refusal as error:
         raise refuse(str(error)) from error
-    links = {_name(link) for link in root.findall("link")}
+    taken = {WORLD, *(_name(link) for link in root.findall("link"))}
+    others = {_name(joint) for joint in root.findall("joint")} - taken
     for joint in root.findall("joint"):
-        while _name(joint) in links or _name(joint) == WORLD:
-            joint.set("name", f"{_name(joint)}_joint")
+        if _name(joint) in taken:
+            new = f"{_name(joint)}_joint"
+            while new in taken | others:
+                new += "_joint"
+            joint.set("name", new)
+            taken.add(new)
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
             joint.set(ENDLESS, "true")
             limit = joint.find("limit")
-            limit = ElementTree.SubElement(joint, "limit", effort="1000", velocity="10") if limit is None else limit
+            limit = ElementTree.SubElement(joint, "limit", effort=NO_EFFORT, velocity="10") if limit is None else limit
             limit.attrib |= {"lower": str(-FULL_TURN), "upper": str(FULL_TURN)}
     return root
 

@@ -19,7 +19,7 @@ from app.cli.options import (
     settings_of,
     written_to,
 )
-from app.cli.status import DONE
+from app.cli.status import DONE, FAULT
 from app.cli.tables import show_table
 from app.scenario.errors import ScenarioError
 
@@ -113,9 +113,16 @@ def _tune_into(out: Path, tuning: Tuning, workers: int | None) -> int:
             print(f"stopped with {int(store.done.sum())} runs; the same command goes on")
             raise
         outcome.write(tuning, found, out)
+        ended = running.ended(store)
     head, *rows = outcome.summary_rows(tuning, found)
     show_table(head, rows)
     for sentence in outcome.verdict(tuning, found):
         print(sentence)
     print(f"written to {out}")
+    if ended:
+        print(
+            f"{ended} runs were ended by a fault (column stopped); the same command tries again those after which no "
+            "candidate was chosen"
+        )
+        return FAULT
     return DONE

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Container
+from collections.abc import Container, Mapping
 
 from aiohttp import web
 
@@ -14,11 +14,18 @@ ARRIVING = 128  # connections on which nothing is being answered, or not yet
 class Door:
     """Factory of the protocols of a server's connections, at most `most` at once. When there are more, the oldest one
     that is not being answered is closed, so that connections without a request keep nobody out; where all are being
-    answered, the new one is closed.
-    answered: the transports of requests and web sockets that are being answered."""
+    answered, the one whose answer has been read for longest, if for longer than `DEADLINE`; otherwise the new one.
+    answered: the transports of requests and web sockets that are being answered.
+    read: when (s, of the event loop) each of those whose answer is complete, and is only to be read, became so."""
 
-    def __init__(self, server: web.Server, answered: Container[asyncio.BaseTransport], most: int) -> None:
-        self._server, self._answered, self._most = server, answered, most
+    def __init__(
+        self,
+        server: web.Server,
+        answered: Container[asyncio.BaseTransport],
+        read: Mapping[asyncio.BaseTransport, float],
+        most: int,
+    ) -> None:
+        self._server, self._answered, self._read, self._most = server, answered, read, most
 
     def __call__(self) -> asyncio.Protocol:
         open_ones = [t for c in self._server.connections if (t := c.transport) is not None and not t.is_closing()]
@@ -26,7 +33,9 @@ class Door:
             return self._server()
         waiting = next((transport for transport in open_ones if transport not in self._answered), None)
         if waiting is None:
-            return _Full()
+            waiting = min((t for t in open_ones if t in self._read), key=self._read.__getitem__, default=None)
+            if waiting is None or asyncio.get_running_loop().time() - self._read[waiting] < DEADLINE:
+                return _Full()
         waiting.abort()
         return self._server()
 

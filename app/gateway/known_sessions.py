@@ -73,7 +73,9 @@ class KnownSessions:
             name, watch = new_secret(16), new_secret(16)
             if self._store is not None and session.kept:
                 await asyncio.to_thread(self._store.enter, _stored(session)._replace(name=name, watch=watch))
-            if self._by_name.pop(session.name, None) is None:
+            if self._by_name.pop(session.name, None) is None:  # forgotten meanwhile, maybe before it was entered
+                if self._store is not None and session.kept:
+                    await asyncio.to_thread(self._store.forget, session.folder)
                 return False
             del self._by_watch[session.watch]
             session.name, session.watch = name, watch
@@ -101,7 +103,11 @@ class KnownSessions:
     def _forget(self, session: Session) -> None:
         del self._by_name[session.name], self._by_watch[session.watch]
         if self._store is not None and session.kept:
-            self._background(asyncio.to_thread(self._store.forget, session.folder))
+            self._background(self._forget_on_disk(self._store, session.folder))
+
+    async def _forget_on_disk(self, store: SessionStore, folder: str) -> None:
+        async with self._noting:  # else links that are being noted would make the folder anew
+            await asyncio.to_thread(store.forget, folder)
 
 
 def _stored(session: Session) -> StoredSession:

@@ -21,6 +21,7 @@ import asyncio
 import contextlib
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import aiohttp
@@ -48,11 +49,13 @@ TICK = 1.0  # s
 FAREWELL = 0.1  # s, twice: at the end, for pages whose sessions have ended; their last messages are not read
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
 LONGEST_LINK = 500
+READ_WITHIN = 60.0  # s, an answer by its visitor, who may be far away
+DRAWN_AT_ONCE = 8  # QR codes
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Gateway:
-    """Gateway: the web application for `aiohttp.web`. answered: the connections whose request is being answered."""
+    """Gateway: the web application for `aiohttp.web`. answered, read: see `Door`."""
 
     def __init__(self, pool: SessionPool, access_settings: AccessSettings) -> None:
         self._pool, self._access_settings = pool, access_settings
@@ -60,6 +63,8 @@ class Gateway:
         self._refusals = Counter[str]()
         self._access = AccessControl(access_settings, pool, self._refusals)
         self.answered = set[asyncio.BaseTransport]()
+        self.read = dict[asyncio.BaseTransport, float]()
+        self._drawer, self._drawing = ThreadPoolExecutor(1, "qr"), 0  # codes that are being drawn
         self._document: pages.Document | None = None
         self._client: aiohttp.ClientSession | None = None
         self.app = web.Application(middlewares=[self._guard], client_max_size=64 * 1024)
@@ -117,12 +122,18 @@ class Gateway:
         try:
             response = await self._answer(request, handler)
             # sent here, since until then the connection must not make room for another one
+            self.read[transport] = asyncio.get_running_loop().time()
             with contextlib.suppress(ConnectionError):  # the visitor has gone
-                await response.prepare(request)
-                await response.write_eof()
+                try:
+                    async with asyncio.timeout(READ_WITHIN):
+                        await response.prepare(request)
+                        await response.write_eof()
+                except TimeoutError:
+                    transport.abort()
             return response
         finally:
             self.answered.discard(transport)
+            self.read.pop(transport, None)
 
     async def _answer(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         response = self._access.refusal(request)
@@ -237,7 +248,13 @@ class Gateway:
         session_of(request, self._pool)
         if not link.startswith(("http://", "https://")) or len(link.encode(errors="replace")) > LONGEST_LINK:
             return notice("No such code", f"link: allowed: an address of at most {LONGEST_LINK} bytes", 400)
-        picture = await asyncio.to_thread(pages.qr, link)  # takes a tenth of a second and more
+        if self._drawing >= DRAWN_AT_ONCE:
+            return notice("Not now", "Too many codes are being drawn: try again in a moment.", 429)
+        self._drawing += 1
+        try:  # takes a tenth of a second and more, in a thread of its own, so that nothing else waits for it
+            picture = await asyncio.get_running_loop().run_in_executor(self._drawer, pages.qr, link)
+        finally:
+            self._drawing -= 1
         return web.Response(body=picture, content_type="image/svg+xml")
 
     async def _again(self, request: web.Request) -> web.StreamResponse:
@@ -317,7 +334,7 @@ async def serving(
     await runner.setup()
     try:
         assert runner.server is not None
-        door = Door(runner.server, gateway.answered, connections or gateway.most_pages + ARRIVING)
+        door = Door(runner.server, gateway.answered, gateway.read, connections or gateway.most_pages + ARRIVING)
         try:
             listening = await asyncio.get_running_loop().create_server(door, host, port)
         except (OSError, UnicodeError) as error:  # the latter for a host that is no name

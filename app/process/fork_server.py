@@ -19,7 +19,8 @@ from pathlib import Path
 from app.process import launcher
 
 _PR_SET_CHILD_SUBREAPER = 36
-PATIENCE = 120.0  # s for an answer; the first one comes after the imports, which take long on a busy machine
+LOADED_WITHIN = 120.0  # s for the first answer, which comes after the imports: they take long on a busy machine
+PATIENCE = 20.0  # s for another answer
 
 
 class ForkedProcess:
@@ -70,6 +71,7 @@ class ForkServer:
         self._asking = asyncio.Lock()
         self._control: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
+        self._loaded = False  # whether it has answered
         self._orphans = set[int]()  # adopted beside the sessions' processes, and not waited for yet
 
     async def start(self, file: int) -> ForkedProcess:
@@ -87,7 +89,7 @@ class ForkServer:
         OSError."""
         try:
             with _adopting_orphans(self._orphans):
-                async with asyncio.timeout(PATIENCE):
+                async with asyncio.timeout(PATIENCE if self._loaded else LOADED_WITHIN):
                     socket.send_fds(control, [b"session"], [file])
                     answer = await asyncio.get_running_loop().sock_recv(control, 100)
             if not answer:
@@ -97,6 +99,7 @@ class ForkServer:
             if isinstance(error, TimeoutError):
                 raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT)) from error
             raise
+        self._loaded = True
         if (number := int(answer)) < 0:
             raise OSError(-number, os.strerror(-number))
         return ForkedProcess(number)
@@ -117,7 +120,7 @@ class ForkServer:
         """End the fork server; the processes that it has made go on."""
         if self._control is not None:
             self._control.close()
-            self._control = None
+            self._control, self._loaded = None, False
         if self._process is not None:
             self._process.kill()
             self._process.wait()

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Protocol
 
 _PR_SET_PDEATHSIG = 1
+LEFT_SEMAPHORES = "ignore::UserWarning:multiprocessing.resource_tracker"
 
 
 class ChildProcess(Protocol):
@@ -41,11 +42,13 @@ def start(module: str, *arguments: str, stdin: int, pass_fds: tuple[int, ...] = 
     """
     # -P and the path: this program, whatever lies in the user's folder
     path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+    # a pool's semaphores are left to the system where its process is ended, which is no news for the terminal
+    warnings = ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), LEFT_SEMAPHORES)))
     return subprocess.Popen(
         [sys.executable, "-P", "-m", "app.process.launcher", str(os.getpid()), module, *arguments],
         stdin=stdin,
         pass_fds=pass_fds,
-        env=os.environ | {"PYTHONPATH": path},
+        env=os.environ | {"PYTHONPATH": path, "PYTHONWARNINGS": warnings},
         process_group=0,
     )
 

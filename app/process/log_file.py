@@ -16,22 +16,26 @@ class LogFile:
     mix.
 
     The process that finds the file too large renames it and opens a new one; the other processes follow, also when
-    another program renames the file. Raises OSError where the file cannot be opened.
+    another program renames the file. Where its folder takes no other file, it grows. Raises OSError where the file
+    cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path.absolute()
+        self._path, self._stuck = path.absolute(), False  # where it cannot be renamed, it grows
         self._descriptor = _opened(self._path)
 
     def write(self, line: str) -> None:
-        """Append a line. Raises OSError, also for a line that does not fit on the disk as a whole."""
+        """Append a line. Raises OSError, also for a line that does not fit on the disk as a whole, and after the first
+        line beyond the limit where the file cannot be renamed."""
         data = line.encode(errors="backslashreplace")
         self._follow()
         status = os.fstat(self._descriptor)
-        if stat.S_ISREG(status.st_mode) and status.st_size + len(data) > LARGEST:
-            self._move_on()
+        large = stat.S_ISREG(status.st_mode) and status.st_size + len(data) > LARGEST
+        failure = self._moved_on() if large and not self._stuck else None
         if (written := os.write(self._descriptor, data)) < len(data):
             raise OSError(f"{self._path}: {written} of {len(data)} bytes of a line fit")
+        if failure is not None:
+            raise failure
 
     def close(self) -> None:
         os.close(self._descriptor)
@@ -46,6 +50,15 @@ class LogFile:
             another = _opened(self._path)
             os.close(self._descriptor)
             self._descriptor = another
+
+    def _moved_on(self) -> OSError | None:
+        """Begin another file; why not, where that fails. Then it is not tried again."""
+        try:
+            self._move_on()
+        except OSError as error:
+            self._stuck = True
+            return error
+        return None
 
     def _move_on(self) -> None:
         """Rename the file, unless another process has done so: then another file is at the path."""

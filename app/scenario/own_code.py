@@ -15,9 +15,10 @@ import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
+from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -66,7 +67,7 @@ class OwnCode:
 def use(paths: Sequence[Path]) -> None:
     """Make the contents of these files available, in this process and in those that it starts. Raises OwnCodeError."""
     before = os.environ.get(VARIABLE, "")
-    os.environ[VARIABLE] = json.dumps([str(path.resolve()) for path in paths])
+    os.environ[VARIABLE] = json.dumps([(str(path.resolve()), _digest(path)) for path in paths])
     own_code.cache_clear()
     try:
         own_code()
@@ -79,7 +80,10 @@ def use(paths: Sequence[Path]) -> None:
 def own_code() -> OwnCode:
     """Contents of the files named by `--use`. Raises OwnCodeError."""
     found = OwnCode()
-    for path in map(Path, json.loads(os.environ.get(VARIABLE) or "[]")):
+    for name_of_file, digest in json.loads(os.environ.get(VARIABLE) or "[]"):
+        path = Path(name_of_file)
+        if _digest(path) != digest:  # this process would compute with another law than the one that has started it
+            raise OwnCodeError(f"--use {path}: the file has been changed since the start; allowed: to start again")
         module, empty = _loaded(path), True
         for name, kind, ours, known in _kinds(found):
             own = vars(module).get(name)
@@ -147,6 +151,14 @@ def _located_in(function: Callable[..., None]) -> Iterator[None]:
 
 def _tag(kind: type[Struct]) -> str:
     return str(kind.__struct_config__.tag)
+
+
+def _digest(path: Path) -> str:
+    """Digest of a file's content, "" where it cannot be read."""
+    with suppress(OSError):
+        if path.is_file():
+            return sha256(path.read_bytes()).hexdigest()
+    return ""
 
 
 def _loaded(path: Path) -> ModuleType:

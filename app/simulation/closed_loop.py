@@ -124,7 +124,7 @@ class ClosedLoop:
         held = arm.views.holding.held[: len(system.surfaces)] > 0
         evaluation.data["touching"] = bool((held if system.plant.kind.rigid else pressed).all())
         if controller.on_change == "remove":
-            seen = tracking_state(system, state.t, arm)
+            seen = tracking_state(system, state.t, arm, evaluation.part("held"))
             evaluation.views.z[:] = system.controller.compensator.without_reaching(seen.e_r, seen.e_r_dot)
         followed = law_of(state.scenario).robust  # else d is computed, but fed back to nothing
         loop = cls(system, state, recording)

@@ -12,6 +12,7 @@ from app.simulation.alarms import (
     BAND_REACHED,
     LAYER_REACHED,
     OVER_BOUND,
+    PROMISE_LOST,
     Limits,
     began_to_saturate,
     beyond_limits,
@@ -202,7 +203,7 @@ def _see(setting, evaluation, momenta, C, J, J_dot, placements, arm, F, t):
     observe(setting.observation_model, momenta, C, J, J_dot, placements, t, seen)
     reference_at(setting.plan, t, evaluation.reference)
     # an error may grow beyond half a turn, and must not jump there: later r goes on from where it was
-    turn_towards(evaluation.held.r if evaluation.held.known else evaluation.reference.r_d, seen.task)
+    turn_towards(evaluation.held.r if evaluation.held.placed else evaluation.reference.r_d, seen.task)
     if setting.online:
         take_estimates(seen.estimate, evaluation.feedforward)
     _measure(setting, evaluation, no_parameters(setting.gains))
@@ -290,7 +291,7 @@ def _remember(evaluation, held):
     copy(reference.r_d, held.r_d)
     copy(reference.r_d_dot, held.r_d_dot)
     copy(reference.r_d_ddot, held.r_d_ddot)
-    held.known = True
+    held.known = held.placed = True
 
 
 @inline
@@ -299,12 +300,15 @@ def _promise_alarms(evaluation, t):
     promise."""
     record, s_norm = evaluation.promise_record, evaluation.output.s_norm
     outside_layer, outside_band = np.isnan(record.layer_reached), np.isnan(record.band_reached)
+    promised = record.promised
     over = keep_promise(judge(evaluation.table, t), s_norm, evaluation.posture_check, t, record)
     alarms = OVER_BOUND if over else 0
     if outside_layer and not np.isnan(record.layer_reached):
         alarms += LAYER_REACHED
     if outside_band and not np.isnan(record.band_reached):
         alarms += BAND_REACHED
+    if promised and not record.promised and (outside_layer or outside_band):
+        alarms += PROMISE_LOST
     return alarms
 
 

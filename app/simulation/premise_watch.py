@@ -88,6 +88,8 @@ class PremiseWatch:
         self._arm.check_posture(begun)
         state.evaluation.data["posture_check"] = begun.data["posture_check"]
         found = begun.views.table
+        if self._beyond_known:
+            found.value[Premise.DOMAIN] = np.inf
         judge.py_func(found, state.t)  # once more: the check has found what the period before it did not know
         self._table.value[:], self._table.limit[:] = found.value, found.limit
         self._table.failing[:] = found.failing
@@ -152,7 +154,7 @@ class PremiseWatch:
         state, distance = self._state, self._table.value[Premise.DOMAIN]
         if distance > self.system.constants.radius:
             self.leave_domain("flag", f"q has left Ω, over which the constants of (19) were computed{self._outlasted}")
-        if state.t > self.known_until + 0.5 * self._h:
+        if self._beyond_known:
             self._table.value[Premise.DOMAIN] = np.inf
             self.leave_domain("flag", sentence(Premise.DOMAIN, np.inf, self.system.constants.radius, self.system.units))
         station, judged, q = int(self._stations.of[nearest]), state.judged, state.arm.views.q
@@ -171,6 +173,11 @@ class PremiseWatch:
             self._state_premise(premise, value, 1.0)
             if value > 1.0:
                 self.leave_domain("flag", sentence(premise, value, 1.0, self.system.units) + self._unsampled)
+
+    @property
+    def _beyond_known(self) -> bool:
+        """Whether the surfaces are somewhere that Omega does not cover."""
+        return self._state.t > self.known_until + 0.5 * self._h
 
     def _changed_since(self, judged: Judged) -> bool:
         """Whether a surface has turned, or may have changed otherwise, since the sampled loops were judged."""
@@ -316,6 +323,13 @@ class PremiseWatch:
         evaluation, arm = state.evaluation.read(), state.arm.read()
         if Alarm.LAYER_REACHED in alarms or Alarm.BAND_REACHED in alarms:
             state.epoch = replace(state.epoch, layer_reached=self.layer_reached, band_reached=self.band_reached)
+        if Alarm.PROMISE_LOST in alarms:  # what was promised for later is so no more
+            layer, band = (state.epoch.layer_reached, state.epoch.band_reached)
+            state.epoch = replace(
+                state.epoch,
+                layer_reached_by=None if layer is None else state.epoch.layer_reached_by,
+                band_reached_by=None if band is None else state.epoch.band_reached_by,
+            )
         rigid = self.system.plant.kind.rigid
         if Alarm.CONTACT_LOST in alarms and not rigid:
             left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.pressed] != 0.0)))

@@ -120,6 +120,10 @@ def postures_along(
                 f"motion: the arm cannot follow the reference beyond t = {then * duration:.3g} s; "
                 "allowed: a path within its reach"
             )
+        if len(q) == 1:  # the arm comes to the reference from where it stands, maybe off the surface
+            steps = 1 + int(min(way / max(FAR * radius, np.finfo(float).tiny), MOST // 2))
+            q += [q_0 + k / steps * (there - q_0) for k in range(1, steps)]
+            t += [0.0] * (steps - 1)
         q.append(there)
         t.append(then * duration)
         fraction = waiting.pop()

@@ -44,7 +44,7 @@ def omega_key(scenario: Scenario) -> tuple[object, ...]:
             *where,
             scenario.face,
             scenario.coupling.K_e_hat,
-            *((each.force, each.K_e_hat) for each in scenario.surfaces),
+            *((each.force, each.K_e_hat, each.contact.unilateral) for each in scenario.surfaces),
         )
     return where
 

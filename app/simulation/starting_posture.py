@@ -15,15 +15,20 @@ from controllers.nominal_model import NominalModel
 from controllers.task_space import turn_towards
 from environments import robots
 from environments.plant import Plant
+from environments.truth import Truth
 
 ON_SURFACE = 1e-6  # m, by which the tool may be off its starting place on the surface
 
 
 def starting_posture(scenario: Scenario, plant: Plant, robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
-    """Posture (n,) rad at the start, on rigid surfaces. Raises ScenarioError, which names the surface that is farthest
-    from the tool, or IrregularCorner."""
+    """Posture (n,) rad at the start, on rigid surfaces: the nearest one in the metric of the believed arm, since the
+    reference begins there and does not depend on the true one. Raises ScenarioError, which names the surface that is
+    farthest from the tool, or IrregularCorner."""
+    if not plant.kind.rigid:
+        return robot.posture
+    believed = Plant(robot, Truth.as_believed(robot.n), plant.surfaces, plant.kind, plant.contacts, face=plant.face)
     try:
-        return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
+        return believed.start(robot.posture, np.zeros(robot.n), 0.0).views.q
     except ValueError as error:
         tool, kind = tool_at_start(robot, nominal), IrregularCorner if len(plant.surfaces) > 1 else ScenarioError
         task_surface(scenario, plant.surfaces, tool)  # dependent normals are another reason

@@ -13,6 +13,7 @@ from app.simulation.recording import Epoch
 from app.simulation.system import System
 from controllers.blend import ModelBlend
 from controllers.bounds import InertiaRange
+from controllers.held_torque import Held
 from controllers.nominal_model import Estimate
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import Start
@@ -73,7 +74,7 @@ class State:
     @classmethod
     def at_start(cls, system: System) -> State:
         """State at rest where the scenario begins."""
-        return cls.at(system, system.robot.posture, np.zeros(system.robot.n), 0.0)
+        return cls.at(system, system.q_0, np.zeros(system.robot.n), 0.0)
 
     @classmethod
     def at(cls, system: System, q: np.ndarray, q_dot: np.ndarray, t: float) -> State:
@@ -121,18 +122,18 @@ class TrackingState(NamedTuple):
     e_r_dot: np.ndarray
 
 
-def tracking_state(system: System, t: float, arm: PlantState) -> TrackingState:
-    """Tracking state of an arm at t (s)."""
+def tracking_state(system: System, t: float, arm: PlantState, held: Held) -> TrackingState:
+    """Tracking state of an arm at t (s). held: of the period before, whose angles those of r go on from."""
     estimate, task = system.observe(arm.views.q, arm.views.q_dot, t)
     reference = system.reference(t)
-    turn_towards.py_func(reference.r_d, task)
+    turn_towards.py_func(held.r if held.placed else reference.r_d, task)
     return TrackingState(estimate, task, task.r - reference.r_d, task.r_dot - reference.r_d_dot)
 
 
 def epoch_at(system: System, t: float, arm: PlantState, evaluation: Record[Evaluation]) -> Epoch:
     """Epoch that begins at t (s): the theorem promises anew, from the present s."""
     controller, constants = system.controller, system.constants
-    seen, compensator = tracking_state(system, t, arm), controller.compensator
+    seen, compensator = tracking_state(system, t, arm, evaluation.part("held")), controller.compensator
     s = seen.e_r_dot + compensator.F_1 @ seen.e_r + compensator.F_2 @ evaluation.views.z
     H_high = InertiaRange.at(controller.uncertainty, seen.estimate, seen.task).H_high
     certificate = ReachingCertificate(

@@ -88,7 +88,8 @@ class Standing:
 
     @property
     def now(self) -> PromiseVerdict:
-        """Verdict on this instant."""
+        """Verdict on this instant; once a promise is broken, it stays so: nothing that the program says of promises can
+        be relied on then."""
         if self.stopped is None and not math.isnan(self.promise_record.broken):
             return self._promise("broken", self._broken())
         if self.stopped is not None:

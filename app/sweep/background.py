@@ -89,9 +89,9 @@ class Background:
         raise NotImplementedError
 
     def _run(self) -> None:
-        ours, theirs = Pipe()
         process = None
         try:
+            ours, theirs = Pipe()
             with ours:
                 with theirs:
                     file = theirs.fileno()

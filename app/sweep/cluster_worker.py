@@ -27,7 +27,13 @@ def metrics(pickled: bytes, numbers: tuple[int, ...]) -> list[RunMetrics]:
 
 @lru_cache(maxsize=2)
 def _runner(pickled: bytes) -> SweepRunner:
-    sweep: Sweep = pickle.loads(pickled)  # Dask has unpickled what it came with already
+    try:
+        sweep: Sweep = pickle.loads(pickled)  # Dask has unpickled what it came with already
+    except Exception as error:  # whatever another version makes of it
+        raise ScenarioError(
+            f"the program on this worker cannot read the sweep ({type(error).__name__}: {error}); allowed: the same "
+            "versions of vsmrc-lab, numba, numpy, pin, scipy and example-robot-data everywhere"
+        ) from error
     ours = fingerprint(sweep)
     if ours != sweep.program:
         arm = ", and the same file as robot.urdf" if own_urdfs(sweep) else ""

@@ -81,6 +81,11 @@ class Sweep(Struct, frozen=True, forbid_unknown_fields=True):
         return max(self.draw, 1)
 
     @property
+    def seen(self) -> int:
+        """Number of arms, the first ones, whose sensors have the scenario's own noise."""
+        return self.arms
+
+    @property
     def own_arms(self) -> int:
         """Number of arms, the first ones, that are the scenario's own and not drawn."""
         return 0 if self.draw else 1
@@ -174,6 +179,10 @@ class SweepPlan:
         if row.arm >= self.sweep.own_arms:
             departure = self._departure(row.arm, _joints(scenario.robot))
             scenario = msgspec.structs.replace(scenario, truth=departure.truth(scenario.declared, of=scenario.truth))
+        if row.arm >= self.sweep.seen:  # gains that suit one sequence of noise are no better under another one
+            seed = (scenario.simulation.seed + 1 + row.arm - self.sweep.seen) % 2**63
+            simulation = msgspec.structs.replace(scenario.simulation, seed=seed)
+            scenario = msgspec.structs.replace(scenario, simulation=simulation)
         return msgspec.structs.replace(scenario, name=f"{self.sweep.scenario.name[:LONGEST_NAME]}-{row.number}")
 
     @cached_property

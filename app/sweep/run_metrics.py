@@ -205,3 +205,8 @@ def columns_of(rows: Sequence[RunMetrics]) -> dict[str, np.ndarray]:
             else np.array([np.nan if value is None else value for value in values])
         )
     return columns
+
+
+def to_try_again(stopped: str | None) -> bool:
+    """Whether a run with this reason for its end says nothing of its scenario."""
+    return (stopped or "").startswith(ENDED)

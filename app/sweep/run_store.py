@@ -23,7 +23,7 @@ from app.scenario.errors import ScenarioError
 from app.storage.joint_kinds import units_of
 from app.sweep.fingerprint import another_program, fingerprint
 from app.sweep.plan import FILE, Sweep, SweepPlan, differences, differences_in_words, read, to_toml
-from app.sweep.run_metrics import COLUMNS, ENDED, REFUSED, RunMetrics
+from app.sweep.run_metrics import COLUMNS, REFUSED, RunMetrics, to_try_again
 from app.sweep.titles import title_of, unit_of
 
 PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"
@@ -62,9 +62,9 @@ class RunStore:
             self.done = np.zeros(SweepPlan(sweep).count, dtype=bool)
             for part in parts(folder):
                 table = _read(part, self._schema, len(self.done), ["row", "stopped"])
-                self.done[table["row"].to_numpy()] = [not _to_try_again(each) for each in table["stopped"].to_pylist()]
+                self.done[table["row"].to_numpy()] = [not to_try_again(each) for each in table["stopped"].to_pylist()]
             waiting = [row for row in journaled(folder, self._schema, len(self.done)) if not self.done[row["row"]]]
-            self.done[[row["row"] for row in waiting]] = [not _to_try_again(row.get("stopped")) for row in waiting]
+            self.done[[row["row"] for row in waiting]] = [not to_try_again(row.get("stopped")) for row in waiting]
             last = max((int(part.stem.rpartition("-")[2]) for part in parts(folder)), default=0)
             self._coming = _Coming(last + 1, waiting)
             self._journal = self._rewritten_journal()
@@ -85,7 +85,7 @@ class RunStore:
         if os.write(self._journal, line) != len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self._coming.rows.append(metrics)
-        self.done[metrics["row"]] = not _to_try_again(metrics.get("stopped"))
+        self.done[metrics["row"]] = not to_try_again(metrics.get("stopped"))
         if len(self._coming.rows) >= ROWS:
             self.flush()
 
@@ -128,11 +128,6 @@ class RunStore:
         lines = b"".join(msgspec.json.encode(row) + b"\n" for row in self._coming.rows)
         write_whole(self._folder / JOURNAL, lambda file: file.write(lines))
         return os.open(self._folder / JOURNAL, os.O_WRONLY | os.O_APPEND)
-
-
-def _to_try_again(stopped: str | None) -> bool:
-    """Whether a run with this reason for its end says nothing of its scenario."""
-    return (stopped or "").startswith(ENDED)
 
 
 def journaled(folder: Path, schema: pa.Schema, count: int) -> list[RunMetrics]:

@@ -47,7 +47,8 @@ class Tuning(Sweep, frozen=True):
 
     @property
     def seen(self) -> int:
-        """Number of true arms that the search sees."""
+        """Number of true arms that the search sees, all with the same noise of the sensor; each further one has its
+        own."""
         return super().arms
 
     @property

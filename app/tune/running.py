@@ -14,7 +14,7 @@ from app.process.cores import usable_cores
 from app.scenario.errors import ScenarioError
 from app.sweep.axes import Value
 from app.sweep.plan import SweepPlan, SweepRow
-from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
+from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of, to_try_again
 from app.sweep.running import CHUNK, SweepEstimate, last_wall_time
 from app.tune.candidates import Candidate, front, judged
 from app.tune.plan import Tuning
@@ -61,7 +61,7 @@ def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_pro
     Raises ScenarioError where the folder has other candidates, and OSError where a run cannot be written; what was
     written stays.
     """
-    course = TuningCourse(tuning, {row["row"]: row for row in store.rows})
+    course = TuningCourse(tuning, without_faults(tuning, {row["row"]: row for row in store.rows}))
     total, workers = most_runs(tuning), workers or usable_cores()
     with tqdm(total=total, initial=len(course.known), unit=" runs", desc="tune", disable=not show_progress) as bar:
         for rows, metrics in worker_pool.results(computing, (tuning,), course.tasks(), workers):
@@ -70,6 +70,25 @@ def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_pro
             bar.update(len(rows))
     store.flush()
     return course.found()
+
+
+def without_faults(tuning: Tuning, known: dict[int, RunMetrics]) -> dict[int, RunMetrics]:
+    """The known runs without those that a fault has ended and that are tried again: all but those after which the
+    search has chosen further candidates, which would be other ones."""
+    candidates = [number // tuning.arms for number in known if number % tuning.arms < tuning.seen]
+    batch = 1 + (max(candidates, default=0) - 1) // BATCH * BATCH  # first candidate of the last batch
+    return {
+        number: row
+        for number, row in known.items()
+        if not to_try_again(row.get("stopped"))
+        or (number % tuning.arms < tuning.seen and number // tuning.arms < batch)
+    }
+
+
+def ended(store: RunStore) -> int:
+    """Number of runs that a fault has ended."""
+    last = {row["row"]: row.get("stopped") for row in store.rows}
+    return sum(map(to_try_again, last.values()))
 
 
 def computing(tuning: Tuning) -> Callable[[Task], list[RunMetrics]]:

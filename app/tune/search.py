@@ -56,4 +56,6 @@ class Search:
 
 
 def _rounded(value: float, low: float, high: float) -> float:
-    return min(max(float(f"{value:.4g}"), low), high)
+    """The value with four digits; as it is where these are out of its range, or too few for a narrow one."""
+    rounded = float(f"{value:.4g}")
+    return rounded if low <= rounded <= high and abs(rounded - value) <= 1e-3 * (high - low) else value

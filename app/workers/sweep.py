@@ -12,6 +12,7 @@ import structlog
 from app.process import slots
 from app.process.log import configure_as_parent
 from app.process.priority import lower_priority
+from app.scenario.errors import ScenarioError
 from app.sweep import background
 from app.sweep.background import Begun, SweepDone, SweepFailed, Waiting, Work
 from app.tune import background as tuning_background
@@ -52,6 +53,11 @@ def main() -> None:
             serve(asker)
         except (EOFError, ConnectionError):
             log.debug("nobody waits for the rest")
+        except (ScenarioError, OSError) as error:
+            reason = str(error) if isinstance(error, ScenarioError) else error.strerror or str(error)
+            log.warning("a map or search failed", reason=reason)
+            with contextlib.suppress(OSError):
+                asker.send(SweepFailed(reason))
         except Exception as error:  # the process's last resort: report it
             log.exception("fault", stage="a map")
             with contextlib.suppress(OSError):

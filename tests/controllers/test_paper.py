@@ -14,7 +14,7 @@ from app.simulation.assembly import assemble
 from app.simulation.system import System
 from controllers.compensator import Compensator
 from controllers.nominal_model import Estimate
-from controllers.target_model import InvalidGain, TargetModel
+from controllers.target_model import InvalidGain, TargetModel, require_spsd
 from environments.robots import CATALOGUE
 from tests.support.arms import State
 from tests.support.cases import scenario_of
@@ -150,3 +150,10 @@ def test_poles_are_those_of_the_model() -> None:
     stiff = np.sort_complex(model.poles(np.diag([24.0, 0.0])))
     in_contact, free = 2.0j * np.sqrt(3.0), 2.0j * np.sqrt(5.0)  # 2 s^2 + 8 s + 32, 5 s^2 + 10 s + 105
     np.testing.assert_allclose(stiff, [-2 - in_contact, -2 + in_contact, -1 - free, -1 + free], atol=1e-9)
+
+
+def test_a_singular_stiffness_along_the_normals_is_admitted_however_it_is_rounded() -> None:
+    for a, b in ((4.0, 19.0), (1.0, 3.0), (7.0, 11.0)):
+        require_spsd("K_m1", 700.0 * np.outer([a, b], [a, b]))
+    with pytest.raises(InvalidGain):
+        require_spsd("K_m1", np.diag([1e5, -1e-3]))

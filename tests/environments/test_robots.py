@@ -351,3 +351,33 @@ def test_only_a_continuous_joint_has_no_range(tmp_path: Path) -> None:
     assert np.isinf(half).tolist() == [True, False, False]
     np.testing.assert_allclose(half[1], 1.8)
     np.testing.assert_allclose(middle[:2], 0.0)
+
+
+def test_another_tool_frame_of_the_same_joints_keeps_their_rotors_and_posture() -> None:
+    for name, frame in (("ur5", "wrist_3_link"), ("xarm7", "link7")):
+        own, other = robots.load(name), robots.load(name, tool_frame=frame)
+        np.testing.assert_array_equal(other.model.armature, own.model.armature)
+        np.testing.assert_array_equal(other.posture, own.posture)
+        assert (other.rotor_source, other.supplemental) == (own.rotor_source, own.supplemental)
+    fewer = robots.load("panda", tool_frame="panda_link6")
+    np.testing.assert_array_equal(fewer.model.armature, robots.load("panda").model.armature[:6])
+
+
+def test_renamed_joints_keep_apart_and_an_endless_one_without_limits_has_no_effort_limit(tmp_path: Path) -> None:
+    body = """<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>"""
+    links = "".join(f'<link name="{name}">{body}</link>' for name in ("base", "arm", "fore", "tip"))
+    turns = "".join(
+        f'<joint name="{name}" type="continuous"><parent link="{a}"/><child link="{b}"/>'
+        f'<origin xyz="0.3 0 0"/><axis xyz="{axis}"/></joint>'
+        for name, a, b, axis in (
+            ("arm", "base", "arm", "0 1 0"), ("arm_joint", "arm", "fore", "0 1 0"), ("wrist", "fore", "tip", "0 1 0"),
+        )
+    )  # fmt: skip
+    file = tmp_path / "named.urdf"
+    file.write_text(f'<robot name="named">{links}{turns}</robot>')
+    root = urdf.read(file)
+    names = [joint.get("name") for joint in root.findall("joint")]
+    assert names == ["arm_joint_joint", "arm_joint", "wrist"]
+    robot = robots.load("ur5", urdf=file)
+    assert list(robot.model.names)[1:] == names
+    assert (np.array(robot.model.upperEffortLimit) >= 1e6).all()

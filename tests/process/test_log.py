@@ -161,6 +161,23 @@ def test_a_file_that_is_full_gets_a_number_whoever_of_its_writers_finds_it(
         writer.close()
 
 
+def test_a_file_that_cannot_be_renamed_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(log_file, "LARGEST", 20)
+    monkeypatch.setattr(Path, "replace", refused)
+    file = log_file.LogFile(tmp_path / "lab.log")
+    file.write("a line of the log\n")
+    with pytest.raises(PermissionError):
+        file.write("the first one beyond its limit\n")
+    file.write("another one\n")
+    file.close()
+    assert (tmp_path / "lab.log").read_text().splitlines() == [
+        "a line of the log", "the first one beyond its limit", "another one",
+    ]  # fmt: skip
+
+
 @pytest.mark.faults
 def test_a_fault_in_a_test_is_noted_after_a_command_has_configured_the_log(logged_faults: list[str]) -> None:
     log.configure_as_parent()  # as every command does that runs within this process

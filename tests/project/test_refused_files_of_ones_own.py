@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from app.scenario import own_code
 from tests.support.commands import Done
+from tests.support.pages import ROOT
 
 pytestmark = pytest.mark.slow  # processes of its own
 
@@ -73,3 +75,21 @@ def test_a_law_whose_state_has_no_length_is_refused(
     assert done.returncode == 2
     assert message in done.stderr
     assert str(law) in done.stderr
+
+
+def test_a_file_that_was_changed_since_the_start_is_not_used_by_another_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text((ROOT / "docs" / "examples" / "pid_gravity.py").read_text())
+    monkeypatch.setenv(own_code.VARIABLE, "[]")
+    try:
+        own_code.use([file])
+        own_code.own_code.cache_clear()
+        assert list(own_code.own_code().laws) == ["pid-gravity"]
+        file.write_text(file.read_text().replace("5000.0", "6000.0"))
+        own_code.own_code.cache_clear()
+        with pytest.raises(own_code.OwnCodeError, match="the file has been changed since the start; allowed: to start"):
+            own_code.own_code()
+    finally:
+        own_code.own_code.cache_clear()

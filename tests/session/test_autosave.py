@@ -121,3 +121,14 @@ def test_a_session_is_not_set_aside_by_the_process_that_has_written_it(
         assert later.problem == ""
         assert (tmp_path / OFFER).exists()
         assert len(runs(tmp_path)) == 2
+
+
+def test_files_that_another_thread_is_writing_stay_and_those_of_a_killed_process_go(tmp_path: Path) -> None:
+    left, written = tmp_path / ".class.json.1", tmp_path / ".lessons.json.2"
+    left.write_bytes(b"")
+    with closing(StateFolder(tmp_path)) as folder:
+        assert not left.exists()
+        written.write_bytes(b"")
+        folder.save(layer(0.01), ())
+        folder.refuse_offer()
+        assert written.exists()

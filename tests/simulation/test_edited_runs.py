@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.scenario.data import edited, shipped, with_values
+from app.scenario.data import edited, load, shipped, with_values
 from app.scenario.errors import ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
@@ -113,3 +113,20 @@ def test_an_edit_is_not_to_blame_for_what_it_does_not_raise() -> None:
     with pytest.raises(ScenarioError, match="runs away"):
         watch.require_bounded_gain(GainFeedbackShares(1.2, np.nan))
     assert isinstance(loop.state.evaluation, Record)
+
+
+@pytest.mark.parametrize("name", ["ur5-constrained", "ur5-corner-rigid"])
+def test_the_reference_on_rigid_surfaces_does_not_depend_on_the_true_arm(name: str) -> None:
+    """The arm is moved onto surfaces from a centimetre away, by the believed masses."""
+    base = edited(load(name), "surface.origin", [0.0, 0.0, 0.17])
+    light, heavy = (ClosedLoop.from_scenario(edited(base, "truth.payload_mass", m)) for m in (0.0, 5.0))
+    assert np.abs(light.system.q_0 - light.system.robot.posture).max() > 1e-3
+    for loop in (light, heavy):
+        np.testing.assert_array_equal(loop.system.q_0, light.system.q_0)
+        np.testing.assert_allclose(loop.state.arm.views.q, light.system.q_0, rtol=0.0, atol=1e-12)
+        np.testing.assert_array_equal(loop.system.layout.R_ref, light.system.layout.R_ref)
+    for _ in range(50):
+        light.step()
+    light.edit(edited(base, "truth.payload_mass", 5.0))
+    for t in (0.05, 0.3):
+        np.testing.assert_array_equal(light.system.reference(t).r_d, heavy.system.reference(t).r_d)

@@ -337,3 +337,34 @@ def test_a_stated_bound_without_a_value_is_kept_by_no_arm_that_errs() -> None:
 
 def test_a_long_control_period_does_not_space_out_the_looks() -> None:
     assert [periods_between_checks.py_func(T) for T in (2e-4, 1e-3, 4e-3, 0.05)] == [40, 40, 10, 1]
+
+
+def test_an_edit_promises_nothing_on_surfaces_that_were_not_searched() -> None:
+    """A wave that does not come back, for which the constants are known until the run's duration."""
+    loop = ClosedLoop.from_scenario(edited(shipped()["ur5-wave"], "simulation.duration", 0.1))
+    CompiledRun(loop).advance(150)
+    assert loop.standing.now.verdict == "nothing promised"
+    loop.edit(edited(loop.system.scenario, "controller.K_s", 90.0))
+    assert (loop.state.epoch.band_reached_by, loop.state.epoch.layer_reached_by) == (None, None)
+    for _ in range(3):
+        loop.step()
+    assert np.isnan(loop.recording.signals(("s_bound",))["s_bound"][-3:]).all()
+    assert "not known for the present places" in loop.standing.now.because
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_instants_of_a_promise_that_was_lost_before_them_are_promised_no_more(compiled: bool) -> None:
+    epochs = []
+    for bound in ("2", "0.02 + 2*exp(-100*t)"):  # N·m, soon below the torque that disturbs the joints
+        scenario = short("ur5-hybrid-reaching", declared__delta_f=bound, truth__disturbance=1.0)
+        loop = ClosedLoop.from_scenario(scenario)
+        assert loop.state.epoch.band_reached_by is not None
+        assert loop.state.epoch.band_reached_by > 0.02
+        if compiled:
+            CompiledRun(loop).advance(20)
+        else:
+            for _ in range(20):
+                loop.step()
+        epochs.append(loop.state.epoch)
+    assert epochs[0].band_reached_by is not None
+    assert (epochs[1].band_reached_by, epochs[1].layer_reached_by) == (None, None)

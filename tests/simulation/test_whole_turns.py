@@ -90,8 +90,10 @@ def test_a_turn_of_more_than_half_a_turn_is_followed() -> None:
     assert rows["r"][-1, 5] - rows["r"][0, 5] == pytest.approx(3.3 * loop.system.layout.l, abs=2e-3)
 
 
-def test_an_error_that_grows_beyond_half_a_turn_does_not_jump() -> None:
+@pytest.mark.parametrize("blended", [False, True], ids=["one model", "a blend begins and ends"])
+def test_an_error_that_grows_beyond_half_a_turn_does_not_jump(blended: bool) -> None:
     """A moment turns the tool away from its path, slowly, while everything holds."""
+    blend = {"to": {"B_m": [110.0] * 6}, "at": 2.56, "over": 0.04} if blended else {"at": 0.0}
     loop, rows = run(
         changed(
             "ur5-impedance-6d",
@@ -108,10 +110,13 @@ def test_an_error_that_grows_beyond_half_a_turn_does_not_jump() -> None:
             truth__push_duration=20.0,
             truth__push_every=0.0,
             simulation__domain_radius=2.5,
+            blend=blend,
         ),
-        2.6,
+        2.7,
     )
-    assert np.abs(rows["e_r"][:, 5]).max() > np.pi * loop.system.layout.l
+    beyond = np.abs(rows["e_r"][:, 5]) > np.pi * loop.system.layout.l
+    assert beyond[2530:2690].all()
+    assert [epoch.t for epoch in loop.recording.epochs] == pytest.approx([0.0, 2.56, 2.6] if blended else [0.0])
     assert np.abs(np.diff(rows["e_r"], axis=0)).max() < 1e-2
     assert rows["s_norm"].max() < 0.1
     assert loop.standing.run.verdict != "broken"

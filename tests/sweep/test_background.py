@@ -61,17 +61,23 @@ def test_rows_of_the_background_are_those_of_a_run_and_of_the_loop_to_the_last_b
         assert (ours.signals((name,))[name] == values).all(), name
 
 
-def test_a_session_that_is_killed_takes_its_computation_with_it() -> None:
+@pytest.mark.parametrize("ended", ["killed", "cancelled"])
+def test_a_session_that_is_killed_or_cancels_takes_its_computation_with_it(ended: str) -> None:
     long = msgspec.structs.replace(SWEEP, scenario=edited(SHORT, "simulation.duration", 1e4))
     text = msgspec.json.encode(msgspec.to_builtins(long))
     code = (
         "import sys, time, msgspec\n"
+        "from app.sweep import background\n"
         "from app.sweep.background import BackgroundSweep\n"
         "from app.sweep.plan import Sweep\n"
-        f"BackgroundSweep(msgspec.convert(msgspec.json.decode({text!r}), Sweep), 1)\n"
+        "background.LINGER = 1e4\n"  # it is ended, and not waited for
+        f"sweep = BackgroundSweep(msgspec.convert(msgspec.json.decode({text!r}), Sweep), 1)\n"
+        "sys.stdin.readline()\n"
+        "sweep.cancel()\n"
         "time.sleep(1000)\n"
     )
-    with subprocess.Popen([sys.executable, "-c", code]) as session:
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as session:
 
         def all_of() -> list[int]:
             found, new = [session.pid], [session.pid]
@@ -80,9 +86,26 @@ def test_a_session_that_is_killed_takes_its_computation_with_it() -> None:
                 found += new
             return found
 
-        processes = until(lambda: found if len(found := all_of()) >= 3 else None)
+        processes = until(lambda: found if any(map(_computes, found := all_of())) else None)
+        assert session.stdin is not None
+        assert session.stderr is not None
+        if ended == "cancelled":
+            session.stdin.write("\n")
+            session.stdin.flush()
+            until(lambda: not any(_alive(pid) for pid in processes[1:]), lambda: processes)
+            assert _alive(session.pid)
         session.send_signal(signal.SIGKILL)
+        told = session.stderr.read()
     until(lambda: not any(_alive(pid) for pid in processes), lambda: processes)
+    assert told == ""  # also by Python's own processes
+
+
+def _computes(pid: int) -> bool:
+    """Whether a process is one of a pool."""
+    try:
+        return b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
 
 
 def _children(pid: int) -> list[int]:

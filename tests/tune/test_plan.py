@@ -119,3 +119,21 @@ def test_a_rounded_candidate_stays_within_its_range() -> None:
     narrow = msgspec.structs.replace(TUNING, vary=(moved(f"controller.layer={low}:{high}"),))
     asked = Search(narrow).ask(range(1, 4))
     assert all(low <= values["controller.layer"] <= high for values in asked.values())
+
+
+def test_arms_that_the_search_does_not_see_have_noise_of_their_own() -> None:
+    tuning = msgspec.structs.replace(TUNING, scenario=edited(TUNING.scenario, "simulation.seed", 7), unseen=3)
+    plan = SweepPlan(tuning)
+    for point in (0, 3):
+        seeds = [
+            plan.scenario(SweepRow(point * tuning.arms + arm, point, arm, {})).simulation.seed
+            for arm in range(tuning.arms)
+        ]
+        assert seeds == [7, 7, 8, 9, 10]
+
+
+def test_a_narrow_range_is_searched_within() -> None:
+    narrow = msgspec.structs.replace(TUNING, vary=(moved("controller.K_s=100.01:100.09"),), points=17)
+    found = [values["controller.K_s"] for values in Search(narrow).ask(range(1, 9)).values()]
+    assert all(100.01 <= float(value) <= 100.09 for value in found)
+    assert len(set(found)) == 8

@@ -124,6 +124,34 @@ def test_a_tuning_that_goes_on_has_the_same_answer_and_computes_nothing_twice(
     assert added == []
 
 
+def test_runs_that_a_fault_has_ended_are_tried_again_unless_candidates_were_chosen_after_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    early, unseen = 2 * TUNING.arms, TUNING.seen  # of the second candidate, and of the own gains
+    fallen = set[int]()
+
+    def faulty(*arguments: Any) -> Iterator[Any]:
+        for rows, metrics in in_this_process(*arguments):
+            numbers = {row.number for row in rows}
+            fallen.update(numbers if numbers & {early, unseen} else ())
+            yield rows, FALLEN if numbers & {early, unseen} else metrics
+
+    with monkeypatch.context() as falling:
+        falling.setattr(worker_pool, "results", faulty)
+        first = tuned(tmp_path)
+    assert first.candidates[2].badge
+    added: list[int] = []
+    add = RunStore.add
+    monkeypatch.setattr(RunStore, "add", lambda store, row: (added.append(row["row"]), add(store, row)))
+    again = tuned(tmp_path)
+    assert set(added) == {number for number in fallen if number % TUNING.arms >= TUNING.seen}
+    assert unseen in added
+    assert again.candidates == first.candidates
+    assert not again.tried[0].badge
+    with RunStore(tmp_path, TUNING) as store:
+        assert running.ended(store) == len(fallen) - len(added)
+
+
 def test_the_pages_search_has_the_answer_of_the_command(found: Found, tmp_path: Path) -> None:
     results = list(background.results(TUNING, 2))
     (theirs,) = (each for each in results if isinstance(each, Found))
