@@ -19,6 +19,7 @@ from app.gateway.server import Gateway, serving
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import SessionStore
 
+PAGE = "<html><head></head><body></body></html>"
 HELLO = b"hello"
 
 
@@ -108,7 +109,7 @@ class Town:
 
 async def _session(request: web.Request) -> web.StreamResponse:
     if request.headers.get("Upgrade", "").lower() != "websocket":
-        return web.Response(text="<html><head></head><body></body></html>", content_type="text/html")
+        return web.Response(text=PAGE, content_type="text/html")
     page = web.WebSocketResponse()
     await page.prepare(request)
     await page.send_bytes(HELLO)

@@ -14,7 +14,8 @@ ARRIVING = 128  # connections on which nothing is being answered, or not yet
 class Door:
     """Factory of the protocols of a server's connections, at most `most` at once. When there are more, the oldest one
     that is not being answered is closed, so that connections without a request keep nobody out; where all are being
-    answered, the one whose answer has been read for longest, if for longer than `DEADLINE`; otherwise the new one.
+    answered, the one whose answer has been read for longest, if for longer than the deadline; otherwise the new one.
+    deadline: s.
     answered: the transports of requests and web sockets that are being answered.
     read: when (s, of the event loop) each of those whose answer is complete, and is only to be read, became so."""
 
@@ -24,8 +25,10 @@ class Door:
         answered: Container[asyncio.BaseTransport],
         read: Mapping[asyncio.BaseTransport, float],
         most: int,
+        deadline: float,
     ) -> None:
-        self._server, self._answered, self._read, self._most = server, answered, read, most
+        self._server, self._answered, self._read = server, answered, read
+        self._most, self._deadline = most, deadline
 
     def __call__(self) -> asyncio.Protocol:
         open_ones = [t for c in self._server.connections if (t := c.transport) is not None and not t.is_closing()]
@@ -34,7 +37,7 @@ class Door:
         waiting = next((transport for transport in open_ones if transport not in self._answered), None)
         if waiting is None:
             waiting = min((t for t in open_ones if t in self._read), key=self._read.__getitem__, default=None)
-            if waiting is None or asyncio.get_running_loop().time() - self._read[waiting] < DEADLINE:
+            if waiting is None or asyncio.get_running_loop().time() - self._read[waiting] < self._deadline:
                 return _Full()
         waiting.abort()
         return self._server()

@@ -321,7 +321,8 @@ async def serving(
 ) -> AsyncIterator[int]:
     """Context in which the gateway answers at the port that is yielded; port 0 takes any. Raises PortTaken.
 
-    deadline: s for a request to be complete; connections: largest number, None for all pages and new connections.
+    deadline: s for a request to be complete, and for an answer to be read where there are too many connections;
+    connections: largest number, None for all pages and new connections.
     """
     runner = ApplicationRunner(
         gateway.app,
@@ -334,7 +335,8 @@ async def serving(
     await runner.setup()
     try:
         assert runner.server is not None
-        door = Door(runner.server, gateway.answered, gateway.read, connections or gateway.most_pages + ARRIVING)
+        most = connections or gateway.most_pages + ARRIVING
+        door = Door(runner.server, gateway.answered, gateway.read, most, deadline)
         try:
             listening = await asyncio.get_running_loop().create_server(door, host, port)
         except (OSError, UnicodeError) as error:  # the latter for a host that is no name

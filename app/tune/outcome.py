@@ -22,7 +22,7 @@ from app.scenario.schema import Scenario
 from app.storage.joint_kinds import units_of
 from app.sweep.charts import sheet, wide
 from app.sweep.folder import packed
-from app.sweep.plan import LONGEST_NAME
+from app.sweep.plan import LONGEST_NAME, SweepPlan, SweepRow
 from app.sweep.run_metrics import COLUMNS, RunMetrics, metric_title
 from app.sweep.run_store import RunStore, column
 from app.sweep.titles import unit_of
@@ -244,6 +244,10 @@ def verdict(tuning: Tuning, found: Found, names: Mapping[int, str] | None = None
         sentences.append(f"the {OWN} themselves: {found.tried[0].badge}")
     if short := _short(tuning, found):
         sentences.append(short)
+    if not _tests_anything(tuning):
+        sentences.append(
+            "the arm that was not seen is that of the search, since nothing is declared: nothing was tested"
+        )
     badges = Counter(each.badge.rpartition(" (")[0] for each in found.candidates[1:] if each.badge)
     if badges:
         reason, count = badges.most_common(1)[0]
@@ -267,6 +271,15 @@ def verdict(tuning: Tuning, found: Found, names: Mapping[int, str] | None = None
         both = "in both at once, " if len(tuning.aims) > 1 else ""
         sentences.append(f"{aims}: the {OWN} are NOT beaten {both}{on}")
     return sentences
+
+
+def _tests_anything(tuning: Tuning) -> bool:
+    """Whether an arm that was not seen is another one than that of the search, or its sensor has noise."""
+    if tuning.drawn > 1 or tuning.scenario.sensor.noise or tuning.scenario.sensor.moment_noise:
+        return True
+    plan = SweepPlan(tuning)
+    seen, unseen = (plan.scenario(SweepRow(arm, 0, arm, {})) for arm in (0, tuning.seen))
+    return seen.truth != unseen.truth
 
 
 def _short(tuning: Tuning, found: Found) -> str:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import resource
+import socket
 import subprocess
 import sys
 from collections.abc import Awaitable, Callable
 from functools import wraps
 from pathlib import Path
 
+import aiohttp
 import pytest
 
+import drivers.town
 from app.access.admission import Names, Tokens
 from app.session.autosave import StateFolder
 from drivers.town import HELLO, Town, town
@@ -206,6 +210,33 @@ async def test_silent_connections_keep_nobody_out_and_push_nobody_out() -> None:
         for page in inside:
             await page.send_bytes(HELLO)
             assert not page.closed
+
+
+@in_a_loop
+async def test_visitors_who_do_not_read_their_answers_keep_nobody_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drivers.town, "PAGE", f"<html><head></head><body>{500_000 * ' '}</body></html>")
+    async with town(serves={"connections": 12, "deadline": 0.3}) as lab, asyncio.timeout(PATIENCE):
+        link = await lab.arrive()
+        page = await lab.looked_at(link)
+        asked = f"GET {link} HTTP/1.1\r\nHost: 127.0.0.1:{lab.port}\r\n\r\n".encode()
+        deaf = []
+        for _ in range(12):
+            with socket.socket() as own:
+                own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+                own.connect(("127.0.0.1", lab.port))
+                own.setblocking(False)
+                deaf.append(own.dup())
+            deaf[-1].send(20 * asked)  # more than the buffers of the system hold
+        while len(lab.gateway.read) < 8:
+            await asyncio.sleep(0.01)
+        another = None
+        while another is None:
+            with contextlib.suppress(aiohttp.ClientError):
+                another = await lab.let_in(link)
+        await page.send_bytes(HELLO)
+        assert not page.closed
+        for own in deaf:
+            own.close()
 
 
 @pytest.mark.parametrize(

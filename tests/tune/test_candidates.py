@@ -9,6 +9,7 @@ import msgspec
 import pyarrow.parquet as pq
 import pytest
 
+from app.scenario.data import edited
 from app.scenario.schema import Scenario
 from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate, front, judged
@@ -160,3 +161,17 @@ def test_17_is_no_limit_of_a_law_without_the_gain_d() -> None:
     run = SOUND | {"failed": "law, gain", "verdict": "nothing promised"}
     assert judged(BOTH, 1, {}, [run]).badge == ""
     assert judged(BOTH, 1, {}, [run | {"failed": "law, gain, sampled_loop"}]).badge.startswith("over its limit: closed")
+
+
+def test_a_test_on_the_arm_of_the_search_is_called_none() -> None:
+    """Nothing is declared, so that the drawn arm is the believed one, as the scenario's own may be."""
+    nothing = "the arm that was not seen is that of the search, since nothing is declared: nothing was tested"
+    own, undeclared = judged(TUNING, 0, {}, [SOUND]), edited(TUNING.scenario, "declared", {})
+    believed = edited(undeclared, "truth", {})
+    for scenario, told in (
+        (believed, True),
+        (undeclared, False),  # its own arm is heavier
+        (edited(believed, "sensor.noise", 0.1), False),
+    ):
+        tuning = msgspec.structs.replace(TUNING, scenario=scenario, draw=0, unseen=1)
+        assert (nothing in verdict(tuning, Found([own], {0: own}, {0: [SOUND]}))) == told
