@@ -51,10 +51,11 @@ STATEMENTS: dict[Premise, Statement] = {
         "joints",
         "q has left Ω: it is {value} {unit} from the postures along the reference (at most {limit} {unit}); "
         "choose a larger radius of Ω, or a path nearer to the arm",
-        "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it, and, for surfaces "
-        "whose places or forms do not recur, until simulation.duration, or for 1000 s where they move more slowly",
-        unknown="k_r′ and k_r″ of (19) are not known for the present places or forms of the surfaces: these do not "
-        "recur within simulation.duration, or not within 1000 s",
+        "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it, until "
+        "simulation.duration for surfaces that never come back to their places or forms, and for 1000 s for those that "
+        "take longer than that",
+        unknown="k_r′ and k_r″ of (19) are not known for the present places or forms of the surfaces: they never come "
+        "back to them, and the run has outlasted simulation.duration, or they take more than 1000 s",
     ),
     Premise.REGULAR: Statement(
         "σ_min(J_q)",

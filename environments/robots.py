@@ -241,16 +241,19 @@ def load(
     geometry = geometry_of(model, path.name)
     tool = Tool(model, frame.parentJoint, placement, geometry)
     names = [str(joint) for joint in list(model.names)[1:]]
+    whole = entry if entry is not None and set(names) == entry.posture.keys() else None  # moved by the row's joints
     endless = {joint.get("name") for joint in root.iter("joint") if joint.get(description.ENDLESS)}
     if posture is not None:
         home = _posture(posture, model, names)
-    elif entry is not None and set(names) == entry.posture.keys():
-        home = np.array([entry.posture[joint] for joint in names])
+    elif whole is not None:
+        home = np.array([whole.posture[joint] for joint in names])
     else:
         home = tool.working_posture(path.name)
     # rotors belong to joints, whatever the tool
     known = dict(zip(entry.posture, entry.rotor_inertia, strict=True)) if entry else {}
     rotor = tuple(known.get(joint, ROTOR_INERTIA) for joint in names)
+    source = entry.rotor_source if entry is not None and set(names) <= known.keys() else "assumed"
+    source = source if rotor_inertia is None else "given by the user"
     model.armature = _vector("robot.rotor_inertia", rotor if rotor_inertia is None else rotor_inertia, model.nv)
     if (model.armature < 0).any():
         raise RobotError(f"robot.rotor_inertia: {model.armature.tolist()} has a negative entry; allowed: >= 0 kg m^2")
@@ -262,19 +265,9 @@ def load(
         tool_placement=placement,
         posture=home,
         geometry=geometry,
-        supplemental=(
-            tuple(names.index(j) for j in entry.supplemental)
-            if entry is not None and set(names) == entry.posture.keys()
-            else tool.supplemental(home)
-        ),
+        supplemental=tuple(names.index(j) for j in whole.supplemental) if whole else tool.supplemental(home),
         endless=tuple(name in endless for name in names),
-        rotor_source=(
-            "given by the user"
-            if rotor_inertia is not None
-            else entry.rotor_source
-            if entry is not None and set(names) <= known.keys()
-            else "assumed"
-        ),
+        rotor_source=source,
         tool_frame=frame_name,
         tool_offset=offset,
         frames=tuple(frames),

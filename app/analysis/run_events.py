@@ -61,7 +61,7 @@ class RunEvents:
         end: s, the last instant of the run.
         flag: what the run has been flagged for since its last change."""
         if recording is not self._recording:
-            before_fork = {flag: None for flag in self._flags if forks and flag.t <= forks[-1]}
+            before_fork = {each: None for each in self._flags if forks and each.t <= forks[-1]}
             self._recording, self._felt, self._flags, self._edited = recording, [], before_fork, {}
             self._read, self._pushed, self._contacts = -np.inf, False, {}
         if flag is not None:

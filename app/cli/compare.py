@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from app.cli.options import (
-    UNTYPED,
+    NO_DEFAULT_SHOWN,
     EngineOption,
     Files,
     Settings,
@@ -32,8 +32,8 @@ def compare(
     scenarios: Annotated[tuple[str, ...], tyro.conf.Positional],
     /,
     *,
-    last: Annotated[float | None, UNTYPED] = None,
-    duration: Annotated[float | None, UNTYPED] = None,
+    last: Annotated[float | None, NO_DEFAULT_SHOWN] = None,
+    duration: Annotated[float | None, NO_DEFAULT_SHOWN] = None,
     engine: EngineOption = None,
     use: Files = (),
     settings: Settings = (),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import tyro
 
 from app.cli.options import (
-    UNTYPED,
+    NO_DEFAULT_SHOWN,
     Default,
     EngineOption,
     Files,
@@ -50,9 +50,9 @@ def export(
     out: Path,
     to: Annotated[tuple[str, ...], tyro.conf.arg(metavar=braces(KINDS_OF_FILES))] = ("pdf",),
     plots: Annotated[tuple[str, ...], PLOTS.hint] = (),
-    series: Annotated[tuple[str, ...], UNTYPED] = (),
-    width: Annotated[str | None, UNTYPED] = None,
-    height: Annotated[str | None, UNTYPED] = None,
+    series: Annotated[tuple[str, ...], NO_DEFAULT_SHOWN] = (),
+    width: Annotated[str | None, NO_DEFAULT_SHOWN] = None,
+    height: Annotated[str | None, NO_DEFAULT_SHOWN] = None,
     type_size: Annotated[float | None, TYPE_SIZE.hint] = None,
     letters: Annotated[tyro.conf.DisallowNone[bool | None], LETTERS.hint] = None,
     caption: Annotated[tyro.conf.DisallowNone[bool | None], CAPTION.hint] = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from app.cli.options import UNTYPED, EngineOption, engine_of, require_folder, written_to
+from app.cli.options import NO_DEFAULT_SHOWN, EngineOption, engine_of, require_folder, written_to
 from app.cli.status import DONE
 from app.scenario.errors import ScenarioError
 from parameters import allowed
@@ -14,7 +14,7 @@ from parameters import allowed
 def figures(
     *,
     out: Path,
-    only: Annotated[tuple[str, ...], UNTYPED] = (),
+    only: Annotated[tuple[str, ...], NO_DEFAULT_SHOWN] = (),
     thin: int = 1,
     engine: EngineOption = None,
 ) -> int:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from app.cli.options import UNTYPED, one_of, require_folder, written_to
+from app.cli.options import NO_DEFAULT_SHOWN, one_of, require_folder, written_to
 from app.cli.status import BAD_INPUT, DONE, STOPPED
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
@@ -15,10 +15,10 @@ from app.scenario.errors import ScenarioError
 
 def lesson(
     action: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="{list,check,run}")],
-    lessons: Annotated[tuple[str, ...], tyro.conf.Positional, UNTYPED] = (),
+    lessons: Annotated[tuple[str, ...], tyro.conf.Positional, NO_DEFAULT_SHOWN] = (),
     /,
     *,
-    figures: Annotated[Path | None, UNTYPED] = None,
+    figures: Annotated[Path | None, NO_DEFAULT_SHOWN] = None,
 ) -> int:
     """List the lessons, check them, or simulate their runs without a screen.
 

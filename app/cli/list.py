@@ -4,22 +4,24 @@ recording."""
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Annotated
 
 import tyro
+from msgspec import Struct
 
-from app.cli.options import UNTYPED, one_of
+from app.cli.options import NO_DEFAULT_SHOWN, one_of
 from app.cli.status import DONE
 from app.scenario.data import shipped
 from app.scenario.errors import ScenarioError
-from app.scenario.field_info import FieldInfo, FieldOfKind, fields_of_kinds, paths_below, types_of
+from app.scenario.field_info import FieldInfo, fields_of_kinds, paths_below, types_of
 from app.scenario.schema import Scenario
 
 SECTIONS = tuple(name for name in Scenario.__struct_fields__ if types_of(Scenario, name))
 
 
 def list_(
-    *, fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION"), UNTYPED] = None, signals: bool = False
+    *, fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION"), NO_DEFAULT_SHOWN] = None, signals: bool = False
 ) -> int:
     """List the robots and the shipped scenarios, the fields of a section of scenarios, or the signals of a recording.
 
@@ -55,27 +57,35 @@ def _fields_of(section: str) -> list[str]:
     """Lines on the fields of a section: path, unit, default, what is allowed, meaning, and the kinds that have it if
     few do; of a field that is not the same in all kinds, a line for each."""
     kinds = types_of(Scenario, section)
-    kinds_of = {f"{section}.kind": kinds} | {
-        f"{section}.{name}.kind": types_of(kind, name) for kind in kinds for name in kind.__struct_fields__
-    }
-    lines = [
-        f"{path}: {', '.join(str(kind.__struct_config__.tag) for kind in several)}"
-        for path, several in kinds_of.items()
-        if len(several) > 1
-    ]
-    known = fields_of_kinds(section, kinds)
+    tags = _tags(section, kinds)
+    lines = [f"{path}.kind: {', '.join(known)}" for path, known in tags.items()]
+    fields = fields_of_kinds(section, kinds)
     for path in paths_below(section, kinds):
-        alike: dict[str, list[FieldOfKind]] = {}
-        for each in known:
-            if each.path == path:
-                alike.setdefault(repr(each[2:]), []).append(each)
-        several = next((of for at, of in reversed(kinds_of.items()) if path.startswith(at.removesuffix("kind"))), [])
-        for same in alike.values():
-            info, default, of = same[0].info, same[0].default, [each.kind for each in same]
-            meaning = info.doc + (f" ({', '.join(of)})" if len(of) < len(several) else "")
-            columns = f"{path:34s}", f"{info.unit.removesuffix('1'):9s}", f"{_written(default):16s}"
-            lines.append("  ".join((*columns, f"{_allowed(info, default):22s}", meaning)).rstrip())
+        around = next((known for at, known in reversed(tags.items()) if path.startswith(f"{at}.")), [])
+        alike: dict[tuple[FieldInfo, str], list[str]] = {}
+        for field in fields:
+            if field.path == path:
+                alike.setdefault((field.info, _written(field.default)), []).append(field.kind)
+        for (info, default), having in alike.items():
+            kinds_having = f" ({', '.join(having)})" if len(having) < len(around) else ""
+            columns = (
+                f"{path:34s}",
+                f"{info.unit.removesuffix('1'):9s}",
+                f"{default:16s}",
+                f"{_allowed(info, default):22s}",
+            )
+            lines.append("  ".join((*columns, info.doc + kinds_having)).rstrip())
     return lines
+
+
+def _tags(section: str, kinds: Sequence[type[Struct]]) -> dict[str, list[str]]:
+    """Tags of the kinds of a section and of the sections in it, by path, where there are several."""
+    within = {f"{section}.{name}": types_of(kind, name) for kind in kinds for name in kind.__struct_fields__}
+    return {
+        path: [str(kind.__struct_config__.tag) for kind in known]
+        for path, known in {section: kinds, **within}.items()
+        if len(known) > 1
+    }
 
 
 def _written(default: object) -> str:
@@ -83,9 +93,9 @@ def _written(default: object) -> str:
     return "" if default is None else json.dumps(default, ensure_ascii=False)
 
 
-def _allowed(info: FieldInfo, default: object) -> str:
-    """What is allowed in a field, in a few signs."""
-    if isinstance(default, bool):
+def _allowed(info: FieldInfo, default: str) -> str:
+    """What is allowed in a field with this default, in a few signs."""
+    if default in ("true", "false"):
         return "true, false"
     least, largest = info.least, info.largest
     low = "" if least is None else f"{'>=' if info.least_allowed else '>'} {least:g}"

@@ -25,7 +25,7 @@ from parameters import allowed
 
 Choice = TypeVar("Choice", bound=str)
 Value = TypeVar("Value")
-UNTYPED: Any = tyro.conf.arg(help_behavior_hint="")  # of an option whose help says itself what holds without it
+NO_DEFAULT_SHOWN: Any = tyro.conf.arg(help_behavior_hint="")  # the help shows no "(default: None)"
 Files = Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE.py")]
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from app.cli.options import (
-    UNTYPED,
+    NO_DEFAULT_SHOWN,
     Default,
     Files,
     Settings,
@@ -41,8 +41,8 @@ def response(
     *,
     out: Path,
     at: float = 0.0,
-    measure: Annotated[tuple[float, ...], UNTYPED] = (),
-    chirp: Annotated[tuple[float, float] | None, UNTYPED] = None,
+    measure: Annotated[tuple[float, ...], NO_DEFAULT_SHOWN] = (),
+    chirp: Annotated[tuple[float, float] | None, NO_DEFAULT_SHOWN] = None,
     newtons: Annotated[float | None, NEWTONS.hint] = None,
     newton_metres: Annotated[float | None, NEWTON_METRES.hint] = None,
     use: Files = (),

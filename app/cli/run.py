@@ -10,7 +10,7 @@ import numpy as np
 import tyro
 
 from app.cli.options import (
-    UNTYPED,
+    NO_DEFAULT_SHOWN,
     Default,
     EngineOption,
     Files,
@@ -43,14 +43,14 @@ TITLE = 40  # letters of a metric's name, before its value
 
 
 def run(
-    scenario: Annotated[tyro.conf.Positional[str | None], UNTYPED] = None,
+    scenario: Annotated[tyro.conf.Positional[str | None], NO_DEFAULT_SHOWN] = None,
     /,
     *,
     out: Path,
-    from_: Annotated[Path | None, tyro.conf.arg(name="from"), UNTYPED] = None,
-    row: Annotated[int | None, UNTYPED] = None,
-    duration: Annotated[float | None, UNTYPED] = None,
-    blend_to: Annotated[str | None, UNTYPED] = None,
+    from_: Annotated[Path | None, tyro.conf.arg(name="from"), NO_DEFAULT_SHOWN] = None,
+    row: Annotated[int | None, NO_DEFAULT_SHOWN] = None,
+    duration: Annotated[float | None, NO_DEFAULT_SHOWN] = None,
+    blend_to: Annotated[str | None, NO_DEFAULT_SHOWN] = None,
     blend_at: Annotated[float | None, BLEND_AT.hint] = None,
     blend_over: Annotated[float | None, BLEND_OVER.hint] = None,
     strict: bool = False,

@@ -10,7 +10,7 @@ import msgspec
 import tyro
 
 from app.cli.options import (
-    UNTYPED,
+    NO_DEFAULT_SHOWN,
     Default,
     EngineOption,
     Settings,
@@ -56,18 +56,18 @@ def sweep(
     scenario: tyro.conf.Positional[str],
     /,
     *,
-    vary: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], UNTYPED] = (),
+    vary: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], NO_DEFAULT_SHOWN] = (),
     design: Annotated[str | None, tyro.conf.arg(metavar="{grid,latin,sobol}"), DESIGN.hint] = None,
     points: Annotated[int | None, POINTS.hint] = None,
     draw: Annotated[int | None, DRAW.hint] = None,
     corners: Annotated[tyro.conf.DisallowNone[bool | None], CORNERS.hint] = None,
     seed: Annotated[int | None, SEED.hint] = None,
-    out: Annotated[Path | None, UNTYPED] = None,
-    duration: Annotated[float | None, UNTYPED] = None,
-    until: Annotated[float | None, UNTYPED] = None,
+    out: Annotated[Path | None, NO_DEFAULT_SHOWN] = None,
+    duration: Annotated[float | None, NO_DEFAULT_SHOWN] = None,
+    until: Annotated[float | None, NO_DEFAULT_SHOWN] = None,
     engine: Annotated[EngineOption, ENGINE.hint] = None,
-    workers: Annotated[int | None, UNTYPED] = None,
-    scheduler: Annotated[str | None, UNTYPED] = None,
+    workers: Annotated[int | None, NO_DEFAULT_SHOWN] = None,
+    scheduler: Annotated[str | None, NO_DEFAULT_SHOWN] = None,
     dry_run: bool = False,
     settings: Settings = (),
 ) -> int:

@@ -9,7 +9,7 @@ from typing import Annotated, get_args
 
 import tyro
 
-from app.cli.options import UNTYPED, one_of, require_folder, written_to
+from app.cli.options import NO_DEFAULT_SHOWN, one_of, require_folder, written_to
 from app.cli.status import DONE
 from app.export.formats import Format
 from app.process.terminal_text import print_line
@@ -17,16 +17,18 @@ from app.scenario.errors import ScenarioError
 
 
 def sweep_plot(
-    folder: Annotated[tyro.conf.Positional[Path | None], UNTYPED] = None,
+    folder: Annotated[tyro.conf.Positional[Path | None], NO_DEFAULT_SHOWN] = None,
     /,
     *,
     of: str = "motion_error",
-    within: Annotated[float | None, UNTYPED] = None,
-    show: Annotated[str | None, tyro.conf.arg(metavar="{share,median,worst}"), UNTYPED] = None,
-    over: Annotated[tuple[str, ...], UNTYPED] = (),
-    kind: Annotated[str | None, tyro.conf.arg(name="as", metavar="{map,slices,scatter,parallel}"), UNTYPED] = None,
-    to: Annotated[str | None, tyro.conf.arg(metavar="{svg,pdf,png}"), UNTYPED] = None,
-    out: Annotated[Path | None, UNTYPED] = None,
+    within: Annotated[float | None, NO_DEFAULT_SHOWN] = None,
+    show: Annotated[str | None, tyro.conf.arg(metavar="{share,median,worst}"), NO_DEFAULT_SHOWN] = None,
+    over: Annotated[tuple[str, ...], NO_DEFAULT_SHOWN] = (),
+    kind: Annotated[
+        str | None, tyro.conf.arg(name="as", metavar="{map,slices,scatter,parallel}"), NO_DEFAULT_SHOWN
+    ] = None,
+    to: Annotated[str | None, tyro.conf.arg(metavar="{svg,pdf,png}"), NO_DEFAULT_SHOWN] = None,
+    out: Annotated[Path | None, NO_DEFAULT_SHOWN] = None,
 ) -> int:
     """Draw the results of a sweep. The sweep need not be finished.
 

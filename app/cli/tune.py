@@ -9,7 +9,7 @@ import msgspec
 import tyro
 
 from app.cli.options import (
-    UNTYPED,
+    NO_DEFAULT_SHOWN,
     Settings,
     configured,
     folder_of,
@@ -31,18 +31,18 @@ def tune(
     scenario: Annotated[str, tyro.conf.Positional],
     /,
     *,
-    move: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], UNTYPED] = (),
+    move: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], NO_DEFAULT_SHOWN] = (),
     aims: Annotated[
-        tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="for", metavar="METRIC"), UNTYPED
+        tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="for", metavar="METRIC"), NO_DEFAULT_SHOWN
     ] = (),
     draw: int = 0,
     budget: int = 120,
     unseen: int = 32,
     seed: int = 0,
-    out: Annotated[Path | None, UNTYPED] = None,
-    duration: Annotated[float | None, UNTYPED] = None,
-    until: Annotated[float | None, UNTYPED] = None,
-    workers: Annotated[int | None, UNTYPED] = None,
+    out: Annotated[Path | None, NO_DEFAULT_SHOWN] = None,
+    duration: Annotated[float | None, NO_DEFAULT_SHOWN] = None,
+    until: Annotated[float | None, NO_DEFAULT_SHOWN] = None,
+    workers: Annotated[int | None, NO_DEFAULT_SHOWN] = None,
     dry_run: bool = False,
     settings: Settings = (),
 ) -> int:
@@ -121,8 +121,8 @@ def _tune_into(out: Path, tuning: Tuning, workers: int | None) -> int:
     print(f"written to {out}")
     if ended:
         print(
-            f"{ended} runs were ended by a fault (column stopped); the same command tries again those after which no "
-            "candidate was chosen"
+            f"runs that a fault has ended (column stopped): {ended}; the same command tries them again, but not those "
+            "from which the search has learned"
         )
         return FAULT
     return DONE

@@ -49,7 +49,7 @@ TICK = 1.0  # s
 FAREWELL = 0.1  # s, twice: at the end, for pages whose sessions have ended; their last messages are not read
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
 LONGEST_LINK = 500
-READ_WITHIN = 60.0  # s, an answer by its visitor, who may be far away
+READ_WITHIN = 60.0  # s in which a visitor, whose connection may be slow, must have read an answer
 DRAWN_AT_ONCE = 8  # QR codes
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -101,6 +101,7 @@ class Gateway:
 
     async def _end(self, _: web.Application) -> None:
         """End the sessions, before the server waits for the pages: they end with their sessions."""
+        self._drawer.shutdown(wait=False, cancel_futures=True)
         await self._pool.close()
 
     async def _tick(self) -> None:

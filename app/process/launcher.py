@@ -42,7 +42,7 @@ def start(module: str, *arguments: str, stdin: int, pass_fds: tuple[int, ...] = 
     """
     # -P and the path: this program, whatever lies in the user's folder
     path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-    # a pool's semaphores are left to the system where its process is ended, which is no news for the terminal
+    # a pool that is ended leaves its semaphores to Python's resource tracker, whose warning is no news for the terminal
     warnings = ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), LEFT_SEMAPHORES)))
     return subprocess.Popen(
         [sys.executable, "-P", "-m", "app.process.launcher", str(os.getpid()), module, *arguments],

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import structlog
 
-from app.process.log_file import LogFile
+from app.process.log_file import GrowingLog, LogFile
 from app.process.redaction import redacted
 
 Level = Literal["debug", "info", "warning", "error"]
@@ -109,6 +109,8 @@ class _Lines(logging.Handler):
         try:
             line = self.format(record) + (f" left_out={left_out}" if left_out else "")
             self._write(line + "\n")
+        except GrowingLog as error:
+            _print_error(f"the log: {error.strerror}")
         except OSError as error:
             if not self._complained:
                 self._complained = True

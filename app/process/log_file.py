@@ -11,6 +11,10 @@ LARGEST = 10_000_000  # bytes; then the file gets a number, and another one is b
 OLDER = 3  # numbered files that are kept: FILE.1 is the newest
 
 
+class GrowingLog(OSError):
+    """Error of a log file that has reached its limit and cannot be renamed; its lines are written."""
+
+
 class LogFile:
     """Log file to which lines are appended: each by one call of the system, so that those of several processes do not
     mix.
@@ -25,13 +29,13 @@ class LogFile:
         self._descriptor = _opened(self._path)
 
     def write(self, line: str) -> None:
-        """Append a line. Raises OSError, also for a line that does not fit on the disk as a whole, and after the first
-        line beyond the limit where the file cannot be renamed."""
+        """Append a line. Raises OSError, also for a line that does not fit on the disk as a whole, and GrowingLog after
+        the first line beyond the limit where the file cannot be renamed."""
         data = line.encode(errors="backslashreplace")
         self._follow()
         status = os.fstat(self._descriptor)
         large = stat.S_ISREG(status.st_mode) and status.st_size + len(data) > LARGEST
-        failure = self._moved_on() if large and not self._stuck else None
+        failure = self._try_to_move_on() if large and not self._stuck else None
         if (written := os.write(self._descriptor, data)) < len(data):
             raise OSError(f"{self._path}: {written} of {len(data)} bytes of a line fit")
         if failure is not None:
@@ -49,15 +53,17 @@ class LogFile:
         if not same:
             another = _opened(self._path)
             os.close(self._descriptor)
-            self._descriptor = another
+            self._descriptor, self._stuck = another, False
 
-    def _moved_on(self) -> OSError | None:
-        """Begin another file; why not, where that fails. Then it is not tried again."""
+    def _try_to_move_on(self) -> GrowingLog | None:
+        """Begin another file; the error where that fails, and is not tried again."""
         try:
             self._move_on()
+        except FileNotFoundError:  # another program has moved it just now: the next line follows
+            return None
         except OSError as error:
             self._stuck = True
-            return error
+            return GrowingLog(error.errno, f"{self._path} cannot be renamed ({error.strerror}), so it grows")
         return None
 
     def _move_on(self) -> None:

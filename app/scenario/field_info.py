@@ -84,7 +84,7 @@ def types_of(struct: type[Struct], name: str) -> list[type[Struct]]:
 
 class FieldOfKind(NamedTuple):
     """Field in one of the kinds of a section.
-    path: dotted; kind: names of the kinds on the way to it, "" in a section of one kind.
+    path: dotted; kind: tag of the nearest kind around it, "" where no section around it has several.
     info: its facts there; default: its value in a file that does not have it."""
 
     path: str
@@ -98,15 +98,15 @@ def fields_of_kinds(prefix: str, kinds: Sequence[type[Struct]], outer: str = "")
     found: list[FieldOfKind] = []
     for kind in kinds:
         tag = str(kind.__struct_config__.tag) if len(kinds) > 1 else outer
-        defaults = {f.name: f for f in msgspec.structs.fields(kind)}
+        stated = {f.name: f for f in msgspec.structs.fields(kind)}
         for f in _schema(kind).fields:
-            path = f"{prefix}.{f.name}"
+            path, field = f"{prefix}.{f.name}", stated[f.name]
             if within := types_of(kind, f.name):
                 found += fields_of_kinds(path, within, tag)
             elif isinstance(f.type, _Metadata):
-                of = defaults[f.name]
-                made = of.default_factory() if callable(of.default_factory) else of.default
-                found.append(FieldOfKind(path, tag, _info(f.type), made))
+                info = replace(_info(f.type), unit=field_info(path).unit)  # which knows the section's metre
+                default = field.default_factory() if callable(field.default_factory) else field.default
+                found.append(FieldOfKind(path, tag, info, default))
     return found
 
 

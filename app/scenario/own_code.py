@@ -83,7 +83,9 @@ def own_code() -> OwnCode:
     for name_of_file, digest in json.loads(os.environ.get(VARIABLE) or "[]"):
         path = Path(name_of_file)
         if _digest(path) != digest:  # this process would compute with another law than the one that has started it
-            raise OwnCodeError(f"--use {path}: the file has been changed since the start; allowed: to start again")
+            raise OwnCodeError(
+                f"--use {path}: the file has been changed since the start; allowed: start the command again"
+            )
         module, empty = _loaded(path), True
         for name, kind, ours, known in _kinds(found):
             own = vars(module).get(name)

@@ -232,7 +232,7 @@ def _constants(
     along_reference, rules = scenario.controller.estimates == "along-reference", scenario.simulation
 
     def same_omega(previous: System) -> bool:
-        # the start is compared, too: onto a rigid surface the true arm's masses say which way it goes
+        # the start is compared, too: it is on a surface that is rigid, and elsewhere on one that is not
         return omega_key(previous.scenario) == omega_key(scenario) and np.array_equal(previous.q_0, q_0)
 
     def same(previous: System) -> bool:

@@ -307,7 +307,8 @@ def _promise_alarms(evaluation, t):
         alarms += LAYER_REACHED
     if outside_band and not np.isnan(record.band_reached):
         alarms += BAND_REACHED
-    if promised and not record.promised and (outside_layer or outside_band):
+    awaited = outside_band or (outside_layer and evaluation.posture_check.layer_width > 0.0)
+    if promised and not record.promised and awaited:
         alarms += PROMISE_LOST
     return alarms
 

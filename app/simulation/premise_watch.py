@@ -324,7 +324,7 @@ class PremiseWatch:
         if Alarm.LAYER_REACHED in alarms or Alarm.BAND_REACHED in alarms:
             state.epoch = replace(state.epoch, layer_reached=self.layer_reached, band_reached=self.band_reached)
         if Alarm.PROMISE_LOST in alarms:  # what was promised for later is so no more
-            layer, band = (state.epoch.layer_reached, state.epoch.band_reached)
+            layer, band = state.epoch.layer_reached, state.epoch.band_reached
             state.epoch = replace(
                 state.epoch,
                 layer_reached_by=None if layer is None else state.epoch.layer_reached_by,

@@ -64,9 +64,9 @@ class Column(NamedTuple):
 
 
 COLUMNS: dict[str, Column] = {
-    "row": Column("", "number of the run, for `--row` of `vsmrc run`"),
-    "point": Column("", "number of the point, of the varied fields"),
-    "arm": Column("", "number of the true arm at this point"),
+    "row": Column("", "number of the run from 0, for `--row` of `vsmrc run`"),
+    "point": Column("", "number of the point from 0, of the varied fields"),
+    "arm": Column("", "number of the true arm at this point, from 0"),
     "motion_error": Column("m", "largest position error where no force is controlled", at_the_end=True, of="r"),
     "angle_error": Column("rad", "largest error of angles and revolute supplemental joints", at_the_end=True),
     "force_error": Column("N", "largest force error", at_the_end=True),

@@ -19,6 +19,7 @@ from app.export.ticks import plain_decades
 from app.process.atomic_write import write_whole
 from app.scenario import data
 from app.scenario.schema import Scenario
+from app.simulation.environment_builder import robot_of, truth_of
 from app.storage.joint_kinds import units_of
 from app.sweep.charts import sheet, wide
 from app.sweep.folder import packed
@@ -279,7 +280,16 @@ def _tests_anything(tuning: Tuning) -> bool:
         return True
     plan = SweepPlan(tuning)
     seen, unseen = (plan.scenario(SweepRow(arm, 0, arm, {})) for arm in (0, tuning.seen))
-    return seen.truth != unseen.truth
+    robot = robot_of(tuning.scenario)
+
+    def numbers(scenario: Scenario) -> np.ndarray:
+        truth = truth_of(scenario, robot)
+        model = truth.model(robot)
+        frequency = truth.disturbance_frequency if truth.disturbance else 0.0
+        masses = [each.toDynamicParameters() for each in list(model.inertias)[1:]]
+        return np.hstack([*masses, model.armature, truth.coulomb, truth.viscous, truth.disturbance, frequency])
+
+    return not np.array_equal(numbers(seen), numbers(unseen))
 
 
 def _short(tuning: Tuning, found: Found) -> str:

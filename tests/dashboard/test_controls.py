@@ -251,7 +251,8 @@ def test_a_slider_whose_preview_has_ended_shows_the_running_value_and_applies_no
     if ended_by == "another run":
         page.desk.post(Reset())
     elif ended_by == "revert":
-        page.whatif.drop()
+        assert page.whatif.held is not None
+        page.whatif.drop(page.whatif.held)
     page.whatif.look(page.snapshot(), set() if "page" in ended_by else {1})
     field.show(page.snapshot())
     assert (text.value, slider.value) == (running, place)

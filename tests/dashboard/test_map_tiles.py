@@ -326,5 +326,5 @@ def test_a_map_of_an_earlier_scenario_says_so(
     robustness._fields = {each.path: each for each in FIELDS}
     work = SimpleNamespace(plan=SweepPlan(SWEEP), rows=[], going=True, waiting=False, problem="")
     drawn = robustness._drawn(cast(BackgroundSweep, work), page.snapshot())
-    told = "The map is of an earlier scenario: mode, arm, task coordinates or surfaces were others."
+    told = "The map is of an earlier scenario: mode, arm, tool, task coordinates or surfaces were others."
     assert (told in drawn) == earlier

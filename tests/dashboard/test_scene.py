@@ -166,7 +166,9 @@ def test_a_hand_that_was_let_go_takes_hold_again_only_by_another_drag(kind: str,
         )
         hand._drag(event, kind)  # pyright: ignore[reportArgumentType]
 
+    now[0] = replace(start, phase="paused")  # it is taken hold of before the run goes on
     drag("start")
+    now[0] = start
     drag("update", 0.1)
     before = list(posted)
     now[0] = replace(start, **ended_by)

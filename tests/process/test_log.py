@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import subprocess
 import sys
@@ -163,13 +164,13 @@ def test_a_file_that_is_full_gets_a_number_whoever_of_its_writers_finds_it(
 
 def test_a_file_that_cannot_be_renamed_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: object) -> None:
-        raise PermissionError
+        raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr(log_file, "LARGEST", 20)
     monkeypatch.setattr(Path, "replace", refused)
     file = log_file.LogFile(tmp_path / "lab.log")
     file.write("a line of the log\n")
-    with pytest.raises(PermissionError):
+    with pytest.raises(log_file.GrowingLog, match=r"lab.log cannot be renamed \(Permission denied\), so it grows"):
         file.write("the first one beyond its limit\n")
     file.write("another one\n")
     file.close()

@@ -89,7 +89,7 @@ def test_a_file_that_was_changed_since_the_start_is_not_used_by_another_process(
         assert list(own_code.own_code().laws) == ["pid-gravity"]
         file.write_text(file.read_text().replace("5000.0", "6000.0"))
         own_code.own_code.cache_clear()
-        with pytest.raises(own_code.OwnCodeError, match="the file has been changed since the start; allowed: to start"):
+        with pytest.raises(own_code.OwnCodeError, match="the file has been changed since the start; allowed: start"):
             own_code.own_code()
     finally:
         own_code.own_code.cache_clear()

@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from app.dashboard.widgets.whatif import applied
+from app.dashboard.widgets.whatif import around
 from app.scenario.data import edited, shipped
 from app.session.autosave import _subject
 from app.session.commands import BeginScenario, Command, Edit, Load, PushNow, Reset
@@ -105,6 +105,6 @@ def test_a_push_by_the_button_is_neither_saved_for_another_server_nor_in_the_pre
     assert now.scenario.truth.push_start == pytest.approx(0.02)
     assert _subject(now)[0] == own
     goes_on, anew = Edit("controller.layer", 0.02), Edit("simulation.domain_radius", 0.1)
-    assert applied(now, goes_on) == (now.scenario, edited(now.scenario, goes_on.path, goes_on.value))
-    assert applied(now, anew) == (own, edited(own, anew.path, anew.value))
+    assert around(now, goes_on) == (now.scenario, edited(now.scenario, goes_on.path, goes_on.value))
+    assert around(now, anew) == (own, edited(own, anew.path, anew.value))
     assert begins_anew(now.scenario, edited(now.scenario, anew.path, anew.value))

@@ -127,14 +127,15 @@ def test_a_tuning_that_goes_on_has_the_same_answer_and_computes_nothing_twice(
 def test_runs_that_a_fault_has_ended_are_tried_again_unless_candidates_were_chosen_after_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    early, unseen = 2 * TUNING.arms, TUNING.seen  # of the second candidate, and of the own gains
+    own, unseen, early = 0, TUNING.seen, 2 * TUNING.arms  # of the own gains, and of the second candidate
     fallen = set[int]()
 
     def faulty(*arguments: Any) -> Iterator[Any]:
         for rows, metrics in in_this_process(*arguments):
             numbers = {row.number for row in rows}
-            fallen.update(numbers if numbers & {early, unseen} else ())
-            yield rows, FALLEN if numbers & {early, unseen} else metrics
+            falls = bool(numbers & {own, unseen, early})
+            fallen.update(numbers if falls else ())
+            yield rows, FALLEN if falls else metrics
 
     with monkeypatch.context() as falling:
         falling.setattr(worker_pool, "results", faulty)
@@ -144,9 +145,10 @@ def test_runs_that_a_fault_has_ended_are_tried_again_unless_candidates_were_chos
     add = RunStore.add
     monkeypatch.setattr(RunStore, "add", lambda store, row: (added.append(row["row"]), add(store, row)))
     again = tuned(tmp_path)
-    assert set(added) == {number for number in fallen if number % TUNING.arms >= TUNING.seen}
-    assert unseen in added
-    assert again.candidates == first.candidates
+    assert set(added) == {number for number in fallen if number < early}
+    assert {own, unseen} <= set(added)
+    assert not again.candidates[0].badge
+    assert again.candidates[1:] == first.candidates[1:]
     assert not again.tried[0].badge
     with RunStore(tmp_path, TUNING) as store:
         assert running.ended(store) == len(fallen) - len(added)

@@ -199,9 +199,9 @@ class ExportPanel:
         self._delivery.give(event, "3-D picture", name, make, maker=client.client_id)
 
     def _on_scenario(self, event: viser.GuiEvent) -> None:
-        scenario = self._desk.snapshot().scenario
-        name = file_name(scenario.name, self._desk.snapshot().t, "toml")
-        self._delivery.give(event, "Scenario", name, lambda _: to_toml(scenario).encode())
+        snapshot = self._desk.snapshot()
+        name = file_name(snapshot.scenario.name, snapshot.t, "toml")
+        self._delivery.give(event, "Scenario", name, lambda _: to_toml(snapshot.scenario).encode())
 
     async def _on_upload(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
         if event.client is None:

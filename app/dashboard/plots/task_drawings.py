@@ -102,7 +102,7 @@ def force_by_axes(_: Setup) -> Drawing:
 
 
 def moment_by_axes(setup: Setup) -> Drawing | None:
-    """Drawing of the measured moment: those of a flat tool, or by the axes of the world; none without a moment."""
+    """Drawing of the measured moments: those of a flat tool, or by the axes of the world; none without a moment."""
     if setup.tilts:
         return _alignment(setup)
     if not setup.twisted:

@@ -30,7 +30,7 @@ _BESIDE = np.array([RADIUS, 0.0, RADIUS])  # m, from the tool to the hint
 class HeldHandle:
     """Drag of the handle that is going on.
     client: whose pointer it is.
-    run: in which it has begun; playing: whether that was running then.
+    run: in which it has begun; playing: whether that has been running since.
     drag: push, turn, or move of the target.
     offset: (3,) m; for a push: anchor minus pointer; for a turn: point of the ball that the pointer holds; for a moved
     target: coordinates g under the pointer at the beginning.
@@ -49,7 +49,7 @@ class HeldHandle:
 
     def over(self, snapshot: Snapshot) -> bool:
         """Whether the drag has ended without its page: another run has begun, or the run was paused."""
-        return snapshot.run != self.run or (self.playing and snapshot.phase != "running")
+        return snapshot.run > self.run or (self.playing and snapshot.phase != "running")
 
     def turned(self, pointer: np.ndarray) -> tuple[float, float, float]:
         """Rotation vector, rad, of the orientation to which the pointer (3,) m turns the tool, like a ball that it
@@ -132,9 +132,12 @@ class Hand:
                     return  # one hand at a time: the push of the first would never be let go
                 self._let_go(snapshot, self._held)  # its end has not come
             self._held = self._taken(snapshot, event, drag)
+        self._drop_if_over(snapshot)
         held = self._held
-        if held is None or held.client != event.client_id or self._dropped(snapshot, held):
+        if held is None or held.client != event.client_id:
             return
+        if snapshot.phase == "running" and not held.playing:
+            self._held = held = replace(held, playing=True)
         if event.phase == "end":
             self._held = None
             self._let_go(snapshot, held)
@@ -150,11 +153,12 @@ class Hand:
             moved = snapshot.system.charted.chart(pointer, snapshot.t).g - held.offset
             self._held = replace(held, moved=moved)
 
-    def _dropped(self, snapshot: Snapshot, held: HeldHandle) -> bool:
-        """Whether the drag is over, after which the pointer moves nothing until it takes hold again."""
-        if held.over(snapshot):
+    def _drop_if_over(self, snapshot: Snapshot) -> None:
+        """Forget a drag that is over: the pointer moves nothing until it takes hold again. A drag that another thread
+        has begun meanwhile stays."""
+        held = self._held
+        if held is not None and held.over(snapshot) and self._held is held:
             self._held = None
-        return held.over(snapshot)
 
     def _pull(self, grip: Grip) -> None:
         if self._desk.post(HoldTool(grip)) is None:  # a lesson's goal has begun meanwhile
@@ -196,8 +200,7 @@ class Hand:
     def show(self, snapshot: Snapshot, newtons: float) -> None:
         """Show the handle at the tool, and the spring that holds it. newtons: per `UNIT` of arrow."""
         tool, push = snapshot.tool, snapshot.push
-        if self._held is not None:
-            self._dropped(snapshot, self._held)
+        self._drop_if_over(snapshot)
         move(self._handle, tool)
         self._arrow.show(tool, push, newtons)
         self._axis.show(tool, snapshot.push_moment, NEWTON_METRES)

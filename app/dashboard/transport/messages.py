@@ -103,7 +103,7 @@ class SceneNodeDragMessage(_Message, frozen=True):
 
 
 class FileTransferStartUpload(_Message, frozen=True):
-    """Message of the begin of an upload."""
+    """Message that begins an upload."""
 
     source_component_uuid: Name
     transfer_uuid: Name

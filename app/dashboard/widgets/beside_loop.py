@@ -113,5 +113,5 @@ def task_of(scenario: Scenario) -> tuple[object, ...]:
 
 def earlier_html(what: str) -> str:
     """Note on results of a scenario with another `task_of` than the present one, as HTML."""
-    others = "mode, arm, task coordinates or surfaces were others"
+    others = "mode, arm, tool, task coordinates or surfaces were others"
     return f'<div class="vs-note">{what} is of an earlier scenario: {others}.</div>'

@@ -1,4 +1,4 @@
-"""Delivery of files to the page that asked for them, one at a time, with a note of the progress or of the failure."""
+"""Delivery of files to the page that asked for them, with a note of the progress or of the failure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ log = structlog.get_logger()
 
 
 class FileDelivery:
-    """Delivery of files that are made in another process, so that the run goes on."""
+    """Delivery of files that are made in another process, so that the run goes on, or drawn by a page."""
 
     def __init__(self) -> None:
         self._lock, self._busy = threading.Lock(), set[Hashable]()

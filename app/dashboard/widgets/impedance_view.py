@@ -88,8 +88,11 @@ class ImpedanceView:
         try:
             job = MadeJob(encoded, (state, loop.response.axes, chirp_for(state), engine_ready()))
             points = decoded(self._desk.export_jobs.made(job, lambda _: None))
-            measured = _Measurement(snapshot.scenario, snapshot.run, state.t, loop, points, not_linear(state))
-            if not measured.still_of(self._desk.snapshot()):
+            measured, now = (
+                _Measurement(snapshot.scenario, snapshot.run, state.t, loop, points, not_linear(state)),
+                self._desk.snapshot(),
+            )
+            if (now.run, now.latest.scenario) != (snapshot.run, snapshot.latest.scenario):
                 self._desk.complain(f"the push measured the run at t = {state.t:.2f} s, which has been changed since")
             self._measurement = measured
         except (ExportError, OSError) as error:

@@ -51,6 +51,7 @@ class PoleDrag:
         desk.gui.add_html('<i class="vs-pole-field"></i>')
         self._field = desk.gui.add_text("", "")
         self._field.on_update(from_pages(self._on_report))
+        self._held = False  # whether the dragged pole is still previewed
 
     async def _on_report(self, event: PageEvent) -> None:
         words = self._field.value.split()
@@ -67,11 +68,18 @@ class PoleDrag:
         edit, omega, zeta = pole_edit(others, pole)
         if phase == "held" and self._desk.whatif.on:
             value = f"ω = {written(omega)} rad/s, ζ = {written(zeta)}"
-            self._desk.whatif.hold(HeldControl(edit, "pole", value, self, event.client.client_id))
+            held = HeldControl(edit, "pole", value, self, event.client.client_id, dropped=self._forget)
+            self._held = True
+            self._desk.whatif.hold(held)
         elif phase == "dropped":
-            if self._desk.post(edit) is not None:
+            if (self._held or not self._desk.whatif.on) and self._desk.post(edit) is not None:
                 self._desk.whatif.remember(snapshot, edit)
+            self._held = False
             self._desk.whatif.let_go(self)
+
+    def _forget(self) -> None:
+        """Forget the dragged pole, whose preview has ended."""
+        self._held = False
 
 
 def numbered_poles(snapshot: Snapshot) -> list[complex]:

@@ -43,12 +43,12 @@ class SceneButtons:
         self._desk.post(PushNow())
 
     async def _take_way_out(self, _: object) -> None:
-        way, lock = self._desk.snapshot().way_out, self._desk.lock
-        if lock.fields is not None and way is not None and _admitted(lock, way, self._desk.snapshot()):
-            now = self._desk.snapshot().scenario
-            self._desk.post(EditAll({path: new for path, (_, new) in differences(now, way.scenario or now).items()}))
-        else:
-            self._desk.post(TakeWayOut())
+        snapshot, lock = self._desk.snapshot(), self._desk.lock
+        way = snapshot.way_out
+        if lock.fields is None or way is None or way.scenario is None or not _admitted(lock, way, snapshot):
+            self._desk.post(TakeWayOut())  # which the lock refuses where it is closed
+        elif changes := differences(snapshot.scenario, way.scenario):
+            self._desk.post(EditAll({path: new for path, (_, new) in changes.items()}))
 
     async def _reach(self, _: object) -> None:
         snapshot = self._desk.snapshot()

@@ -51,7 +51,7 @@ def changed(scenario: Scenario, edit: FieldEdit) -> Scenario:
             return with_model_entries(scenario, entries)
 
 
-def applied(snapshot: Snapshot, edit: FieldEdit) -> tuple[Scenario, Scenario]:
+def around(snapshot: Snapshot, edit: FieldEdit) -> tuple[Scenario, Scenario]:
     """The scenario before and after this edit: both with the own push of the scenario where the edit begins the run
     anew. Raises ScenarioError."""
     after = changed(snapshot.scenario, edit)
@@ -129,10 +129,10 @@ class WhatIf:
         if self.holds(control):
             self.held = None
 
-    def drop(self) -> None:
-        """End the hold without its control."""
-        held, self.held = self.held, None
-        if held is not None:
+    def drop(self, held: HeldControl) -> None:
+        """End a hold without its control, unless another one has taken its place."""
+        if self.held is held:
+            self.held = None
             held.dropped()
 
     def moved(self, snapshot: Snapshot) -> Mapping[object, float]:
@@ -148,7 +148,7 @@ class WhatIf:
     ) -> None:
         """Remember an edit that is posted, for `undo`. moved: see `HeldControl`."""
         try:
-            before, after = applied(snapshot, edit)
+            before, after = around(snapshot, edit)
         except ScenarioError:  # the runner will refuse it, too, and say so
             self._applied = None
         else:
@@ -166,7 +166,7 @@ class WhatIf:
         """Request the preview of the held slider, and take answers. Returns whether the preview to draw has changed."""
         held = self.held
         if held is not None and (held.client not in clients or snapshot.run != self._run):
-            self.drop()  # the page was closed with the slider held, or another run has begun
+            self.drop(held)  # the page was closed with the slider held, or another run has begun
             held = None
         if held is None:
             return self._rest(snapshot)
@@ -200,7 +200,7 @@ class WhatIf:
             return
         self._request = now
         try:
-            _, scenario = applied(snapshot, held.edit)
+            _, scenario = around(snapshot, held.edit)
         except ScenarioError as error:
             self._previewer.drop()
             self.preview, self.refusal = None, str(error)

@@ -79,7 +79,7 @@ class WhatIfPanel:
         whatif = self._desk.whatif
         held, undo = whatif.held, whatif.undo(self._desk.snapshot())
         if held is not None:
-            whatif.drop()
+            whatif.drop(held)
         elif undo is not None:
             self._desk.post(undo)
         return held is not None or undo is not None
