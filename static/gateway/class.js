@@ -99,8 +99,11 @@ const curve = () => {
   };
   const button = Object.assign(make("button", "", own === null ? "Answer" : "Change"), { disabled: !question.open });
   if (question.open) {
-    svg.addEventListener("pointerdown", (e) => { drawing = true; last = null; svg.setPointerCapture(e.pointerId); take(e); e.preventDefault(); });
-    svg.addEventListener("pointermove", (e) => { if (drawing) take(e); });
+    svg.addEventListener("pointerdown", (e) => { if (e.button !== 0) return; drawing = true; last = null; svg.setPointerCapture(e.pointerId); take(e); e.preventDefault(); });
+    svg.addEventListener("pointermove", (e) => {
+      if (e.pointerType === "mouse" && e.buttons === 0) drawing = false; // its button went up elsewhere
+      if (drawing) take(e);
+    });
     for (const kind of ["pointerup", "pointercancel"]) svg.addEventListener(kind, () => { drawing = false; });
     svg.addEventListener("keydown", (e) => {
       if (!/^Arrow/.test(e.key)) return;

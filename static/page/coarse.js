@@ -37,8 +37,10 @@ const draw = (coarse) => {
     const whole = wholes.get(mesh?.geometry) ?? mesh?.geometry;
     if (!whole?.index || !whole.attributes.normal || whole.index.count < 3 * FEW) continue;
     if (coarse && !thins.has(whole)) {
-      thins.set(whole, thinned(whole));
-      wholes.set(thins.get(whole), whole);
+      const thin = thinned(whole);
+      thins.set(whole, thin);
+      wholes.set(thin, whole);
+      whole.addEventListener("dispose", () => thin.dispose()); // viser knows of the whole one only
     }
     const wanted = coarse ? thins.get(whole) : whole;
     if (mesh.geometry === wanted) continue;

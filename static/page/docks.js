@@ -50,6 +50,7 @@ for (const kind of ["pointerdown", "pointerup"]) document.addEventListener(kind,
 document.addEventListener("click", (e) => { if (folds(e)) fold(e); }, true);
 document.addEventListener("keydown", (e) => { if (folds(e) && /^(Enter| )$/.test(e.key)) fold(e); }, true);
 setInterval(() => {
+  if (innerWidth <= 576) page.removeAttribute("data-folded"); // viser's layout for a phone has no handle to take it back
   const open = !folded(), name = open ? "Collapse panel area" : "Expand panel area";
   for (const handle of document.querySelectorAll(FOLD)) {
     if (handle.ariaExpanded !== String(open)) handle.ariaExpanded = String(open);

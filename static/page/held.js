@@ -57,6 +57,7 @@ const offer = () => {
   }
 };
 setInterval(() => {
+  if (borrowed && !(borrowed.row.isConnected && borrowed.box.isConnected)) putBack(); // another page has taken it away
   fill(); // viser gives the plot the height that it has among the others
   offer();
 }, 200);

@@ -9,7 +9,10 @@ if (hints) {
     try { localStorage.setItem(shown, "dismissed"); } catch { /* then once per page */ }
   };
   // G begins the guided minute, whose texts take this place
-  const onKey = (e) => { if (e.key === "Escape" || (/^g$/i.test(e.key) && !e.target.closest?.("input, textarea"))) dismiss(); };
+  const onKey = (e) => {
+    if (e.ctrlKey || e.metaKey || e.altKey || e.defaultPrevented || !hints.checkVisibility()) return; // meant for something else
+    if (e.key === "Escape" || (/^g$/i.test(e.key) && !e.target.closest?.("input, textarea"))) dismiss();
+  };
   for (const button of hints.querySelectorAll("button")) button.addEventListener("click", dismiss);
   document.addEventListener("keydown", onKey, true);
   document.body.append(hints);

@@ -4,7 +4,7 @@ const closest = (e, selector) => e.target instanceof Element && e.target.closest
 const press = (key) => document.documentElement.dispatchEvent(
   new KeyboardEvent("keydown", { key, code: key.length > 1 ? key : `Key${key.toUpperCase()}`, bubbles: true }));
 const belongsToControl = (e) =>
-  /^(Arrow|Home|End)/.test(e.key) ? closest(e, ".mantine-Slider-root, [role=tab]")
+  /^(Arrow|Home|End)/.test(e.key) ? closest(e, ".mantine-Slider-root, [role=slider], [role=separator], [role=tab]")
     : e.repeat || (/^( |Enter)$/.test(e.key) && closest(e, "button, a, summary, [role=button], [role=tab]"));
 // A browser opens its dialog for a file only while a key or a button is being pressed, so not from the server.
 const upload = () => {
@@ -12,10 +12,23 @@ const upload = () => {
   if (way && !window.vsmrcWatches()) document.querySelector(`input[type=file][accept^="${way.dataset.upload}"]`)?.click();
   return way !== null;
 };
+// Commands are digits and Latin letters: where the keyboard has other ones there (a French one has digits with Shift
+// only), the place of the key counts. "" where the key is itself.
+const onLatinKeys = (e) => {
+  const [, digit, letter] = /^(?:Digit([1-5])|Key([A-Z]))$/.exec(e.code) ?? [];
+  if (!e.isTrusted || e.key.length !== 1 || (digit && e.shiftKey && e.key !== digit)) return "";
+  if (digit) return e.key === digit && !e.shiftKey ? "" : digit;
+  return letter && !/[a-z0-9]/i.test(e.key) && !e.shiftKey ? letter.toLowerCase() : "";
+};
 document.body.addEventListener("keydown", (e) => {
   const help = document.querySelector(".vs-help");
   if (window.vsmrcTyping(e) || e.ctrlKey || e.metaKey || e.altKey) return;
-  if (e.key === "?" || (help && e.key === "Escape")) press("h");
+  const latin = onLatinKeys(e);
+  if (e.key === "?" || (help && e.key === "Escape")) { if (!e.repeat && !e.defaultPrevented) press("h"); }
+  else if (latin && !help) {
+    e.stopPropagation();
+    if (!e.repeat) press(latin);
+  }
   else if (belongsToControl(e) || (help && !/^h$/i.test(e.key))) e.stopPropagation();
   else if (/^o$/i.test(e.key) && upload()) e.stopPropagation();
 });
@@ -31,9 +44,9 @@ new MutationObserver(() => {
   before = null;
 }).observe(document.body, { subtree: true, childList: true });
 document.addEventListener("click", (e) => {
-  const tool = closest(e, "[data-key]");
+  const tool = closest(e, "[data-key], [data-presents]"); // the presentation is begun by stage.js
   if (tool && closest(e, ".vs-help")) press("h");
-  if (tool) press(tool.dataset.key);
+  if (tool?.dataset.key) press(tool.dataset.key);
   else if (closest(e, "[data-upload]")) upload();
   else if (document.querySelector(".vs-help") && closest(e, ".mantine-Modal-inner") && !closest(e, ".mantine-Modal-content"))
     press("h");

@@ -4,6 +4,7 @@ const COUNT = 25;
 const OPEN = ".vs-pad:not([data-locked='1']) svg";
 const padOf = (e) => {
   const svg = e.target instanceof Element && e.target.closest(OPEN);
+  if (window.vsmrcWatches()) return null;
   if (svg && !svg.vsmrcDrawn) svg.vsmrcDrawn = { values: Array(COUNT).fill(null), at: 0 };
   return svg;
 };
@@ -76,7 +77,7 @@ const draw = (svg, e) => {
   show(svg);
 };
 document.addEventListener("pointerdown", (e) => {
-  const svg = padOf(e);
+  const svg = e.button === 0 && padOf(e);
   if (!svg) return;
   drawing = svg, lastPlace = null;
   svg.setPointerCapture(e.pointerId);
@@ -84,9 +85,12 @@ document.addEventListener("pointerdown", (e) => {
   draw(svg, e);
   e.preventDefault();
 }, true);
-document.addEventListener("pointermove", (e) => { if (drawing) draw(drawing, e); }, true);
-for (const kind of ["pointerup", "pointercancel"])
-  document.addEventListener(kind, () => { if (drawing) send(drawing); drawing = null; }, true);
+const lift = () => { if (drawing) send(drawing); drawing = null; };
+document.addEventListener("pointermove", (e) => {
+  if (e.pointerType === "mouse" && e.buttons === 0) lift(); // its button went up elsewhere
+  if (drawing) draw(drawing, e);
+}, true);
+for (const kind of ["pointerup", "pointercancel"]) document.addEventListener(kind, lift, true);
 document.addEventListener("keydown", (e) => {
   const svg = padOf(e);
   if (!svg || !/^Arrow/.test(e.key)) return;

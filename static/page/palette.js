@@ -10,19 +10,20 @@ document.addEventListener("click", (e) => {
 }, true);
 // Keys typed before the palette has its field are its text, and no commands of the page. PATIENCE: ms, in case it never opens.
 const PATIENCE = 2000;
+const calls = (e) => (e.ctrlKey || e.metaKey) && !e.altKey && (e.shiftKey ? /^p$/i : /^k$/i).test(e.key);
 let called = -Infinity, early = "";
 document.addEventListener("keydown", (e) => {
   if (window.vsmrcTyping(e)) {
     // viser's hotkey spares text fields
-    if (!/^k$/i.test(e.key) || !(e.ctrlKey || e.metaKey) || e.target.matches(".mantine-Spotlight-search")) return;
+    if (!calls(e) || e.target.matches(".mantine-Spotlight-search")) return;
     e.preventDefault();
     e.stopPropagation();
     e.target.blur();
-    const { key, code, ctrlKey, metaKey } = e;
-    document.documentElement.dispatchEvent(new KeyboardEvent("keydown", { key, code, ctrlKey, metaKey, bubbles: true }));
+    const { key, code, ctrlKey, metaKey, shiftKey } = e;
+    document.documentElement.dispatchEvent(new KeyboardEvent("keydown", { key, code, ctrlKey, metaKey, shiftKey, bubbles: true }));
     return;
   }
-  if (/^k$/i.test(e.key) && (e.ctrlKey || e.metaKey)) [called, early] = [e.timeStamp, ""];
+  if (calls(e)) [called, early] = [e.timeStamp, ""];
   else if (e.timeStamp - called < PATIENCE && e.key.length === 1 && !e.ctrlKey && !e.metaKey && !e.altKey) {
     early += e.key;
     e.preventDefault();

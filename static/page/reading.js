@@ -293,7 +293,12 @@ document.addEventListener("click", async (e) => {
     await navigator.clipboard.writeText(text);
     tell(button, "Copied");
   } catch { // only pages by https or of this machine may write there
-    getSelection().selectAllChildren(table);
-    tell(button, "Selected: press Ctrl+C");
+    const field = Object.assign(document.createElement("textarea"), { value: text });
+    document.body.append(field);
+    field.select();
+    const copied = document.execCommand("copy");
+    field.remove();
+    if (!copied) getSelection().selectAllChildren(table);
+    tell(button, copied ? "Copied" : "Selected: press Ctrl+C");
   }
 });

@@ -48,6 +48,7 @@ const focusClosed = (input) => {
 // a text field keeps the browser's own menu, with which one pastes
 const rowOf = (target) => {
   const form = target instanceof Element && !target.closest("input") ? target.closest("form:not([data-held])") : null;
+  if (form?.matches("div:has(> .vs-ticks) + form")) return null; // no sweep over the time
   const free = form?.querySelector(".mantine-TextInput-input:not(:disabled)") && !window.vsmrcWatches();
   return free && form.querySelector(".mantine-Slider-root")?.checkVisibility() ? form : null;
 };
@@ -74,6 +75,7 @@ document.addEventListener("touchstart", () => { opening = menu.hidden; }, { capt
 document.addEventListener("touchend", (e) => { if (opening && !menu.hidden) e.preventDefault(); }, { capture: true, passive: false });
 document.addEventListener("contextmenu", (e) => {
   lift();
+  if (menu.contains(e.target)) e.preventDefault(); // of the menu key, which has opened this one
   const of = rowOf(e.target);
   if (!of) return;
   e.preventDefault();
@@ -81,7 +83,7 @@ document.addEventListener("contextmenu", (e) => {
   const box = of.getBoundingClientRect();
   open(of, e.clientX || box.left + 20, e.clientY || box.bottom);
 }, true);
-document.addEventListener("keydown", (e) => {
+window.addEventListener("keydown", (e) => { // before other scripts: one Esc ends one thing
   if (!e.isTrusted) return; // other scripts press keys, too
   if (menu.hidden) {
     const of = (e.key === "ContextMenu" || (e.key === "F10" && e.shiftKey)) && rowOf(e.target);

@@ -46,7 +46,7 @@ document.addEventListener("input", (e) => {
 }, true);
 document.addEventListener("keydown", (e) => {
   const input = field(e);
-  if (!input || (e.key !== "Enter" && e.key !== "Escape")) return;
+  if (!input || (e.key !== "Enter" && e.key !== "Escape") || e.isComposing || e.keyCode === 229) return; // of an input method
   e.preventDefault();
   const pending = input.dataset.pending !== undefined;
   if (e.key === "Enter") commit(input, pending ? input.vsmrcDraft : input.value, ENTERED);
@@ -54,12 +54,24 @@ document.addEventListener("keydown", (e) => {
   input.blur(); // keys are commands again
 }, true);
 // A tick of the timeline is looked at: its instant is typed into the field of the time, which stands behind the ticks.
+// A finger seeks when it is lifted there, since it may begin to scroll.
+const seekOf = (target) => (target instanceof Element && target.closest("[data-seek]")?.dataset.seek) || null;
+const seek = (t) => {
+  const input = document.querySelector("div:has(> .vs-ticks) + form .mantine-TextInput-input");
+  if (input && t !== null) sendMarked(input, t, LEFT);
+};
+let touched = null; // { id, t } of a finger on a tick
 document.addEventListener("pointerdown", (e) => {
+  touched = null;
   if (e.button !== 0 || window.vsmrcWatches()) return;
-  const tick = e.target instanceof Element && e.target.closest("[data-seek]");
-  const input = tick && document.querySelector("div:has(> .vs-ticks) + form .mantine-TextInput-input");
-  if (input) sendMarked(input, tick.dataset.seek, LEFT);
+  if (e.pointerType === "touch") touched = { id: e.pointerId, t: seekOf(e.target) };
+  else seek(seekOf(e.target));
 }, true);
+document.addEventListener("pointerup", (e) => {
+  if (e.pointerId === touched?.id && seekOf(document.elementFromPoint(e.clientX, e.clientY)) === touched.t) seek(touched.t);
+  touched = null;
+}, true);
+document.addEventListener("pointercancel", () => { touched = null; }, true);
 // Another script has a mark to send (rowmenu.js).
 document.addEventListener("vsmrc-mark", (e) => sendMarked(e.target, e.target.value, e.detail));
 document.addEventListener("focusout", (e) => {

@@ -34,6 +34,7 @@ const choose = () => {
   return lessons.length > 0 || moved.length > 0 || free.length > 0;
 };
 const staged = new Map(); // the height of each plot before
+const TYPE = 1.6; // of the plot
 const AIR = 24; // px between the sliders and the equation
 let tried = ""; // what decided last where the equation lies
 // under the sliders where there is room for it, else under plot and scene
@@ -63,16 +64,15 @@ const fill = () => {
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
     const box = chart.root.closest(".uplot-container"), dock = box?.closest("[data-dock-group]"); // a phone has none
     const here = onStage() && dock && box.matches("[data-staged]");
+    if (here && box.matches("[data-large]")) continue; // reading.js gives it its size
     if (!here && staged.has(chart)) {
       const height = staged.get(chart);
       staged.delete(chart);
       window.vsmrcType(chart, 1);
       chart.setSize({ width: chart.width, height });
     } else if (here) {
-      if (!staged.has(chart)) {
-        staged.set(chart, chart.height);
-        window.vsmrcType(chart, 1.6);
-      }
+      if (!staged.has(chart)) staged.set(chart, chart.height);
+      if (chart.vsmrcFactor !== TYPE) window.vsmrcType(chart, TYPE);
       const group = dock.getBoundingClientRect(), own = chart.root.getBoundingClientRect();
       const height = Math.round(group.bottom - own.top - (own.height - chart.height) - 24);
       if (height > 60 && Math.abs(height - chart.height) > 2) chart.setSize({ width: chart.width, height });
@@ -115,6 +115,11 @@ document.body.append(button("vs-leave", "×", "Leave the presentation (Esc, V)",
 const turns = Object.assign(document.createElement("nav"), { className: "vs-turns", ariaLabel: "plots" });
 turns.append(button("", "‹", "The plot before (,)", () => turn(-1)), shown, button("", "›", "The next plot (.)", () => turn(1)));
 document.body.append(turns);
+document.addEventListener("click", (e) => {
+  if (!(e.target instanceof Element && e.target.closest("[data-presents]"))) return;
+  e.target.closest("dialog")?.close(); // of who watches
+  toggle();
+});
 document.body.addEventListener("keydown", (e) => {
   if (e.ctrlKey || e.metaKey || e.altKey || e.repeat || e.defaultPrevented || document.querySelector(".vs-help") || window.vsmrcTyping(e)) return;
   if (/^v$/i.test(e.key) || (e.key === "Escape" && onStage())) toggle();

@@ -182,7 +182,7 @@ document.addEventListener("click", (e) => {
 }, true);
 document.addEventListener("keydown", (e) => {
   keyed = e.key === "Tab" || (keyed && /^Arrow/.test(e.key));
-  if (e.key !== "Escape" || !shown) return;
+  if (e.key !== "Escape" || !shown || e.defaultPrevented) return;
   hide();
   e.preventDefault(); // one Esc ends one thing (stage.js)
 }, true);
@@ -194,7 +194,8 @@ document.addEventListener("focusin", (e) => {
   if (where && symbolsOf(where).length) show(where, "focus");
   else hide();
 });
-document.addEventListener("scroll", () => { if (shown) hide(); }, true);
+// the focus that comes to a row may scroll it into view
+document.addEventListener("scroll", () => { if (shown?.by === "focus") put(); else if (shown) hide(); }, true);
 addEventListener("blur", hide);
 // What is sent again takes its elements with it: the tip goes over to the one that stands there now.
 setInterval(() => {

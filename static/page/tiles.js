@@ -10,7 +10,7 @@ let described = null, focused = null; // { field, point }
 const choose = (tile) => writeTo(fieldOf(tile), tile.dataset.point);
 const writeTo = (field, text) => {
   const input = document.querySelector(`div:has(> .${field}) + div input`);
-  if (!input) return;
+  if (!input || window.vsmrcWatches()) return;
   window.vsmrcEnter(input, `${text} ${Math.random()}`);
 };
 const describe = () => {
@@ -64,7 +64,8 @@ document.addEventListener("pointerdown", (e) => { // a click may lose its tile, 
 }, true);
 document.addEventListener("keydown", (e) => {
   const tile = tileOf(e.target);
-  const previewed = e.key === "Escape" && document.querySelector(".vs-tiles[data-previewed]");
+  const ends = e.key === "Escape" && !e.defaultPrevented && !window.vsmrcWatches();
+  const previewed = ends && document.querySelector(".vs-tiles[data-previewed]");
   if (previewed) {
     writeTo(previewed.dataset.field, "left");
     e.preventDefault(); // one Esc ends one thing (stage.js)

@@ -7,7 +7,9 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
+from app.dashboard.page import Dashboard
 from app.session.commands import Pause
+from app.session.runner import Runner
 from drivers.pages import PageSession, resting_box
 from tests.support.layout import lasting
 
@@ -24,10 +26,16 @@ COVERED = """() => {
     const box = control.getBoundingClientRect();
     if (box.width < 1 || box.height < 1) continue;
     seen += 1;
-    const there = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
     const label = (e) => e?.ariaLabel || e?.textContent?.trim().slice(0, 40) || e?.className || "the window's edge";
-    const own = there && (control.contains(there) || (control.matches("[role=slider]") && there.closest(SLIDER)));
-    if (!own) faults.push(`${label(control)} is under ${label(there)}`);
+    // over and under the scene nothing may lie on a part of one, either
+    const outside = control.matches(".vs-timeline *, .vs-acts *, .vs-legend-button, .vs-coarse-button");
+    for (const down of outside ? [0.15, 0.5, 0.85] : [0.5]) {
+      const there = document.elementFromPoint(box.x + box.width / 2, box.y + box.height * down);
+      const own = there && (control.contains(there) || (control.matches("[role=slider]") && there.closest(SLIDER)));
+      if (own) continue;
+      faults.push(`${label(control)} is under ${label(there)}`);
+      break;
+    }
   }
   return seen ? faults : ["no control is visible"];
 }"""
@@ -61,6 +69,23 @@ def test_no_control_is_covered_at_any_size_and_dock_width(session: PageSession):
         drag_dock(session, "left", left)
         drag_dock(session, "right", right)
         require_nothing_covered(session, f"docks to {left} and {right} of 1280")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1024, 768), (844, 390), (390, 844)])
+def test_no_control_is_covered_under_a_finger(
+    width: int, height: int, served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
+):
+    """A tablet, and a phone both ways, also in the presentation."""
+    dashboard, runner = served
+    page = open_page(dashboard.url, viewport={"width": width, "height": height}, is_mobile=True, has_touch=True)
+    page.locator(".uplot").first.wait_for()
+    runner.post(Pause())
+    page.locator(".vs-status[data-phase=paused]").wait_for(state="attached")
+    assert lasting(page, lambda page: page.evaluate(COVERED)) == []
+    if width > 1000:
+        page.keyboard.press("v")
+        page.locator("html[data-stage]").wait_for()
+        assert lasting(page, lambda page: page.evaluate(COVERED)) == []
 
 
 def fold(page: Page, press: Callable[[], None]) -> None:

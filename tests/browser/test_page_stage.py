@@ -158,3 +158,39 @@ def test_large_buttons_of_a_presentation_in_a_small_window_stand_in_a_row(sessio
     session.wait(lambda _: len(set(page.evaluate(tops)[:2])) == 1)  # else they cover the arm
     page.get_by_role("button", name="Leave the presentation (Esc, V)").click()
     session.wait(lambda _: page.locator("html[data-stage]").count() == 0)
+
+
+def test_the_presentation_is_begun_from_the_help(session: PageSession):
+    """Without a keyboard there is no other way."""
+    page = session.page
+    page.get_by_role("button", name="help").click()
+    page.locator(".vs-help").get_by_role("button", name="Presentation").click()
+    page.locator("html[data-stage]").wait_for()
+    page.locator(".vs-help").wait_for(state="detached")
+    page.keyboard.press("Escape")
+    page.locator("html:not([data-stage])").wait_for()
+
+
+@pytest.mark.parametrize(
+    ("key", "code", "modifiers", "phase", "mode"),
+    [
+        ("é", "Digit2", 0, "running", "impedance"),  # a French keyboard, whose digits need Shift
+        ("2", "Digit2", 8, "running", "impedance"),
+        ("@", "Digit2", 8, "running", "hybrid"),  # an American one, where Shift makes another sign of it
+        ("к", "KeyR", 0, "running", "hybrid"),  # a Russian one: reset
+    ],
+)
+def test_keys_count_by_their_place_where_the_keyboard_has_other_signs(
+    session: PageSession, key: str, code: str, modifiers: int, phase: str, mode: str
+):
+    session.wait(lambda now: now.t > 0.3)
+    run = session.now.run
+    session.page.locator("canvas[data-engine]").click(position={"x": 20, "y": 200})
+    typed = {"key": key, "code": code, "modifiers": modifiers, "text": key}
+    keyboard = session.page.context.new_cdp_session(session.page)
+    for kind in ("keyDown", "keyUp"):
+        keyboard.send("Input.dispatchKeyEvent", {"type": kind, **typed})
+    if mode == "hybrid" and code != "KeyR":  # a later key is heard after it
+        session.page.keyboard.press("r")
+    session.wait(lambda now: now.run > run and now.phase == phase)
+    session.wait(lambda now: now.scenario.mode == mode)

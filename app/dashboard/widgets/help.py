@@ -128,6 +128,7 @@ def help_html() -> str:
     return (
         '<div class="vs-help">'
         '<p><button type="button" data-glossary>Every symbol of the page</button> '
+        '<button type="button" data-presents>Presentation</button> '
         '<button type="button" class="vs-steers" data-key="g">A guided minute</button></p>'
         f'<div><div class="vs-steers"><h3>Where to start</h3><ul>{_items(START)}</ul></div>'
         f"<h3>Colours</h3><table>{colors}</table></div>"

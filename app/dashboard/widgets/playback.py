@@ -8,7 +8,7 @@ from html import escape
 from typing import Literal, NamedTuple
 
 from app.analysis.run_events import Event, RunEvents
-from app.dashboard.theme.style import COMMITS, ESCAPED, RELEASED, without_marks
+from app.dashboard.theme.style import COMMITS, ESCAPED, MOVED, RELEASED, SWEPT, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk, asked
 from app.dashboard.widgets.field_words import field_in_words
@@ -232,7 +232,7 @@ class _Time:
 
     async def _on_text(self, _: PageEvent) -> None:
         snapshot, text = self._desk.snapshot(), without_marks(self._text.value).strip()
-        if self._text.value.endswith((RELEASED, ESCAPED)):
+        if self._text.value.endswith((RELEASED, ESCAPED, SWEPT, MOVED)):
             self._text.value = text
         elif not self._text.value.endswith(COMMITS):
             self._answer.expect(snapshot, seconds=60.0)
