@@ -54,8 +54,9 @@ STATEMENTS: dict[Premise, Statement] = {
         "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it, until "
         "simulation.duration for surfaces that never come back to their places or forms, and for 1000 s for those that "
         "take longer than that",
-        unknown="k_r′ and k_r″ of (19) are not known for the present places or forms of the surfaces: they never come "
-        "back to them, and the run has outlasted simulation.duration, or they take more than 1000 s",
+        unknown="k_r′ and k_r″ of (19) are not known for the present places or forms of the surfaces: these never "
+        "come back and the run has outlasted simulation.duration, or their period is longer than the 1000 s that were "
+        "searched, which are over",
     ),
     Premise.REGULAR: Statement(
         "σ_min(J_q)",

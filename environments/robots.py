@@ -241,7 +241,8 @@ def load(
     geometry = geometry_of(model, path.name)
     tool = Tool(model, frame.parentJoint, placement, geometry)
     names = [str(joint) for joint in list(model.names)[1:]]
-    whole = entry if entry is not None and set(names) == entry.posture.keys() else None  # moved by the row's joints
+    # the catalogue's row, where exactly its joints move the tool
+    whole = entry if entry is not None and set(names) == entry.posture.keys() else None
     endless = {joint.get("name") for joint in root.iter("joint") if joint.get(description.ENDLESS)}
     if posture is not None:
         home = _posture(posture, model, names)

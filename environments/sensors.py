@@ -19,7 +19,15 @@ class Sensor(Section, frozen=True, forbid_unknown_fields=True):
     """The sensor of force and moment; a reading is a wrench (6,), N and N m."""
 
     noise: Annotated[
-        float, field("standard deviation per axis", "N", decades("noise", 0.01, 10, zero=True), ge=0, le=100)
+        float,
+        field(
+            "standard deviation per axis",
+            "N",
+            decades("noise", 0.01, 10, zero=True),
+            ge=0,
+            le=100,
+            title="noise of the sensor",
+        ),
     ] = 0.0
     bias: Annotated[Vector3, field("bias", "N", Widget("bias"))] = (0.0, 0.0, 0.0)
     moment_noise: Annotated[
@@ -33,7 +41,12 @@ class Sensor(Section, frozen=True, forbid_unknown_fields=True):
         ),
     ] = 0.0
     moment_bias: Annotated[Vector3, field("bias of the moments", "N·m", Widget("moment bias"))] = (0.0, 0.0, 0.0)
-    delay: Annotated[float, field("delay of the forces", "s", decades("delay", 1e-3, 0.1, zero=True), ge=0, le=1)] = 0.0
+    delay: Annotated[
+        float,
+        field(
+            "delay of the forces", "s", decades("delay", 1e-3, 0.1, zero=True), ge=0, le=1, title="delay of the sensor"
+        ),
+    ] = 0.0
     moment_delay: Annotated[
         float, field("delay of the moments", "s", decades("moment delay", 1e-3, 0.1, zero=True), ge=0, le=1)
     ] = 0.0
@@ -42,7 +55,12 @@ class Sensor(Section, frozen=True, forbid_unknown_fields=True):
         field("first-order low-pass, 0 for none", "Hz", decades("low-pass", 1, 1000, zero=True), ge=0, le=1e5),
     ] = 0.0
     ideal: Annotated[
-        bool, field("rigid or heavy surfaces: the loop through the multiplier is solved, not sampled", "")
+        bool,
+        field(
+            "rigid or heavy surfaces: the loop through the multiplier is solved, not sampled",
+            "",
+            title="ideal reading of the sensor",
+        ),
     ] = False
 
 

@@ -47,10 +47,10 @@ def decades(label: str, low: float, high: float, *, zero: bool = False) -> Widge
     return Widget(label, low, high, logarithmic=True, zero=zero)
 
 
-def field(meaning: str, unit: str, widget: Widget | None = None, **bounds: Any) -> Meta:
-    """Metadata of a field: meaning, unit ("1" for a pure number, "" for none), its widget on the page, and its bounds
-    (ge, gt, le, lt)."""
-    return Meta(description=meaning, extra={"unit": unit, "widget": widget}, **bounds)
+def field(meaning: str, unit: str, widget: Widget | None = None, *, title: str = "", **bounds: Any) -> Meta:
+    """Metadata of a field: meaning, unit ("1" for a pure number, "" for none), its widget on the page, its title in
+    sentences, on axes and in menus where the meaning begins with other words, and its bounds (ge, gt, le, lt)."""
+    return Meta(description=meaning, extra={"unit": unit, "widget": widget, "title": title}, **bounds)
 
 
 @dataclass(frozen=True)

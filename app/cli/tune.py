@@ -122,7 +122,7 @@ def _tune_into(out: Path, tuning: Tuning, workers: int | None) -> int:
     if ended:
         print(
             f"runs that a fault has ended (column stopped): {ended}; the same command tries them again, but not those "
-            "from which the search has learned"
+            "after which further candidates were chosen"
         )
         return FAULT
     return DONE

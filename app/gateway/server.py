@@ -50,7 +50,7 @@ FAREWELL = 0.1  # s, twice: at the end, for pages whose sessions have ended; the
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
 LONGEST_LINK = 500
 READ_WITHIN = 60.0  # s in which a visitor, whose connection may be slow, must have read an answer
-DRAWN_AT_ONCE = 8  # QR codes
+QR_QUEUE = 8  # QR codes that are drawn or wait for that
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -101,8 +101,8 @@ class Gateway:
 
     async def _end(self, _: web.Application) -> None:
         """End the sessions, before the server waits for the pages: they end with their sessions."""
-        self._drawer.shutdown(wait=False, cancel_futures=True)
         await self._pool.close()
+        self._drawer.shutdown(wait=False, cancel_futures=True)
 
     async def _tick(self) -> None:
         while True:
@@ -249,8 +249,8 @@ class Gateway:
         session_of(request, self._pool)
         if not link.startswith(("http://", "https://")) or len(link.encode(errors="replace")) > LONGEST_LINK:
             return notice("No such code", f"link: allowed: an address of at most {LONGEST_LINK} bytes", 400)
-        if self._drawing >= DRAWN_AT_ONCE:
-            return notice("Not now", "Too many codes are being drawn: try again in a moment.", 429)
+        if self._drawing >= QR_QUEUE:
+            return notice("Not now", "Too many codes are asked for: try again in a moment.", 429)
         self._drawing += 1
         try:  # takes a tenth of a second and more, in a thread of its own, so that nothing else waits for it
             picture = await asyncio.get_running_loop().run_in_executor(self._drawer, pages.qr, link)

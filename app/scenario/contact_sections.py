@@ -21,11 +21,15 @@ class ContactSection(Section, frozen=True, forbid_unknown_fields=True):
     kind: Annotated[
         ContactName, field("contact: none (free), elastic (32), mass-damper-spring (28), or rigid (39)", "")
     ] = "free"
-    K_e: Annotated[float, field("stiffness of the surface", "N/m", ge=0, le=1e7)] = 10000.0
+    K_e: Annotated[float, field("stiffness of the surface", "N/m", ge=0, le=1e7, title="stiffness of the surface")] = (
+        10000.0
+    )
     B_e: Annotated[float, field("damping of the surface", "N·s/m", ge=0, le=1e5)] = 0.0
     M_e: Annotated[float, field("mass of the surface", "kg", ge=0, le=1e4)] = 0.0
-    unilateral: Annotated[bool, field("the surface only pushes, as real ones do", "")] = True
-    friction_coulomb: Annotated[float, field("friction coefficient", "1", ge=0, le=2)] = 0.0
+    unilateral: Annotated[bool, field("the surface only pushes, as real ones do", "", title="Pushes only")] = True
+    friction_coulomb: Annotated[
+        float, field("friction coefficient", "1", ge=0, le=2, title="friction of the surface")
+    ] = 0.0
     friction_viscous: Annotated[float, field("viscous friction along the surface", "N·s/m", ge=0, le=1e4)] = 0.0
 
     @property
@@ -57,7 +61,14 @@ class CouplingSection(Section, frozen=True, forbid_unknown_fields=True):
     are the numbers of each surface. Entries of surfaces that are missing, or have no such number, are not read."""
 
     K_e: Annotated[Vector3, field("stiffness between surfaces 1 and 2, 1 and 3, 2 and 3 (28)", "N/m")] = (0.0, 0.0, 0.0)
-    K_e_hat: Annotated[Vector3, field("estimate of the same stiffness (33)", "N/m")] = (0.0, 0.0, 0.0)
+    K_e_hat: Annotated[
+        Vector3,
+        field(
+            "estimate of the same stiffness (33)",
+            "N/m",
+            title="estimated stiffness between surfaces 1 and 2, 1 and 3, 2 and 3 (33)",
+        ),
+    ] = (0.0, 0.0, 0.0)
     B_e: Annotated[Vector3, field("damping between surfaces 1 and 2, 1 and 3, 2 and 3 (28)", "N·s/m")] = (0.0, 0.0, 0.0)
     M_e: Annotated[Vector3, field("mass between surfaces 1 and 2, 1 and 3, 2 and 3 (28)", "kg")] = (0.0, 0.0, 0.0)
 

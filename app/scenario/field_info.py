@@ -22,6 +22,7 @@ class FieldInfo:
     least, largest: bounds, None where there are none.
     least_allowed, largest_allowed: whether the bounds themselves are allowed.
     widget: its display on the page, None where a panel of the page decides that.
+    title: in sentences, "" where that is made of `doc`.
     text: whether the field is a text."""
 
     doc: str
@@ -30,6 +31,7 @@ class FieldInfo:
     largest: float | None
     choices: tuple[str, ...]
     widget: Widget | None = None
+    title: str = ""
     text: bool = False
     least_allowed: bool = True
     largest_allowed: bool = True
@@ -68,6 +70,7 @@ def _info(metadata: msgspec.inspect.Metadata) -> FieldInfo:
         largest=float(high[0]) if high else None,
         choices=tuple(getattr(inner, "values", ())),
         widget=(metadata.extra or {}).get("widget"),
+        title=str((metadata.extra or {}).get("title", "")),
         text=isinstance(inner, msgspec.inspect.StrType),
         least_allowed=getattr(inner, "gt", None) is None,
         largest_allowed=getattr(inner, "lt", None) is None,
@@ -104,7 +107,9 @@ def fields_of_kinds(prefix: str, kinds: Sequence[type[Struct]], outer: str = "")
             if within := types_of(kind, f.name):
                 found += fields_of_kinds(path, within, tag)
             elif isinstance(f.type, _Metadata):
-                info = replace(_info(f.type), unit=field_info(path).unit)  # which knows the section's metre
+                info = _info(f.type)
+                if info.unit == "m":  # of angles, the section's metre is rad
+                    info = replace(info, unit=field_info(path).unit)
                 default = field.default_factory() if callable(field.default_factory) else field.default
                 found.append(FieldOfKind(path, tag, info, default))
     return found

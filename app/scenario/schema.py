@@ -38,14 +38,19 @@ Offsets = Annotated[tuple[Offset | Annotated[tuple[Offset, ...], Meta(max_length
 class RobotSection(Section, frozen=True, forbid_unknown_fields=True):
     """The arm."""
 
-    name: Annotated[Name, field("arm of the catalogue, as `vsmrc list` names it", "")] = "ur5"
-    urdf: Annotated[Text | None, field("path of a URDF to use instead", "")] = None
+    name: Annotated[Name, field("arm of the catalogue, as `vsmrc list` names it", "", title="robot")] = "ur5"
+    urdf: Annotated[Text | None, field("path of a URDF to use instead", "", title="URDF")] = None
     tool_frame: Annotated[
         Name | None, field("frame of the tool; default: the catalogue's, or the last one of the arm", "")
     ] = None
     tool_offset: Annotated[Offset3 | None, field("tool point in the tool frame", "m")] = None
     posture: Annotated[
-        Vector | None, field("joint angles at the start; default: the catalogue's, or one far from singular", "rad")
+        Vector | None,
+        field(
+            "joint angles at the start; default: the catalogue's, or one far from singular",
+            "rad",
+            title="posture at the start",
+        ),
     ] = None
     rotor_inertia: Annotated[Vector | None, field("reflected rotor inertia per joint", "kg·m²")] = None
 
@@ -53,9 +58,10 @@ class RobotSection(Section, frozen=True, forbid_unknown_fields=True):
 class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     """Differences of the true arm from the controller's model."""
 
-    link_scaling: Annotated[float | Vector, field("factor on every link's mass and inertia, or one per link", "1")] = (
-        1.0
-    )
+    link_scaling: Annotated[
+        float | Vector,
+        field("factor on every link's mass and inertia, or one per link", "1", title="mass of the true links, factor"),
+    ] = 1.0
     rotor_scaling: Annotated[float | Vector, field("factor on every joint's rotor inertia, or one each", "1")] = 1.0
     link_centre: Annotated[
         Offsets, field("shift of every link's centre of mass along its axes, or one row of three per link", "m")
@@ -66,16 +72,23 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
             "change Z of every link's inertia I about its centre of mass, to I^½(1 + Z)I^½, as xx, yy, zz, xy, xz, yz "
             "along its axes, or one row of six per link",
             "1",
+            title="change of the links' inertias about their centres (true arm)",
         ),
     ] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    payload_mass: Annotated[float, field("point mass at the tool", "kg", ge=0, le=50)] = 0.0
-    payload_offset: Annotated[Offset3, field("place of that mass in the tool frame", "m")] = (0.0, 0.0, 0.0)
-    coulomb: Annotated[float, field("Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
+    payload_mass: Annotated[float, field("point mass at the tool", "kg", ge=0, le=50, title="payload")] = 0.0
+    payload_offset: Annotated[
+        Offset3, field("place of that mass in the tool frame", "m", title="place of the payload in the tool frame")
+    ] = (0.0, 0.0, 0.0)
+    coulomb: Annotated[
+        float, field("Coulomb friction per joint", "N·m", ge=0, le=100, title="friction in the joints")
+    ] = 0.0
     viscous: Annotated[float, field("viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
     disturbance: Annotated[
         float, field("norm of a sinusoidal torque that disturbs the joints", "N·m", ge=0, le=200)
     ] = 0.0
-    disturbance_frequency: Annotated[float, field("frequency of that torque", "Hz", ge=0, le=100)] = 0.5
+    disturbance_frequency: Annotated[
+        float, field("frequency of that torque", "Hz", ge=0, le=100, title="frequency of the disturbance")
+    ] = 0.5
     torque_limit: Annotated[
         float | Vector,
         field("largest torque of the drives: a factor on the URDF's limits, 0 for none, or N·m (N) per joint", "1"),
@@ -86,8 +99,13 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
         0.0,
         0.0,
     )
-    push_start: Annotated[float, field("start of the push", "s", Widget("from t ="), ge=0, le=36000)] = 1.0
-    push_duration: Annotated[float, field("duration of the push", "s", decades("lasts", 0.05, 5), ge=0, le=36000)] = 1.0
+    push_start: Annotated[
+        float, field("start of the push", "s", Widget("from t ="), ge=0, le=36000, title="start of the push")
+    ] = 1.0
+    push_duration: Annotated[
+        float,
+        field("duration of the push", "s", decades("lasts", 0.05, 5), ge=0, le=36000, title="duration of the push"),
+    ] = 1.0
     push_every: Annotated[
         float,
         field(
@@ -96,6 +114,7 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
             decades("again every", 0.5, 20, zero=True),
             ge=0,
             le=36000,
+            title="time until the push comes again",
         ),
     ] = 0.0
     push_frequency: Annotated[
@@ -106,6 +125,7 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
             decades("sine at", 0.1, 50, zero=True),
             ge=0,
             le=500,
+            title="frequency of the push",
         ),
     ] = 0.0
     push_sweep_to: Annotated[
@@ -134,8 +154,12 @@ STATED_IN = {
 class Declared(Section, frozen=True, forbid_unknown_fields=True):
     """Bounds of the modelling errors that the controller is told, (6)."""
 
-    link_scaling: Annotated[float, field("links' masses and inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
-    rotor_scaling: Annotated[float, field("rotors' inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
+    link_scaling: Annotated[
+        float, field("links' masses and inertias within 1 ± this", "1", ge=0, lt=1, title="links 1 ± (declared)")
+    ] = 0.0
+    rotor_scaling: Annotated[
+        float, field("rotors' inertias within 1 ± this", "1", ge=0, lt=1, title="rotors 1 ± (declared)")
+    ] = 0.0
     link_centre: Annotated[
         float, field("largest distance of a link's centre of mass from its believed place", "m", ge=0, le=1)
     ] = 0.0
@@ -146,14 +170,30 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
         ),
     ] = 0.0
     payload_mass: Annotated[float, field("largest payload", "kg", ge=0, le=50)] = 0.0
-    payload_offset: Annotated[float, field("largest distance of the payload from the tool point", "m", ge=0, le=1)] = (
-        0.0
-    )
+    payload_offset: Annotated[
+        float,
+        field(
+            "largest distance of the payload from the tool point",
+            "m",
+            ge=0,
+            le=1,
+            title="largest distance of the payload from the tool point (declared)",
+        ),
+    ] = 0.0
     coulomb: Annotated[float, field("largest Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
     viscous: Annotated[float, field("largest viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
     disturbance: Annotated[float, field("largest norm of the disturbance torque", "N·m", ge=0, le=200)] = 0.0
     force_error: Annotated[float, field("largest error of the force sensor", "N", ge=0, le=100)] = 0.0
-    moment_error: Annotated[float, field("largest error of the sensor's moments", "N·m", ge=0, le=10)] = 0.0
+    moment_error: Annotated[
+        float,
+        field(
+            "largest error of the sensor's moments",
+            "N·m",
+            ge=0,
+            le=10,
+            title="largest error of the sensor's moments (declared)",
+        ),
+    ] = 0.0
     delta_M: Annotated[
         StatedBound,
         field(
@@ -172,7 +212,14 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
         field("bound of ‖f̃‖; replaces that of friction, disturbance: a number or formula in speed, t", "N·m"),
     ] = None
     least_inertia: Annotated[
-        float, field("where δ_M is stated: M is at least this share of M̂, for k_r′", "1", gt=0, le=1)
+        float,
+        field(
+            "where δ_M is stated: M is at least this share of M̂, for k_r′",
+            "1",
+            gt=0,
+            le=1,
+            title="least share c with M ≥ c M̂ (declared)",
+        ),
     ] = 0.5
 
 
@@ -222,15 +269,21 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
 
     law: Annotated[
         Name,
-        field("vsmrc (the paper's); computed-torque, pd-gravity (no robust term); or a law of your own file", ""),
+        field(
+            "vsmrc (the paper's); computed-torque, pd-gravity (no robust term); or a law of your own file",
+            "",
+            title="control law",
+        ),
     ] = "vsmrc"
     own: Annotated[
         dict[Name, dict[Name, float]] | None, field("parameters of laws of your own, by law and name", "")
     ] = None
     A: Annotated[Matrix | float, field("rate of the compensator (9): diagonal, ≤ 0", "1/s")] = 0.0
-    F_1: Annotated[Matrix | float, field("sliding gain on e_r (10): diagonal", "1/s")] = 10.0
+    F_1: Annotated[Matrix | float, field("sliding gain on e_r (10): diagonal", "1/s", title="sliding gain F_1")] = 10.0
     F_2: Annotated[Matrix | float, field("sliding gain on z (10): diagonal, nonsingular", "1")] = 1.0
-    K_s: Annotated[Matrix | float, field("gain of the linear reaching term (15), s.p.d.", "N·s/m")] = 100.0
+    K_s: Annotated[
+        Matrix | float, field("gain of the linear reaching term (15), s.p.d.", "N·s/m", title="reaching gain K_s")
+    ] = 100.0
     gain: Annotated[
         Literal["theorem", "constant"], field("gain d: what (17) requires (theorem), or the number d (constant)", "")
     ] = "theorem"
@@ -239,7 +292,9 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
     bounds: Annotated[
         Literal["tight", "paper"], field("error bounds: computed in task space (tight), or by (7)", "")
     ] = "tight"
-    switching: Annotated[SwitchingName, field("s/||s||, or a smooth version of it", "")] = "saturation"
+    switching: Annotated[SwitchingName, field("s/||s||, or a smooth version of it", "", title="switching function")] = (
+        "saturation"
+    )
     layer: Annotated[float, field("boundary layer: within it the switching is smooth", "m/s", gt=0, le=10)] = 0.01
     z_0: Annotated[Vector | None, field("z at the start; only with on_change = watch; default: zeros", "m/s")] = None
     on_change: Annotated[
@@ -251,7 +306,9 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
         field("estimates of M, C, G: at q (online), or in advance along r_d (along-reference, Remark 3)", ""),
     ] = "online"
     period: Annotated[float, field("control period", "s", ge=1e-5, le=0.05)] = 0.001
-    K_e_hat: Annotated[float, field("estimated stiffness of the surface (33)", "N/m", gt=0, le=1e9)] = 10000.0
+    K_e_hat: Annotated[
+        float, field("estimated stiffness of the surface (33)", "N/m", gt=0, le=1e9, title="believed stiffness")
+    ] = 10000.0
 
 
 class ShiftSection(Section, frozen=True, forbid_unknown_fields=True):
@@ -269,18 +326,27 @@ class Simulation(Section, frozen=True, forbid_unknown_fields=True):
     duration: Annotated[
         float, field("simulated time of a run without the page; Ω is for the reference within it", "s", gt=0, le=36000)
     ] = 10.0
-    seed: Annotated[int, field("seed of the sensor's noise", "", ge=0, le=2**63 - 1)] = 0
+    seed: Annotated[
+        int, field("seed of the sensor's noise", "", ge=0, le=2**63 - 1, title="seed of the sensor's noise")
+    ] = 0
     integrator: Annotated[Literal["leapfrog", "semi-implicit-euler", "rk4"], field("integrator of the plant", "")] = (
         "leapfrog"
     )
-    substeps: Annotated[int, field("integration steps per control period", "", ge=1, le=1000)] = 1
+    substeps: Annotated[
+        int, field("integration steps per control period", "", ge=1, le=1000, title="steps per period")
+    ] = 1
     domain_radius: Annotated[
-        float, field("radius of Omega: distance of its postures from the reference", "rad", gt=0, le=3)
+        float,
+        field("radius of Omega: distance of its postures from the reference", "rad", gt=0, le=3, title="radius of Ω"),
     ] = 0.15
     sigma_min: Annotated[float, field("J_q counts as singular below this singular value", "m", ge=0, le=1)] = 0.01
     leaving_domain: Annotated[
         Literal["stop", "flag"],
-        field("on a singular J_q, joints over 20 rad/s (m/s), or a lost rigid surface: stop or flag", ""),
+        field(
+            "on a singular J_q, joints over 20 rad/s (m/s), or a lost rigid surface: stop or flag",
+            "",
+            title="on a failure (singular J_q, too fast, contact lost)",
+        ),
     ] = "stop"
     bound_violation: Annotated[
         Literal["stop", "flag"], field("when ||s|| is over (20) and its band: stop or flag", "")

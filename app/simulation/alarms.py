@@ -22,7 +22,7 @@ class Alarm(IntFlag):
     SATURATED = 32  # a drive's limit begins to cut the torque
     BAND_REACHED = 64  # ||s|| is within the band for the first time
     CONTACT_LOST = 128  # the tool has left a surface that it should press
-    PROMISE_LOST = 256  # a premise fails while ||s|| has not been within layer or band
+    PROMISE_LOST = 256  # a premise fails before ||s|| was within both layer and band
 
 
 LAYER_REACHED, NOT_FINITE, SINGULAR, DIVERGING, OVER_BOUND, SATURATED, BAND_REACHED, CONTACT_LOST, PROMISE_LOST = (

@@ -232,7 +232,7 @@ def _constants(
     along_reference, rules = scenario.controller.estimates == "along-reference", scenario.simulation
 
     def same_omega(previous: System) -> bool:
-        # the start is compared, too: it is on a surface that is rigid, and elsewhere on one that is not
+        # the start lies on the surface only where that is rigid, so it is compared, too
         return omega_key(previous.scenario) == omega_key(scenario) and np.array_equal(previous.q_0, q_0)
 
     def same(previous: System) -> bool:

@@ -14,43 +14,6 @@ from controllers.modes import MODES
 from controllers.switching import SWITCHING
 from environments.contact_kinds import CONTACTS
 
-# of the fields that are offered first, and of those whose meaning in the schema goes on from the field before
-TITLES = {
-    "mode": "mode",
-    "robot.name": "robot",
-    "contact.kind": "contact",
-    "controller.switching": "switching function",
-    "simulation.leaving_domain": "on a failure (singular J_q, too fast, contact lost)",
-    "contact.K_e": "stiffness of the surface",
-    "truth.link_scaling": "mass of the true links, factor",
-    "truth.payload_mass": "payload",
-    "truth.coulomb": "friction in the joints",
-    "contact.friction_coulomb": "friction of the surface",
-    "controller.K_e_hat": "believed stiffness",
-    "controller.layer": "boundary layer",
-    "controller.period": "control period",
-    "controller.K_s": "reaching gain K_s",
-    "controller.F_1": "sliding gain F_1",
-    "controller.law": "control law",
-    "sensor.noise": "noise of the sensor",
-    "sensor.delay": "delay of the sensor",
-    "force.value": "desired force",
-    "motion.period": "time of one turn",
-    "truth.disturbance_frequency": "frequency of the disturbance",
-    "truth.push_start": "start of the push",
-    "truth.push_duration": "duration of the push",
-    "truth.push_every": "time until the push comes again",
-    "truth.push_frequency": "frequency of the push",
-    "declared.moment_error": "largest error of the sensor's moments (declared)",
-    "declared.payload_offset": "largest distance of the payload from the tool point (declared)",
-    "declared.least_inertia": "least share c with M ≥ c M̂ (declared)",
-    "surface.motion.amplitude": "amplitude of the surface's motion",
-    "surface.motion.frequency": "frequency of the surface's motion",
-    "surface.tilt.amplitude": "amplitude of the surface's tilt",
-    "surface.tilt.frequency": "frequency of the surface's tilt",
-    "simulation.domain_radius": "radius of Ω",
-    "simulation.seed": "seed of the sensor's noise",
-}
 # titles on the page of the values of fields that name a row of a table
 TITLED: dict[str, Callable[[], dict[str, str]]] = {
     "mode": lambda: {name: mode.label for name, mode in MODES.items()},
@@ -58,6 +21,7 @@ TITLED: dict[str, Callable[[], dict[str, str]]] = {
     "controller.law": lambda: {name: law.title for name, law in laws().items()},
     "controller.switching": lambda: {name: function.title for name, function in SWITCHING.items()},
 }
+OF_TWO_SECTIONS = ("motion", "rotation")  # whose fields have one class
 FURTHER = {"second": "second surface", "third": "third surface"}
 # words for the sections whose fields' meanings do not say of what they are
 SECTIONS = {
@@ -79,15 +43,12 @@ def title_of(path: str) -> str:
     field, entry = _parted(path)
     first, _, rest = field.partition(".")
     of_first = rest if first in FURTHER else field  # a further surface has the fields of the first one
-    info = _info(field)
-    if of_first in TITLES:
-        title = TITLES[of_first]
-    elif info is None or not info.doc:
+    info, section = _info(field), of_first.partition(".")[0]
+    if info is None or not info.doc:
         return path
-    else:
-        title = re.split(r"[;:]|, or (?:one|N·m)\b", info.doc)[0].strip()
-        about = SECTIONS.get(of_first.partition(".")[0], "")
-        title += f" ({about})" if about and about not in title else ""
+    title = info.title or re.split(r"[;:]|, or (?:one|N·m)\b", info.doc)[0].strip()
+    about = SECTIONS.get(section, "") if not info.title or section in OF_TWO_SECTIONS else ""
+    title += f" ({about})" if about and about not in title else ""
     title += f" ({FURTHER[first]})" if first in FURTHER else ""
     return f"{title}, entry {', '.join(entry)}" if entry else title
 

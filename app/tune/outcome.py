@@ -247,7 +247,8 @@ def verdict(tuning: Tuning, found: Found, names: Mapping[int, str] | None = None
         sentences.append(short)
     if not _tests_anything(tuning):
         sentences.append(
-            "the arm that was not seen is that of the search, since nothing is declared: nothing was tested"
+            "the arm that was not seen is that of the search, since no quantity that is drawn is declared: nothing was "
+            "tested"
         )
     badges = Counter(each.badge.rpartition(" (")[0] for each in found.candidates[1:] if each.badge)
     if badges:

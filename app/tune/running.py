@@ -73,8 +73,8 @@ def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_pro
 
 
 def without_faults(tuning: Tuning, known: dict[int, RunMetrics]) -> dict[int, RunMetrics]:
-    """The known runs without those that a fault has ended and that are tried again: all but those of candidates from
-    which the search has learned before it chose further ones, since these could be other ones."""
+    """The known runs without those that a fault has ended and that are tried again: all but those of candidates after
+    which the search has chosen further ones, which could differ then."""
     candidates = [number // tuning.arms for number in known if number % tuning.arms < tuning.seen]
     batch = 1 + (max(candidates, default=0) - 1) // BATCH * BATCH  # first candidate of the last batch
     return {

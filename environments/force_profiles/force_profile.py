@@ -41,7 +41,14 @@ class ForceProfile(Section, frozen=True, forbid_unknown_fields=True, tag_field="
 
     value: Annotated[
         float,
-        field("desired force: its mean, or that after a step", "N", slider("F_d", 0, 60), ge=-1e4, le=1e4),
+        field(
+            "desired force: its mean, or that after a step",
+            "N",
+            slider("F_d", 0, 60),
+            ge=-1e4,
+            le=1e4,
+            title="desired force",
+        ),
     ] = 20.0
 
     @property

@@ -33,9 +33,31 @@ class ForceStep(ForceProfile, frozen=True, forbid_unknown_fields=True, tag="step
     title = "step"
     at = _at
 
-    start: Annotated[float, field("force before it", "N", slider("before", 0, 60), ge=-1e4, le=1e4)] = 10.0
-    time: Annotated[float, field("when", "s", slider("at time", 0, 20), ge=0, le=3600)] = 2.0
-    rise: Annotated[float, field("how long it takes", "s", decades("rise", 0.01, 2), gt=0, le=3600)] = 0.2
+    start: Annotated[
+        float,
+        field(
+            "force before it",
+            "N",
+            slider("before", 0, 60),
+            ge=-1e4,
+            le=1e4,
+            title="force before the change (desired force)",
+        ),
+    ] = 10.0
+    time: Annotated[
+        float, field("when", "s", slider("at time", 0, 20), ge=0, le=3600, title="time of the change (desired force)")
+    ] = 2.0
+    rise: Annotated[
+        float,
+        field(
+            "how long it takes",
+            "s",
+            decades("rise", 0.01, 2),
+            gt=0,
+            le=3600,
+            title="duration of the change (desired force)",
+        ),
+    ] = 0.2
 
     @property
     def course(self) -> ForceCourse:

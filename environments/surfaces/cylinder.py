@@ -34,8 +34,18 @@ class Cylinder(Form, frozen=True, forbid_unknown_fields=True, tag="cylinder"):
     title = "cylinder"
     chart = _chart
 
-    axis: Annotated[Vector3, field("direction of its axis", "1", Widget("axis"))] = (0.0, 1.0, 0.0)
-    reference: Annotated[Vector3, field("direction from the axis where psi_1 = 0", "1", Widget("ψ = 0 towards"))] = (
+    axis: Annotated[
+        Vector3, field("direction of its axis", "1", Widget("axis"), title="direction of the surface's axis")
+    ] = (0.0, 1.0, 0.0)
+    reference: Annotated[
+        Vector3,
+        field(
+            "direction from the axis where psi_1 = 0",
+            "1",
+            Widget("ψ = 0 towards"),
+            title="direction from the surface's axis where ψ₁ = 0",
+        ),
+    ] = (
         0.0,
         0.0,
         1.0,

@@ -20,15 +20,26 @@ NORMAL = Widget("normal")
 SHORTEST, LONGEST = 1e-9, 1e9  # of a vector that gives a direction: far from where squares vanish or overflow
 _SIDE = Widget("Tool", options=(("outside", "outside"), ("inside", "inside")))
 Radius = Annotated[float, field("radius", "m", decades("radius", 0.05, 2), gt=0, le=100)]
-Side = Annotated[Literal["outside", "inside"], field("where the tool is", "", _SIDE)]
+Side = Annotated[
+    Literal["outside", "inside"],
+    field("where the tool is", "", _SIDE, title="side of the surface on which the tool is"),
+]
 
 
 class SurfaceMotion(Section, frozen=True, forbid_unknown_fields=True):
     """Translation along a direction, amplitude * sin(2 pi frequency t)."""
 
-    amplitude: Annotated[float, field("amplitude", "m", slider("moves by", 0, 0.05), ge=0, le=1)] = 0.0
-    frequency: Annotated[float, field("frequency", "Hz", slider("moves at", 0, 2), ge=0, le=20)] = 0.5
-    direction: Annotated[Vector3, field("direction", "1", Widget("direction"))] = (0.0, 0.0, 1.0)
+    amplitude: Annotated[
+        float,
+        field("amplitude", "m", slider("moves by", 0, 0.05), ge=0, le=1, title="amplitude of the surface's motion"),
+    ] = 0.0
+    frequency: Annotated[
+        float,
+        field("frequency", "Hz", slider("moves at", 0, 2), ge=0, le=20, title="frequency of the surface's motion"),
+    ] = 0.5
+    direction: Annotated[
+        Vector3, field("direction", "1", Widget("direction"), title="direction of the surface's motion")
+    ] = (0.0, 0.0, 1.0)
 
     def offset(self, t: float) -> np.ndarray:
         """Displacement at time t (s) from the beginning, (3,) m."""
@@ -50,7 +61,12 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     chart: ClassVar[Any]
     resolution: ClassVar[int] = 41
 
-    origin: Annotated[Vector3, field("a point of it; a sphere's centre, a point of a cylinder's axis", "m", ORIGIN)] = (
+    origin: Annotated[
+        Vector3,
+        field(
+            "a point of it; a sphere's centre, a point of a cylinder's axis", "m", ORIGIN, title="point of the surface"
+        ),
+    ] = (
         0.0,
         0.0,
         0.0,

@@ -50,13 +50,28 @@ class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula
     chart = _chart
     resolution = 29
 
-    text: Annotated[Text, field("of x, y, z (m from the origin) and t (s): 0 on the surface", "", Widget("0 ="))] = (
-        "z - 0.02*sin(8*x - 2*t)"
-    )
+    text: Annotated[
+        Text,
+        field(
+            "of x, y, z (m from the origin) and t (s): 0 on the surface",
+            "",
+            Widget("0 ="),
+            title="formula of the surface",
+        ),
+    ] = "z - 0.02*sin(8*x - 2*t)"
     solid: Annotated[
-        Literal["below", "above"], field("side that is solid: where the formula is below 0, or above", "", SOLID)
+        Literal["below", "above"],
+        field(
+            "side that is solid: where the formula is below 0, or above",
+            "",
+            SOLID,
+            title="side of the formula that is solid",
+        ),
     ] = "below"
-    normal: Annotated[Vector3, field("direction across the surface; psi_1, psi_2 run across it", "1", NORMAL)] = (
+    normal: Annotated[
+        Vector3,
+        field("direction across the surface; psi_1, psi_2 run across it", "1", NORMAL, title="normal of the surface"),
+    ] = (
         0.0,
         0.0,
         -1.0,

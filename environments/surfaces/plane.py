@@ -46,9 +46,14 @@ def _chart(zeta, shape, t, chart):
 class Tilt(Section, frozen=True, forbid_unknown_fields=True):
     """Tilting about the origin, amplitude * sin(2 pi frequency t)."""
 
-    amplitude: Annotated[float, field("amplitude", "rad", slider("tilts by", 0, 0.2), ge=0, le=0.5)] = 0.0
-    frequency: Annotated[float, field("frequency", "Hz", slider("tilts at", 0, 2), ge=0, le=20)] = 0.25
-    axis: Annotated[Vector3, field("axis", "1", Widget("about"))] = (0.0, 1.0, 0.0)
+    amplitude: Annotated[
+        float,
+        field("amplitude", "rad", slider("tilts by", 0, 0.2), ge=0, le=0.5, title="amplitude of the surface's tilt"),
+    ] = 0.0
+    frequency: Annotated[
+        float, field("frequency", "Hz", slider("tilts at", 0, 2), ge=0, le=20, title="frequency of the surface's tilt")
+    ] = 0.25
+    axis: Annotated[Vector3, field("axis", "1", Widget("about"), title="axis of the surface's tilt")] = (0.0, 1.0, 0.0)
 
 
 class Plane(Form, frozen=True, forbid_unknown_fields=True, tag="plane"):
@@ -58,7 +63,11 @@ class Plane(Form, frozen=True, forbid_unknown_fields=True, tag="plane"):
     chart = _chart
     resolution = 2
 
-    normal: Annotated[Vector3, field("direction into the environment", "1", NORMAL)] = (0.0, 0.0, -1.0)
+    normal: Annotated[Vector3, field("direction into the environment", "1", NORMAL, title="normal of the surface")] = (
+        0.0,
+        0.0,
+        -1.0,
+    )
     tilt: Tilt = msgspec.field(default_factory=Tilt)
 
     @property

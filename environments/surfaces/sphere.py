@@ -40,7 +40,15 @@ class Sphere(Form, frozen=True, forbid_unknown_fields=True, tag="sphere"):
     title = "sphere"
     chart = _chart
 
-    reference: Annotated[Vector3, field("direction from the centre where psi = 0", "1", Widget("ψ = 0 towards"))] = (
+    reference: Annotated[
+        Vector3,
+        field(
+            "direction from the centre where psi = 0",
+            "1",
+            Widget("ψ = 0 towards"),
+            title="direction from the surface's centre where ψ = 0",
+        ),
+    ] = (
         0.0,
         0.0,
         1.0,

@@ -32,7 +32,7 @@ class Circle(Trajectory, frozen=True, forbid_unknown_fields=True, tag="circle"):
     radius: Annotated[float, field("radius", "m", slider("radius", 0, 0.15), ge=0, le=2)] = 0.05
     period: Annotated[float, field("time of one turn", "s", decades("period", 1, 30), gt=0, le=3600)] = 4.0
     ramp: Annotated[float, field("time to full speed", "s", slider("ramp", 0, 5), ge=0, le=3600)] = 1.0
-    axes: Annotated[tuple[int, int], field("which two coordinates, counted from 0", "", _PLANE)] = (0, 1)
+    axes: Annotated[tuple[int, int], field("which two coordinates, counted from 0", "", _PLANE, title="plane")] = (0, 1)
 
     def course(self, n: int, free: range) -> Course:
         a, b = self.axes

@@ -33,7 +33,9 @@ class Hold(Trajectory, frozen=True, forbid_unknown_fields=True, tag="hold"):
 class Displaced(Trajectory, frozen=True, forbid_unknown_fields=True):
     """Base class of paths along one displacement."""
 
-    displacement: Annotated[Vector, field("by how much, each coordinate that it may move", "m", Widget("by"))] = (0.1,)
+    displacement: Annotated[
+        Vector, field("by how much, each coordinate that it may move", "m", Widget("by"), title="displacement")
+    ] = (0.1,)
 
     def within(self, directions: np.ndarray | None, k: int) -> Trajectory:
         """The path's part along the directions where it has more values than there are directions."""

@@ -77,7 +77,7 @@ const curve = () => {
       return before[1] + ((after[1] - before[1]) * (k - before[0])) / (after[0] - before[0]);
     }) : null;
   };
-  let drawing = false, last = null, at = 0; // at: instant that the arrow keys change
+  let drawing = false, last = null, hand = 0, at = 0; // at: instant that the arrow keys change
   const show = () => {
     const line = filled();
     path.setAttribute("d", (line ?? []).map((v, k) => `${k ? "L" : "M"} ${x(k)} ${y(v)}`).join(" "));
@@ -99,12 +99,13 @@ const curve = () => {
   };
   const button = Object.assign(make("button", "", own === null ? "Answer" : "Change"), { disabled: !question.open });
   if (question.open) {
-    svg.addEventListener("pointerdown", (e) => { if (e.button !== 0) return; drawing = true; last = null; svg.setPointerCapture(e.pointerId); take(e); e.preventDefault(); });
+    svg.addEventListener("pointerdown", (e) => { if (e.button !== 0) return; drawing = true; hand = e.pointerId; last = null; svg.setPointerCapture(e.pointerId); take(e); e.preventDefault(); });
     svg.addEventListener("pointermove", (e) => {
+      if (e.pointerId !== hand) return;
       if (e.pointerType === "mouse" && e.buttons === 0) drawing = false; // its button went up elsewhere
       if (drawing) take(e);
     });
-    for (const kind of ["pointerup", "pointercancel"]) svg.addEventListener(kind, () => { drawing = false; });
+    for (const kind of ["pointerup", "pointercancel"]) svg.addEventListener(kind, (e) => { if (e.pointerId === hand) drawing = false; });
     svg.addEventListener("keydown", (e) => {
       if (!/^Arrow/.test(e.key)) return;
       e.preventDefault();

@@ -11,6 +11,10 @@ if (hints) {
   // G begins the guided minute, whose texts take this place
   const onKey = (e) => {
     if (e.ctrlKey || e.metaKey || e.altKey || e.defaultPrevented || !hints.checkVisibility()) return; // meant for something else
+    if (e.key === "Escape") {
+      if (document.querySelector("dialog[open], .mantine-Spotlight-content, [role=listbox]")) return;
+      e.preventDefault(); // one Esc ends one thing (stage.js)
+    }
     if (e.key === "Escape" || (/^g$/i.test(e.key) && !e.target.closest?.("input, textarea"))) dismiss();
   };
   for (const button of hints.querySelectorAll("button")) button.addEventListener("click", dismiss);

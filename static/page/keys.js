@@ -16,18 +16,19 @@ const upload = () => {
 // only), the place of the key counts. "" where the key is itself.
 const onLatinKeys = (e) => {
   const [, digit, letter] = /^(?:Digit([1-5])|Key([A-Z]))$/.exec(e.code) ?? [];
-  if (!e.isTrusted || e.key.length !== 1 || (digit && e.shiftKey && e.key !== digit)) return "";
-  if (digit) return e.key === digit && !e.shiftKey ? "" : digit;
-  return letter && !/[a-z0-9]/i.test(e.key) && !e.shiftKey ? letter.toLowerCase() : "";
+  if (!e.isTrusted || e.key.length !== 1 || e.getModifierState("AltGraph")) return "";
+  if (digit) return e.shiftKey === (e.key === digit) ? digit : "";
+  return letter && !e.shiftKey && /(?!\p{Script=Latin})\p{L}/u.test(e.key) ? letter.toLowerCase() : "";
 };
 document.body.addEventListener("keydown", (e) => {
   const help = document.querySelector(".vs-help");
   if (window.vsmrcTyping(e) || e.ctrlKey || e.metaKey || e.altKey) return;
   const latin = onLatinKeys(e);
   if (e.key === "?" || (help && e.key === "Escape")) { if (!e.repeat && !e.defaultPrevented) press("h"); }
-  else if (latin && !help) {
+  else if (latin && (!help || latin === "h")) {
     e.stopPropagation();
-    if (!e.repeat) press(latin);
+    const { code, repeat } = e; // as if that had been pressed
+    document.body.dispatchEvent(new KeyboardEvent("keydown", { key: latin, code, repeat, bubbles: true, cancelable: true }));
   }
   else if (belongsToControl(e) || (help && !/^h$/i.test(e.key))) e.stopPropagation();
   else if (/^o$/i.test(e.key) && upload()) e.stopPropagation();

@@ -61,7 +61,7 @@ setInterval(() => {
   }
 }, 300);
 const clamp = (svg, value) => Math.min(Math.max(value, number(svg, "low")), number(svg, "high"));
-let drawing = null, lastPlace = null;
+let drawing = null, lastPlace = null, hand = 0; // hand: number of the pointer that draws
 const draw = (svg, e) => {
   const box = svg.getBoundingClientRect(), view = svg.viewBox.baseVal;
   const x = ((e.clientX - box.left) / box.width) * view.width, y = ((e.clientY - box.top) / box.height) * view.height;
@@ -79,7 +79,7 @@ const draw = (svg, e) => {
 document.addEventListener("pointerdown", (e) => {
   const svg = e.button === 0 && padOf(e);
   if (!svg) return;
-  drawing = svg, lastPlace = null;
+  drawing = svg, lastPlace = null, hand = e.pointerId;
   svg.setPointerCapture(e.pointerId);
   svg.focus();
   draw(svg, e);
@@ -87,10 +87,12 @@ document.addEventListener("pointerdown", (e) => {
 }, true);
 const lift = () => { if (drawing) send(drawing); drawing = null; };
 document.addEventListener("pointermove", (e) => {
+  if (e.pointerId !== hand) return;
   if (e.pointerType === "mouse" && e.buttons === 0) lift(); // its button went up elsewhere
   if (drawing) draw(drawing, e);
 }, true);
-for (const kind of ["pointerup", "pointercancel"]) document.addEventListener(kind, lift, true);
+for (const kind of ["pointerup", "pointercancel"])
+  document.addEventListener(kind, (e) => { if (e.pointerId === hand) lift(); }, true);
 document.addEventListener("keydown", (e) => {
   const svg = padOf(e);
   if (!svg || !/^Arrow/.test(e.key)) return;

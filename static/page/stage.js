@@ -1,5 +1,5 @@
 // Presentation: the scene, one plot, the sliders moved last, and the equation, in large type; in a lesson the scene, one
-// plot and the step of the lesson. V begins and ends it, and Esc ends it. The plot is the one that was pressed last, else
+// plot and the step of the lesson. V begins and ends it, the button of the help begins it, and Esc ends it. The plot is the one that was pressed last, else
 // the first one; two buttons, and the keys "," and ".", lead to the one before and the next, through all tabs of plots.
 // Where no slider was moved and the open tab has none, the first tab of the controls is opened meanwhile.
 const page = document.documentElement, MOST = 3;

@@ -182,7 +182,7 @@ document.addEventListener("click", (e) => {
 }, true);
 document.addEventListener("keydown", (e) => {
   keyed = e.key === "Tab" || (keyed && /^Arrow/.test(e.key));
-  if (e.key !== "Escape" || !shown || e.defaultPrevented) return;
+  if (e.key !== "Escape" || !shown) return;
   hide();
   e.preventDefault(); // one Esc ends one thing (stage.js)
 }, true);
@@ -195,7 +195,11 @@ document.addEventListener("focusin", (e) => {
   else hide();
 });
 // the focus that comes to a row may scroll it into view
-document.addEventListener("scroll", () => { if (shown?.by === "focus") put(); else if (shown) hide(); }, true);
+document.addEventListener("scroll", () => {
+  const box = shown?.by === "focus" && shown.where.isConnected && shown.where.getBoundingClientRect();
+  if (box && box.bottom > 0 && box.top < innerHeight) put();
+  else if (shown) hide();
+}, true);
 addEventListener("blur", hide);
 // What is sent again takes its elements with it: the tip goes over to the one that stands there now.
 setInterval(() => {

@@ -58,7 +58,7 @@ def test_a_switch_is_followed_at_once_and_drawn_once(page: tuple[PageContent, Fr
 def test_the_target_follows_the_drag(page: tuple[PageContent, Frame]) -> None:
     content, frame = page
     hand, still = content._hand, np.zeros(3)
-    hand._held = HeldHandle(0, 0, False, "target", still, np.array([0.0, 0.05, 0.0]), np.eye(3), still)
+    hand._held = HeldHandle(0, 0, False, 0, "target", still, np.array([0.0, 0.05, 0.0]), np.eye(3), still)
     assert [frame() for _ in range(2)] == [1, 0]
     assert hand._target.visible
     place = hand._target.position.copy()

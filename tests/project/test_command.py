@@ -112,10 +112,11 @@ def test_the_fields_of_each_section_are_listed(section: str, capsys: pytest.Capt
     for path in (path for path in lines if not path.endswith(".kind:")):
         info = field_info(path)
         assert info.doc in lines[path][0]
-        assert info.unit.removesuffix("1") == lines[path][0][36:45].strip()
         assert info.largest is None or f"{info.largest:g}" in lines[path][0]
     if section == "surface":
         assert lines["surface.tilt.axis"][0].endswith("axis (plane)")
+        assert lines["surface.tilt.amplitude"][0].split()[1:3] == ["rad", "0.0"]
+        assert lines["surface.motion.amplitude"][0].split()[1:3] == ["m", "0.0"]
         assert lines["surface.motion.amplitude"][0].endswith("<= 1              amplitude")
     if section == "rotation":
         assert lines["rotation.radius"][0].split()[1:3] == ["rad", "0.05"]

@@ -18,7 +18,7 @@ from app.sweep.titles import named, title_of, value_in_words
         ("truth.link_scaling", "mass of the true links, factor"),
         ("controller.layer", "boundary layer [m/s]"),
         ("second.contact.K_e", "stiffness of the surface (second surface) [N/m]"),
-        ("declared.link_scaling", "links' masses and inertias within 1 ± this (declared)"),
+        ("declared.link_scaling", "links 1 ± (declared)"),
         ("truth.rotor_scaling", "factor on every joint's rotor inertia (true arm)"),
         ("truth.torque_limit", "largest torque of the drives (true arm)"),
         ("target_model.K_m.2", "stiffness of the target model (8), entry 2 [N/m]"),

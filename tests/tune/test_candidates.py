@@ -165,7 +165,8 @@ def test_17_is_no_limit_of_a_law_without_the_gain_d() -> None:
 
 def test_a_test_on_the_arm_of_the_search_is_called_none() -> None:
     """Nothing is declared, so that the drawn arm is the believed one, as the scenario's own may be."""
-    nothing = "the arm that was not seen is that of the search, since nothing is declared: nothing was tested"
+    same = "the arm that was not seen is that of the search, since no quantity that is drawn is declared"
+    nothing = f"{same}: nothing was tested"
     own, undeclared = judged(TUNING, 0, {}, [SOUND]), edited(TUNING.scenario, "declared", {})
     believed = edited(undeclared, "truth", {})
     for scenario, told in (

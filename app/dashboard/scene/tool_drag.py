@@ -30,7 +30,8 @@ _BESIDE = np.array([RADIUS, 0.0, RADIUS])  # m, from the tool to the hint
 class HeldHandle:
     """Drag of the handle that is going on.
     client: whose pointer it is.
-    run: in which it has begun; playing: whether that has been running since.
+    run: in which it has begun; playing: whether a snapshot has shown it running since.
+    since: number of commands that had been carried out then; earlier snapshots say nothing of it.
     drag: push, turn, or move of the target.
     offset: (3,) m; for a push: anchor minus pointer; for a turn: point of the ball that the pointer holds; for a moved
     target: coordinates g under the pointer at the beginning.
@@ -41,6 +42,7 @@ class HeldHandle:
     client: int
     run: int
     playing: bool
+    since: int
     drag: str
     offset: np.ndarray
     moved: np.ndarray
@@ -49,6 +51,8 @@ class HeldHandle:
 
     def over(self, snapshot: Snapshot) -> bool:
         """Whether the drag has ended without its page: another run has begun, or the run was paused."""
+        if snapshot.executed < self.since:
+            return False
         return snapshot.run > self.run or (self.playing and snapshot.phase != "running")
 
     def turned(self, pointer: np.ndarray) -> tuple[float, float, float]:
@@ -137,7 +141,7 @@ class Hand:
         if held is None or held.client != event.client_id:
             return
         if snapshot.phase == "running" and not held.playing:
-            self._held = held = replace(held, playing=True)
+            self._held = held = replace(held, playing=True, since=snapshot.executed)
         if event.phase == "end":
             self._held = None
             self._let_go(snapshot, held)
@@ -159,6 +163,8 @@ class Hand:
         held = self._held
         if held is not None and held.over(snapshot) and self._held is held:
             self._held = None
+            if held.drag != "target":
+                self._desk.post(HoldTool(None))  # a pull that was under way may have taken hold again
 
     def _pull(self, grip: Grip) -> None:
         if self._desk.post(HoldTool(grip)) is None:  # a lesson's goal has begun meanwhile
@@ -166,7 +172,8 @@ class Hand:
             self._desk.post(HoldTool(None))
 
     def _taken(self, snapshot: Snapshot, event: viser.SceneNodeDragEvent, drag: str) -> HeldHandle | None:
-        grab, begun = np.array(event.start_position), (event.client_id, snapshot.run, snapshot.phase == "running")
+        grab, playing = np.array(event.start_position), snapshot.phase == "running"
+        begun = event.client_id, snapshot.run, playing, snapshot.executed
         away = grab - snapshot.tool
         turning = (np.zeros(3), orientation(snapshot), away / max(float(np.linalg.norm(away)), 1e-9))
         if drag != "target" and self._desk.lock.refuses("a push by hand"):

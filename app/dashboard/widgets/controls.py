@@ -138,6 +138,7 @@ class NumberField:
         self._held: float | None = None  # value of the slider that a page holds, which another page may hide
         self._held_until = -math.inf  # on the monotonic clock, s; the page may have gone
         self._held_in = -1  # run in which it is held
+        self._hold: HeldControl | None = None  # its preview
         self._before: Snapshot | None = None  # when it was moved first, where it applies its values at once
         self._form = desk.gui.add_form(None)
         with self._form:
@@ -199,10 +200,12 @@ class NumberField:
         self._desk.choose(self.row)
         edit = self._place.edit(snapshot, value)
         self._held, self._held_until, self._held_in = value, time.monotonic() + LONGEST, snapshot.run
+        self._hold = None
         if self._desk.whatif.on:
             value_text, client = f"{written(value)} {self._unit_beside(snapshot)}".rstrip(), event.client.client_id
             moved = self._moved(snapshot, value)
             held = HeldControl(edit, self._label, value_text, self, client, moved=moved, dropped=self._drop)
+            self._hold = held
             self._desk.whatif.hold(held)
         else:
             self._before = self._before or snapshot
@@ -226,7 +229,7 @@ class NumberField:
         there = time.monotonic() < self._held_until or self._desk.whatif.holds(self)
         there = there and (snapshot.run == self._held_in or not self._desk.whatif.on)
         held, before = self._held if there else None, self._before or snapshot
-        self._drop()
+        self._forget()
         usual = self._place.read(before)
         # a slider that was not moved shows its value only roughly
         value = usual if not apply else running if held is None else held
@@ -240,8 +243,13 @@ class NumberField:
         if not changed:
             self._show_again(snapshot)
 
-    def _drop(self) -> None:
-        """Forget the value of the held slider."""
+    def _drop(self, held: HeldControl) -> None:
+        """Forget the value of the held slider, whose preview has ended."""
+        if self._hold is held:
+            self._forget()
+
+    def _forget(self) -> None:
+        self._hold = None
         self._held, self._held_until, self._before = None, -math.inf, None
 
     def _moved(self, snapshot: Snapshot, value: float) -> dict[object, float]:

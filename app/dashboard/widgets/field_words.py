@@ -27,35 +27,6 @@ _BOUNDS = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
 # the field of a blend and its own words for a refusal
 _ENTRY = re.compile(r"^([a-z_]+(?:\.\w+)+)\[(\d+)\]:")
 _BLEND = re.compile(r"^blend\.\w+: refused: ")
-# titles of fields whose meanings in the schema go on from those of their section
-_TITLES = {
-    "robot.urdf": "URDF",
-    "robot.posture": "posture at the start",
-    "contact.unilateral": "Pushes only",
-    "declared.link_scaling": "links 1 ± (declared)",
-    "declared.rotor_scaling": "rotors 1 ± (declared)",
-    "simulation.substeps": "steps per period",
-    "truth.payload_offset": "place of the payload in the tool frame",
-    "truth.link_shape": "change of the links' inertias about their centres (true arm)",
-    "coupling.K_e_hat": "estimated stiffness between surfaces 1 and 2, 1 and 3, 2 and 3 (33)",
-    "sensor.ideal": "ideal reading of the sensor",
-    "surface.text": "formula of the surface",
-    "surface.origin": "point of the surface",
-    "surface.axis": "direction of the surface's axis",
-    "surface.normal": "normal of the surface",
-    "surface.reference": "direction from the surface's axis where ψ₁ = 0",
-    "surface.side": "side of the surface on which the tool is",
-    "surface.solid": "side of the formula that is solid",
-    "surface.motion.direction": "direction of the surface's motion",
-    "surface.tilt.axis": "axis of the surface's tilt",
-    "force.start": "force before the change (desired force)",
-    "force.time": "time of the change (desired force)",
-    "force.rise": "duration of the change (desired force)",
-    "motion.displacement": "displacement (desired motion)",
-    "motion.axes": "plane (desired motion)",
-    "rotation.displacement": "displacement (desired rotation)",
-    "rotation.axes": "plane (desired rotation)",
-}
 _SYMBOLS = {symbol.field: symbol for symbol in GLOSSARY if symbol.field}
 _BLOCKS = {"": "", "1": " of the pressed coordinates", "2": " of the free coordinates"}
 
@@ -136,10 +107,7 @@ def called(path: str) -> str:
         return f"{matrix[1]}{_BLOCKS[matrix[2]]}"
     first, _, rest = path.partition(".")
     of_first = rest if first in FURTHER else path  # a further surface has the fields of the first one
-    if (title := _TITLES.get(of_first)) is None:
-        title = title_of(path)
-    elif first in FURTHER:
-        title += f" ({FURTHER[first]})"
+    title = title_of(path)
     known = _SYMBOLS.get(of_first)
     if known is None or any(name in title for name in (known.written, *known.also)):
         return title

@@ -36,7 +36,7 @@ from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate
 from app.tune.offers import offered
 from app.tune.plan import Tuning, is_gain, known_aims, require_sound
-from app.tune.running import most_runs
+from app.tune.running import Found, most_runs
 from controllers.laws import KINDS
 
 MOST = 4  # gains that a search may vary
@@ -62,6 +62,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._names: dict[str, str] = {}
         self._fields: list[Field] = []
         self._chosen: int | None = None
+        self._told: Found | None = None  # what the sentences at the end are about
         gui.add_html(
             '<div class="vs-note">Which gains may move, within which ranges, and what is to be '
             "small? The answer is that of <code>vsmrc tune</code>. A candidate over a limit is never offered.</div>"
@@ -236,20 +237,22 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         super().show(snapshot)
 
     def _drawn(self, work: BackgroundTuning, snapshot: Snapshot) -> str:
-        verdict_html = ""
-        if work.found is not None:
-            from app.tune import outcome  # see `_on_file`
-
-            names = {each.number: name_of(each.number) for each in offered(work.tuning, work.found)}
-            verdict = outcome.verdict(work.tuning, work.found, names)
-            sentences = "".join(f"<div>{escape(sentence)}.</div>" for sentence in verdict)
-            verdict_html = f'<div class="vs-note">{sentences}</div>'
-        if self._verdict.content != verdict_html:
-            self._verdict.content = verdict_html
+        if work.found is not self._told:
+            self._told = work.found
+            self._verdict.content = "" if work.found is None else _verdict_html(work.tuning, work.found)
         if self._file.visible != (work.found is not None):
             self._file.visible = work.found is not None
         present = task_of(work.tuning.scenario) == task_of(snapshot.scenario)
         return ("" if present else earlier_html("The search")) + candidates_html(work, self._names, self._chosen)
+
+
+def _verdict_html(tuning: Tuning, found: Found) -> str:
+    """Sentences on what a search has found, as HTML."""
+    from app.tune import outcome  # here: pyarrow is large, and few sessions need it
+
+    names = {each.number: name_of(each.number) for each in offered(tuning, found)}
+    sentences = "".join(f"<div>{escape(sentence)}.</div>" for sentence in outcome.verdict(tuning, found, names))
+    return f'<div class="vs-note">{sentences}</div>'
 
 
 def _whole_fields(fields: list[Field]) -> set[str]:

@@ -88,10 +88,8 @@ class ImpedanceView:
         try:
             job = MadeJob(encoded, (state, loop.response.axes, chirp_for(state), engine_ready()))
             points = decoded(self._desk.export_jobs.made(job, lambda _: None))
-            measured, now = (
-                _Measurement(snapshot.scenario, snapshot.run, state.t, loop, points, not_linear(state)),
-                self._desk.snapshot(),
-            )
+            measured = _Measurement(snapshot.scenario, snapshot.run, state.t, loop, points, not_linear(state))
+            now = self._desk.snapshot()
             if (now.run, now.latest.scenario) != (snapshot.run, snapshot.latest.scenario):
                 self._desk.complain(f"the push measured the run at t = {state.t:.2f} s, which has been changed since")
             self._measurement = measured

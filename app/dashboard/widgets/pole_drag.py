@@ -51,7 +51,8 @@ class PoleDrag:
         desk.gui.add_html('<i class="vs-pole-field"></i>')
         self._field = desk.gui.add_text("", "")
         self._field.on_update(from_pages(self._on_report))
-        self._held = False  # whether the dragged pole is still previewed
+        self._held: HeldControl | None = None  # the dragged pole, as long as its preview goes on
+        self._held_in = -1  # run in which it is held
 
     async def _on_report(self, event: PageEvent) -> None:
         words = self._field.value.split()
@@ -63,23 +64,26 @@ class PoleDrag:
         poles = numbered_poles(snapshot)  # those of the running model, which a pole that is held does not change
         others = others_of(snapshot, poles[number]) if 0 <= number < len(poles) else {}
         if not np.isfinite(pole) or not others or phase == "left":
+            self._held = None
             self._desk.whatif.let_go(self)
             return
         edit, omega, zeta = pole_edit(others, pole)
         if phase == "held" and self._desk.whatif.on:
             value = f"ω = {written(omega)} rad/s, ζ = {written(zeta)}"
             held = HeldControl(edit, "pole", value, self, event.client.client_id, dropped=self._forget)
-            self._held = True
+            self._held, self._held_in = held, snapshot.run
             self._desk.whatif.hold(held)
         elif phase == "dropped":
-            if (self._held or not self._desk.whatif.on) and self._desk.post(edit) is not None:
+            applies = not self._desk.whatif.on or (self._held is not None and self._held_in == snapshot.run)
+            if applies and self._desk.post(edit) is not None:
                 self._desk.whatif.remember(snapshot, edit)
-            self._held = False
+            self._held = None
             self._desk.whatif.let_go(self)
 
-    def _forget(self) -> None:
+    def _forget(self, held: HeldControl) -> None:
         """Forget the dragged pole, whose preview has ended."""
-        self._held = False
+        if self._held is held:
+            self._held = None
 
 
 def numbered_poles(snapshot: Snapshot) -> list[complex]:

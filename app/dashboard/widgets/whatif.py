@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -28,7 +29,7 @@ class HeldControl:
     client: whose page the control is held on.
     then: ways to go on, in words for the user.
     moved: value of every place that the edit sets.
-    dropped: called where the hold ends without the control: its value is not applied any more."""
+    dropped: called with this where the hold ends without the control: its value is not applied any more."""
 
     edit: FieldEdit
     label: str
@@ -37,7 +38,7 @@ class HeldControl:
     client: int
     then: str = "let go: apply · Esc: cancel"
     moved: Mapping[object, float] = field(default_factory=dict)
-    dropped: Callable[[], None] = lambda: None
+    dropped: Callable[[HeldControl], None] = lambda _: None
 
 
 def changed(scenario: Scenario, edit: FieldEdit) -> Scenario:
@@ -108,6 +109,7 @@ class WhatIf:
         self.on = True
         self.horizon, self.push, self.arms = HORIZON, PUSH, ARMS
         self.held: HeldControl | None = None
+        self._holding = threading.Lock()  # pages hold and let go in one thread, the drawing drops in another
         self.preview: Preview | None = None
         self.refusal = ""
         self._request: _RequestKey | None = None
@@ -116,7 +118,8 @@ class WhatIf:
 
     def hold(self, held: HeldControl) -> None:
         """Preview the effect of a slider that has been moved and is held."""
-        self.held, self._applied = held, None
+        with self._holding:
+            self.held, self._applied = held, None
         self._wake()
 
     def holds(self, control: object) -> bool:
@@ -126,14 +129,17 @@ class WhatIf:
 
     def let_go(self, control: object) -> None:
         """Note that the control's slider is no longer held."""
-        if self.holds(control):
-            self.held = None
+        with self._holding:
+            if self.holds(control):
+                self.held = None
 
     def drop(self, held: HeldControl) -> None:
         """End a hold without its control, unless another one has taken its place."""
-        if self.held is held:
+        with self._holding:
+            if self.held is not held:
+                return
             self.held = None
-            held.dropped()
+        held.dropped(held)
 
     def moved(self, snapshot: Snapshot) -> Mapping[object, float]:
         """Values that controls show in place of the running ones, by place: those of the held slider, or, until the
