@@ -150,7 +150,8 @@ class _Page:
                 moving += MOVEMENT
                 self.value = value = drag.at(now)
                 moves[value] = now
-                self.whatif.hold(HeldControl(Edit(drag.path, value), drag.label, f"{value:.3g}", self, CLIENT))
+                edit, run = Edit(drag.path, value), self.runner.snapshot.run
+                self.whatif.hold(HeldControl(edit, drag.label, f"{value:.3g}", self, CLIENT, run))
             if now - framed >= 1.0 / FPS or (self.awake.is_set() and now - framed >= SOONEST):
                 framed = now
                 self.awake.clear()

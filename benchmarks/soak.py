@@ -35,7 +35,7 @@ from benchmarks.logged import failures_in_words, server_log
 from benchmarks.served import Served, served
 from benchmarks.visitor import Visitor, visit
 from controllers.modes import MODES
-from environments.robots import CATALOGUE
+from environments.catalogue import CATALOGUE
 
 PAGE = Path(__file__).parents[1] / "docs" / "reliability.md"
 PICTURE = "soak.svg"  # in the same folder

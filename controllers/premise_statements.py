@@ -51,9 +51,9 @@ STATEMENTS: dict[Premise, Statement] = {
         "joints",
         "q has left Ω: it is {value} {unit} from the postures along the reference (at most {limit} {unit}); "
         "choose a larger radius of Ω, or a path nearer to the arm",
-        "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it, until "
-        "simulation.duration for surfaces that never come back to their places or forms, and for 1000 s for those that "
-        "take longer than that",
+        "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it; for "
+        "surfaces that never come back to their places or forms only until simulation.duration, for those that take "
+        "more than 1000 s only for 1000 s",
         unknown="k_r′ and k_r″ of (19) are not known for the present places or forms of the surfaces: these never "
         "come back and the run has outlasted simulation.duration, or their period is longer than the 1000 s that were "
         "searched, which are over",

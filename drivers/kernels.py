@@ -19,7 +19,7 @@ from app.process.precompile import mark
 
 def joints() -> list[int]:
     """Numbers of joints of the arms; those that take longest to compile come first."""
-    from environments.robots import CATALOGUE
+    from environments.catalogue import CATALOGUE
 
     return sorted({len(entry.rotor_inertia) for entry in CATALOGUE.values()}, reverse=True)
 

@@ -42,7 +42,7 @@ def list_(
         for line in _fields_of(one_of("--fields", fields, SECTIONS)):
             print(line)
         return DONE
-    from environments.robots import CATALOGUE
+    from environments.catalogue import CATALOGUE
 
     print("robots")
     for name, entry in CATALOGUE.items():

@@ -15,7 +15,7 @@ from app.scenario.schema import Scenario
 from app.scenario.units import Units, unit_in
 from controllers.controller import Controller
 from controllers.modes import MODES
-from environments.robots import CATALOGUE
+from environments.catalogue import CATALOGUE
 
 _LAW = ("A", "F_1", "F_2", "K_s")
 _ELSEWHERE = ("name", "title", "mode", "robot", "target_model", "controller", "simulation")

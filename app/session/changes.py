@@ -43,6 +43,7 @@ from controllers import modes
 from controllers.nominal_model import NominalModel
 from controllers.target_model import InvalidGain
 from environments import robots
+from environments.catalogue import CATALOGUE
 from environments.surfaces.form import Form
 from environments.surfaces.formula import FormulaSurface
 from environments.trajectories.point_to_point import Hold
@@ -158,7 +159,7 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
 
 
 def _title(robot: RobotSection) -> str:
-    entry = robots.CATALOGUE.get(robot.name)
+    entry = CATALOGUE.get(robot.name)
     return Path(robot.urdf).stem if robot.urdf else entry.title if entry else robot.name
 
 

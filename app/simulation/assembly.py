@@ -128,7 +128,15 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     require_face(scenario, mode, robot)
     surfaces = _surfaces_in_use(scenario, robot, nominal, previous)
     plant = _plant(scenario, robot, surfaces, previous)
-    q_0 = starting_posture(scenario, plant, robot, nominal)
+    q_0 = _reused(
+        previous,
+        lambda p: (
+            (p.robot is robot and p.surfaces is surfaces and p.plant.kind == plant.kind)
+            and p.scenario.face == scenario.face
+        ),
+        lambda p: p.q_0,
+        lambda: starting_posture(scenario, plant, robot, nominal),
+    )
     in_corner = mode.on_surface and len(surfaces) > 1
     layout = layout_of(scenario, mode, robot, nominal, q_0, plant.surface)
     cartesian = Surface.cartesian(task_axes(scenario, robot))

@@ -16,7 +16,8 @@ from app.simulation.assembly import assemble, with_truth
 from app.simulation.control_period import Evaluation, Setting
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.controller_builder import law_of
-from app.simulation.premise_watch import NOT_FED_BACK, PremiseWatch, losses
+from app.simulation.failure_sentences import losses
+from app.simulation.premise_watch import NOT_FED_BACK, PremiseWatch
 from app.simulation.recording import Recording
 from app.simulation.restarts import begins_anew, meets_another_load
 from app.simulation.sampled_stability import RespondingLoop

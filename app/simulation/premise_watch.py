@@ -3,18 +3,16 @@ period."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
 from app.scenario.errors import UnboundedGain
-from app.scenario.units import Units, unit_of_joint
 from app.simulation.alarms import Alarm
-from app.simulation.control_period import Evaluation
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.domain import covered, without_inertia
+from app.simulation.failure_sentences import infinity, last_loss, saturation, surface_named
 from app.simulation.recording import Epoch
 from app.simulation.sampled_force_loop import worst_gain_by_force
 from app.simulation.sampled_stability import RespondingLoop, SampledLoop, SampledLoops
@@ -25,7 +23,6 @@ from app.simulation.verdict import sentence
 from controllers.blend import ModelBlend, blended
 from controllers.posture_check import periods_between_checks
 from controllers.premises import Premise, PromiseRecord, judge
-from environments.contact import Holding
 
 Loop = TypeVar("Loop", bound=SampledLoop)
 SHARE = 0.02  # of a blend, between two judgements of the sampled loops
@@ -332,15 +329,15 @@ class PremiseWatch:
             )
         rigid = self.system.plant.kind.rigid
         if Alarm.CONTACT_LOST in alarms and not rigid:
-            left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.pressed] != 0.0)))
+            left = surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.pressed] != 0.0)))
             self.leave_domain("flag", f"contact lost: the tool has left {left}, so its force is not controlled")
         if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
-            self.leave_domain("flag", _saturation(evaluation.output.tau, evaluation.applied, self.system.robot.slides))
+            self.leave_domain("flag", saturation(evaluation.output.tau, evaluation.applied, self.system.robot.slides))
         if Alarm.NOT_FINITE in alarms:
-            self.leave_domain("stop", _infinity(evaluation, self.system.units))
+            self.leave_domain("stop", infinity(evaluation, self.system.units))
             return
         if Alarm.CONTACT_LOST in alarms and rigid and evaluation.table.value[Premise.CONTACT] > 0.0:
-            self.leave_domain(rules.leaving_domain, f"contact lost, {_last_loss(self.system, arm.holding)}")
+            self.leave_domain(rules.leaving_domain, f"contact lost, {last_loss(self.system, arm.holding)}")
         if Alarm.SINGULAR in alarms:
             unit = self.system.units.jacobian.removesuffix("1")
             sigma_min = f"{1.0 / evaluation.seen.task.J_q_inv_norm:.4g} {unit}".rstrip()
@@ -363,43 +360,3 @@ class PremiseWatch:
             state.stopped = state.stopped or f"t = {state.t:.3f} s: {reason}"
         else:
             state.flagged = state.flagged or Flag(state.t, reason)
-
-
-def _surface_named(system: System, number: int) -> str:
-    """Words for a surface, counted from 0."""
-    place = system.scenario.surfaces[number].place
-    return "the surface" if len(system.surfaces) == 1 else f"the {('first', 'second', 'third')[place]} surface"
-
-
-def _last_loss(system: System, holding: Holding) -> str:
-    at_once = np.flatnonzero(holding.lost == np.nanmax(holding.lost))  # one that is let go may take others with it
-    last = int(at_once[np.argmin(holding.pull[at_once])])
-    name, force = _surface_named(system, last), holding.pull[last]
-    if np.isfinite(force):
-        return f"{name} would have to pull (λ = {force:.4g} N)"
-    return f"an impact has lifted the tool off {name}"
-
-
-def losses(system: System, holding: Holding) -> str:
-    """Words for the rigid surfaces that were lost, with the instants of the last loss and the last impact of each."""
-    lost: list[str] = []
-    for i in np.flatnonzero(np.isfinite(holding.lost)):
-        again = f", made again at t = {holding.made[i]:.4g} s" if holding.held[i] else ""
-        lost.append(f"{_surface_named(system, int(i))}, lost at t = {holding.lost[i]:.4g} s{again}")
-    return "; ".join(lost)
-
-
-def _saturation(tau: np.ndarray, applied: np.ndarray, slides: Sequence[bool]) -> str:
-    worst = int(np.argmax(np.abs(tau - applied)))
-    unit = unit_of_joint("N·m", slides=slides[worst])
-    return (
-        f"the drive of joint {worst + 1} saturates: the law asks for {tau[worst]:.4g} {unit} "
-        f"and gets {applied[worst]:.4g} {unit}"
-    )
-
-
-def _infinity(evaluation: Evaluation, units: Units) -> str:
-    seen, tau = evaluation.seen, evaluation.output.tau
-    if np.isfinite(seen.q).all() and np.isfinite(seen.q_dot).all() and not np.isfinite(tau).all():
-        return f"the control law asks for a torque that is no finite number: {tau.tolist()} {units.of_joints('N·m')}"
-    return "the state is no longer finite: the loop diverged"

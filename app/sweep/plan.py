@@ -27,8 +27,8 @@ from app.simulation.engines import Engine
 from app.simulation.environment_builder import robot_of
 from app.storage.joint_kinds import units_of
 from app.sweep.axes import Axis, Value, require_axis
+from environments.catalogue import CATALOGUE
 from environments.regular_file import read_regular
-from environments.robots import CATALOGUE
 from parameters import allowed
 
 MOST_ROWS = 10_000_000

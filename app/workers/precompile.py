@@ -19,7 +19,7 @@ from app.session.changes import in_mode, on_robot
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.warm_up import warm_up, warm_up_for_own_laws
-from environments import robots
+from environments.catalogue import CATALOGUE
 
 
 def compiled(joints: int | None = None) -> Iterator[ClosedLoop]:
@@ -36,7 +36,7 @@ def to_compile(joints: int | None) -> Iterator[Scenario]:
     """Scenarios to compile: one for each number of joints and each kind of contact that needs other kernels. joints:
     their number, None for all."""
     done: set[int] = set()
-    for name, entry in robots.CATALOGUE.items():
+    for name, entry in CATALOGUE.items():
         if (n := len(entry.rotor_inertia)) not in done and joints in (None, n):
             done.add(n)
             base = on_robot(load("ur5-hybrid"), name)

@@ -45,11 +45,7 @@ class Cylinder(Form, frozen=True, forbid_unknown_fields=True, tag="cylinder"):
             Widget("ψ = 0 towards"),
             title="direction from the surface's axis where ψ₁ = 0",
         ),
-    ] = (
-        0.0,
-        0.0,
-        1.0,
-    )
+    ] = (0.0, 0.0, 1.0)
     radius: Radius = 0.3
     side: Side = "outside"
 

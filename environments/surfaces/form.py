@@ -66,11 +66,7 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
         field(
             "a point of it; a sphere's centre, a point of a cylinder's axis", "m", ORIGIN, title="point of the surface"
         ),
-    ] = (
-        0.0,
-        0.0,
-        0.0,
-    )
+    ] = (0.0, 0.0, 0.0)
     motion: SurfaceMotion = msgspec.field(default_factory=SurfaceMotion)
 
     @property

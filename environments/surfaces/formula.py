@@ -71,11 +71,7 @@ class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula
     normal: Annotated[
         Vector3,
         field("direction across the surface; psi_1, psi_2 run across it", "1", NORMAL, title="normal of the surface"),
-    ] = (
-        0.0,
-        0.0,
-        -1.0,
-    )
+    ] = (0.0, 0.0, -1.0)
 
     @property
     def shape(self) -> Shape:

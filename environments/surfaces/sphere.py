@@ -48,11 +48,7 @@ class Sphere(Form, frozen=True, forbid_unknown_fields=True, tag="sphere"):
             Widget("ψ = 0 towards"),
             title="direction from the surface's centre where ψ = 0",
         ),
-    ] = (
-        0.0,
-        0.0,
-        1.0,
-    )
+    ] = (0.0, 0.0, 1.0)
     radius: Radius = 0.3
     side: Side = "outside"
 

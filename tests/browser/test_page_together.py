@@ -15,7 +15,7 @@ from app.session.commands import Reset
 from app.session.runner import Runner
 from controllers.modes import MODES
 from drivers.pages import PATIENCE, VIEWPORT, PageSession, fill_in, wait_without_notice
-from environments.robots import CATALOGUE
+from environments.catalogue import CATALOGUE
 
 ARMS = ("planar3r", "panda", "ur5")
 

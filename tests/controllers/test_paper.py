@@ -15,7 +15,7 @@ from app.simulation.system import System
 from controllers.compensator import Compensator
 from controllers.nominal_model import Estimate
 from controllers.target_model import InvalidGain, TargetModel, require_spsd
-from environments.robots import CATALOGUE
+from environments.catalogue import CATALOGUE
 from tests.support.arms import State
 from tests.support.cases import scenario_of
 from tests.support.identities import assert_torque_is_force_in_task_space, derivative

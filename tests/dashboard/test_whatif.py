@@ -32,7 +32,7 @@ def test_a_preview_of_a_past_instant_goes_on_without_the_hand_as_its_edit_would(
     for _ in range(50):
         runner._commanded.step()
     whatif.look(runner._publish(), ())  # which run it is
-    whatif.hold(HeldControl(edit, "layer", "0.02", object(), 1))
+    whatif.hold(HeldControl(edit, "layer", "0.02", object(), 1, runner._publish().run))
     whatif.look(runner._publish(), (1,))
     assert asked[-1].grip is not None
     runner._obey([Seek(0.02)])

@@ -22,7 +22,8 @@ from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.storage import uploaded_urdfs
 from environments import robots, urdf
-from environments.robots import CATALOGUE, Robot, RobotError
+from environments.catalogue import CATALOGUE
+from environments.robots import Robot, RobotError
 from environments.working_posture import LENGTH, Tool
 from tests.support.arms import arm
 

@@ -8,6 +8,7 @@ import pytest
 
 from controllers.nominal_model import NominalModel, Terms
 from environments import robots
+from environments.catalogue import CATALOGUE
 from environments.truth import Truth
 from kernels import kernel
 from kernels.records import Record
@@ -69,7 +70,7 @@ def sliding_model() -> pin.Model:
 def models() -> dict[str, pin.Model]:
     """The arms by name: as the controller knows them, and as they are."""
     arms = {"sliding": sliding_model()}
-    for name in robots.CATALOGUE:
+    for name in CATALOGUE:
         robot = robots.load(name)
         arms |= {name: robot.model, f"{name} with a payload": true_model(robot)}
     return arms

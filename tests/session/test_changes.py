@@ -28,8 +28,8 @@ from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from controllers.modes import MODES
+from environments.catalogue import CATALOGUE
 from environments.push import Grip
-from environments.robots import CATALOGUE
 from environments.surfaces.table import SURFACES
 
 pytestmark = pytest.mark.slow  # long or many simulations

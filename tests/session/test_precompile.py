@@ -12,7 +12,7 @@ from app.process import kernel_cache, launcher, precompile
 from app.simulation.assembly import assemble
 from app.workers.precompile import to_compile
 from drivers.waiting import until
-from environments.robots import CATALOGUE
+from environments.catalogue import CATALOGUE
 
 pytestmark = pytest.mark.slow  # processes of its own
 

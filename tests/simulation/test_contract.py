@@ -13,7 +13,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from controllers.modes import MODES
 from drivers.waiting import until
-from environments.robots import CATALOGUE
+from environments.catalogue import CATALOGUE
 from tests.support.cases import scenario_of, surfaces_for
 from tests.support.same_rows import PRECISION, require_same_rows
 

@@ -28,7 +28,7 @@ from app.simulation.system import System
 from app.storage.constants_store import KEPT, ConstantsStore
 from controllers.bounds import InertiaRange
 from controllers.estimate_rates import LocalRates
-from environments.robots import CATALOGUE
+from environments.catalogue import CATALOGUE
 from environments.step_resolution import Mobility, mobilities
 from tests.support.arms import lipschitz_of
 from tests.support.cases import scenario_of

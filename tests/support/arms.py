@@ -23,7 +23,7 @@ from controllers.laws.table import LAWS
 from controllers.switching import SwitchingFunction
 from controllers.target_model import TargetModel
 from environments.acceleration import PlantState
-from environments.robots import CATALOGUE
+from environments.catalogue import CATALOGUE
 from environments.surfaces.corner import Corner
 from environments.surfaces.form import SurfaceMotion
 from environments.surfaces.table import Surface

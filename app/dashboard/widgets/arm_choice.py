@@ -19,7 +19,7 @@ from app.scenario.errors import ScenarioError
 from app.scenario.units import listed
 from app.session.commands import Edit, EditModel
 from app.session.snapshot import Snapshot
-from environments.robots import CATALOGUE
+from environments.catalogue import CATALOGUE
 
 OWN = "own URDF"
 

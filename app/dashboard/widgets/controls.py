@@ -137,7 +137,6 @@ class NumberField:
         self._answer = AwaitedAnswer()
         self._held: float | None = None  # value of the slider that a page holds, which another page may hide
         self._held_until = -math.inf  # on the monotonic clock, s; the page may have gone
-        self._held_in = -1  # run in which it is held
         self._hold: HeldControl | None = None  # its preview
         self._before: Snapshot | None = None  # when it was moved first, where it applies its values at once
         self._form = desk.gui.add_form(None)
@@ -199,13 +198,13 @@ class NumberField:
         self._text.value = written(value)
         self._desk.choose(self.row)
         edit = self._place.edit(snapshot, value)
-        self._held, self._held_until, self._held_in = value, time.monotonic() + LONGEST, snapshot.run
-        self._hold = None
+        self._held, self._held_until, self._hold = value, time.monotonic() + LONGEST, None
         if self._desk.whatif.on:
             value_text, client = f"{written(value)} {self._unit_beside(snapshot)}".rstrip(), event.client.client_id
             moved = self._moved(snapshot, value)
-            held = HeldControl(edit, self._label, value_text, self, client, moved=moved, dropped=self._drop)
-            self._hold = held
+            self._hold = held = HeldControl(
+                edit, self._label, value_text, self, client, snapshot.run, moved=moved, dropped=self._drop
+            )
             self._desk.whatif.hold(held)
         else:
             self._before = self._before or snapshot
@@ -227,7 +226,7 @@ class NumberField:
             return
         # another page's slider may be previewed in place of this one
         there = time.monotonic() < self._held_until or self._desk.whatif.holds(self)
-        there = there and (snapshot.run == self._held_in or not self._desk.whatif.on)
+        there = there and (self._held_now(snapshot) or not self._desk.whatif.on)
         held, before = self._held if there else None, self._before or snapshot
         self._forget()
         usual = self._place.read(before)
@@ -242,6 +241,10 @@ class NumberField:
         self._desk.whatif.let_go(self)
         if not changed:
             self._show_again(snapshot)
+
+    def _held_now(self, snapshot: Snapshot) -> bool:
+        """Whether the value of the slider is held for a preview of this run."""
+        return self._hold is not None and self._hold.run == snapshot.run
 
     def _drop(self, held: HeldControl) -> None:
         """Forget the value of the held slider, whose preview has ended."""
@@ -271,7 +274,7 @@ class NumberField:
             self._form.visible = value is not None
         if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
             return
-        if self._desk.whatif.on and time.monotonic() < self._held_until and snapshot.run == self._held_in:
+        if self._desk.whatif.on and time.monotonic() < self._held_until and self._held_now(snapshot):
             return
         if snapshot.system.units != self._units:
             self._show_units(snapshot.system.units)

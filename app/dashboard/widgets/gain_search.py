@@ -189,7 +189,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         name = name_of(candidate.number)
         gains = gains_in_words(work, candidate, self._names) or name
         then = LEAVE if candidate.badge and candidate.number else AGAIN
-        self._desk.whatif.hold(HeldControl(edit, name, gains, self, client, then))
+        self._desk.whatif.hold(HeldControl(edit, name, gains, self, client, snapshot.run, then))
 
     def _edit(self, snapshot: Snapshot, candidate: Candidate) -> EditAll:
         """Command that gives the running scenario the gains of a candidate. Raises ScenarioError."""

@@ -52,7 +52,6 @@ class PoleDrag:
         self._field = desk.gui.add_text("", "")
         self._field.on_update(from_pages(self._on_report))
         self._held: HeldControl | None = None  # the dragged pole, as long as its preview goes on
-        self._held_in = -1  # run in which it is held
 
     async def _on_report(self, event: PageEvent) -> None:
         words = self._field.value.split()
@@ -70,11 +69,11 @@ class PoleDrag:
         edit, omega, zeta = pole_edit(others, pole)
         if phase == "held" and self._desk.whatif.on:
             value = f"ω = {written(omega)} rad/s, ζ = {written(zeta)}"
-            held = HeldControl(edit, "pole", value, self, event.client.client_id, dropped=self._forget)
-            self._held, self._held_in = held, snapshot.run
+            client = event.client.client_id
+            self._held = held = HeldControl(edit, "pole", value, self, client, snapshot.run, dropped=self._forget)
             self._desk.whatif.hold(held)
         elif phase == "dropped":
-            applies = not self._desk.whatif.on or (self._held is not None and self._held_in == snapshot.run)
+            applies = not self._desk.whatif.on or (self._held is not None and self._held.run == snapshot.run)
             if applies and self._desk.post(edit) is not None:
                 self._desk.whatif.remember(snapshot, edit)
             self._held = None

@@ -26,7 +26,7 @@ class HeldControl:
     edit: that the control asks for.
     label, value: of the control, as text.
     control: by identity.
-    client: whose page the control is held on.
+    client: whose page the control is held on; run: in which it is held.
     then: ways to go on, in words for the user.
     moved: value of every place that the edit sets.
     dropped: called with this where the hold ends without the control: its value is not applied any more."""
@@ -36,6 +36,7 @@ class HeldControl:
     value: str
     control: object
     client: int
+    run: int
     then: str = "let go: apply · Esc: cancel"
     moved: Mapping[object, float] = field(default_factory=dict)
     dropped: Callable[[HeldControl], None] = lambda _: None
@@ -171,7 +172,7 @@ class WhatIf:
     def look(self, snapshot: Snapshot, clients: Collection[int]) -> bool:
         """Request the preview of the held slider, and take answers. Returns whether the preview to draw has changed."""
         held = self.held
-        if held is not None and (held.client not in clients or snapshot.run != self._run):
+        if held is not None and (held.client not in clients or snapshot.run > held.run):
             self.drop(held)  # the page was closed with the slider held, or another run has begun
             held = None
         if held is None:
