@@ -7,11 +7,13 @@ import pytest
 
 from app.scenario.data import edited, load, shipped, with_values
 from app.scenario.errors import ScenarioError
+from app.simulation import premise_watch
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.premise_watch import GainFeedbackShares
 from controllers.premises import Premise
 from kernels.records import Record
+from tests.support.faults import boom
 
 
 def finding(loop: ClosedLoop, premise: str) -> float | None:
@@ -130,3 +132,19 @@ def test_the_reference_on_rigid_surfaces_does_not_depend_on_the_true_arm(name: s
     light.edit(edited(base, "truth.payload_mass", 5.0))
     for t in (0.05, 0.3):
         np.testing.assert_array_equal(light.system.reference(t).r_d, heavy.system.reference(t).r_d)
+
+
+def test_an_edit_that_fails_half_way_leaves_the_loop_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    loop, twin = ClosedLoop.from_scenario(load("ur5-hybrid"), 1000), ClosedLoop.from_scenario(load("ur5-hybrid"), 1000)
+    for _ in range(5):
+        loop.step()
+        twin.step()
+    with monkeypatch.context() as patched:
+        patched.setattr(premise_watch.SampledLoops, "at", boom)
+        with pytest.raises(KeyError):
+            loop.edit(edited(load("ur5-hybrid"), "controller.K_s", 70.0))
+    for _ in range(50):
+        loop.step()
+        twin.step()
+    np.testing.assert_array_equal(loop.recording.rows(), twin.recording.rows())
+    assert len(loop.recording.epochs) == len(twin.recording.epochs)

@@ -14,8 +14,6 @@ from app.session.commands import Blend, Edit, Load, Play, Reset, Seek
 from app.session.headless_run import simulate
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
-from app.simulation import premise_watch
-from app.simulation.closed_loop import ClosedLoop
 from app.simulation.controlled_arm import ControlledArm
 from drivers.waiting import until
 from tests.support.faults import begun, boom, ended, running
@@ -146,19 +144,3 @@ def test_a_command_that_fails_unexpectedly_is_refused_and_the_run_goes_on(runner
     refused = until(lambda: runner.snapshot.refusal_number > before.refusal_number and runner.snapshot)
     assert refused.refusal == "Blend failed (TypeError: 'int' object is not iterable)"
     until(lambda: runner.snapshot.t > refused.t + 0.1)
-
-
-def test_an_edit_that_fails_half_way_leaves_the_loop_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    loop, twin = ClosedLoop.from_scenario(load("ur5-hybrid"), 1000), ClosedLoop.from_scenario(load("ur5-hybrid"), 1000)
-    for _ in range(5):
-        loop.step()
-        twin.step()
-    with monkeypatch.context() as patched:
-        patched.setattr(premise_watch.SampledLoops, "at", boom)
-        with pytest.raises(KeyError):
-            loop.edit(edited(load("ur5-hybrid"), "controller.K_s", 70.0))
-    for _ in range(50):
-        loop.step()
-        twin.step()
-    np.testing.assert_array_equal(loop.recording.rows(), twin.recording.rows())
-    assert len(loop.recording.epochs) == len(twin.recording.epochs)
