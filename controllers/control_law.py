@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -172,6 +173,18 @@ def no_parameters(gains):
     return gains
 
 
+# What a law may be told of, in words, by the name in `ControlLaw.told`; the rest of `LawInput` is every law's.
+TOLD: Mapping[str, str] = MappingProxyType(
+    {
+        "model": "M̂ and Ĉ",
+        "gravity": "Ĝ",
+        "bounds": "the declared bounds",
+        "force": "the measured force",
+        "rates": "the velocities",
+    }
+)
+
+
 @dataclass(frozen=True)
 class ControlLaw:
     """A control law.
@@ -179,8 +192,12 @@ class ControlLaw:
     kind: its name in a scenario; title: its name on the page; about: a sentence or two for the page and for captions.
     torque: `torque(given, out)` reads a `LawInput` and writes `out.terms`, and `out.d` and `out.q_ddot` if the law has
     them; terms that it does not write are zero. Decorated with `kernels.inline` it is compiled, else it is plain numpy.
+    told: what its torque depends on, names of `TOLD`: "model" stands for M_hat and C_hat, "gravity" for G_hat,
+    "bounds" for `Gains.uncertainty` and `ControlOutput.needed`, "force" for the measured F and F_c, "rates" for q_dot
+    and the rates that follow from it. A test checks this of the laws of the program.
+    terms: name of each term of its torque that it writes, for the legends of plots, by the field of `TorqueTerms`;
+    None for the fields' own names.
     robust: whether the law is (25), the law of Theorem 1: z and s act on the torque.
-    feels_force: whether the measured force acts on the torque.
     states: gives the length k of the law's own state for n coordinates; then the torque is `torque(given, out, x,
     x_dot)`, which writes the rate x_dot (k,) of x (k,); x is zero at the start and when the law is chosen.
     """
@@ -189,14 +206,32 @@ class ControlLaw:
     title: str
     about: str
     torque: Callable[..., None]
+    told: tuple[str, ...] = tuple(TOLD)
+    terms: Mapping[str, str] | None = None
     robust: bool = False
-    feels_force: bool = True
     states: Callable[[int], int] | None = None
     parameters: tuple[Parameter, ...] = ()
 
     def at_rest(self, n: int) -> np.ndarray:
         """Initial value of the law's own state (k,), for n coordinates."""
         return np.zeros(0 if self.states is None else self.states(n))
+
+    @property
+    def feels_force(self) -> bool:
+        """Whether the measured force acts on the torque."""
+        return "force" in self.told
+
+    @property
+    def named_terms(self) -> Mapping[str, str]:
+        """Name of each term of its torque, by the field of `TorqueTerms`."""
+        return {field: field for field in TorqueTerms._fields} if self.terms is None else self.terms
+
+    @property
+    def told_in_words(self) -> str:
+        """Sentence on what the law is told of and what not."""
+        known = ", ".join(words for name, words in TOLD.items() if name in self.told)
+        unknown = ", ".join(words for name, words in TOLD.items() if name not in self.told)
+        return f"Its torque depends on {known}" + (f"; not on {unknown}." if unknown else ".")
 
     @property
     def compiled(self) -> bool:

@@ -131,14 +131,7 @@ def load(
         home = np.array([whole.posture[joint] for joint in names])
     else:
         home = tool.working_posture(path.name)
-    # rotors belong to joints, whatever the tool
-    known = dict(zip(entry.posture, entry.rotor_inertia, strict=True)) if entry else {}
-    rotor = tuple(known.get(joint, ROTOR_INERTIA) for joint in names)
-    source = entry.rotor_source if entry is not None and set(names) <= known.keys() else "assumed"
-    source = source if rotor_inertia is None else "given by the user"
-    model.armature = _vector("robot.rotor_inertia", rotor if rotor_inertia is None else rotor_inertia, model.nv)
-    if (model.armature < 0).any():
-        raise RobotError(f"robot.rotor_inertia: {model.armature.tolist()} has a negative entry; allowed: >= 0 kg m^2")
+    model.armature, source = _rotors(entry, rotor_inertia, names)
     return Robot(
         name=name,
         title=entry.title if entry else path.stem,
@@ -157,6 +150,19 @@ def load(
         shipped=entry is not None,
         locked=locked,
     )
+
+
+def _rotors(entry: RobotEntry | None, given: tuple[float, ...] | None, names: list[str]) -> tuple[np.ndarray, str]:
+    """Rotor inertia of each joint (n,) and where it is from. They belong to the joints, whatever the tool. Raises
+    RobotError. given: by the user, kg m^2. names: of the joints."""
+    known = dict(zip(entry.posture, entry.rotor_inertia, strict=True)) if entry else {}
+    if given is None:
+        source = entry.rotor_source if entry is not None and set(names) <= known.keys() else "assumed"
+        return np.array([known.get(joint, ROTOR_INERTIA) for joint in names]), source
+    rotors = _vector("robot.rotor_inertia", given, len(names))
+    if (rotors < 0).any():
+        raise RobotError(f"robot.rotor_inertia: {rotors.tolist()} has a negative entry; allowed: >= 0 kg m^2")
+    return rotors, "given by the user"
 
 
 class _Described(NamedTuple):

@@ -97,12 +97,7 @@ def export(
     _require_kinds(kinds, (*ON_PAPER, "html"), {"--plots": plots, "--series": series})
     _require_kinds(kinds, ON_PAPER, printed)
     _require_kinds(kinds, tuple(kind for kind in KINDS_OF_FILES if kind != "toml"), {"--start": start, "--end": end})
-    for option, instant in (("--start", start), ("--end", end)):
-        if instant is not None and not (math.isfinite(instant) or (option, instant) == ("--end", math.inf)):
-            raise ScenarioError(f"{option}: {instant:g}; allowed: an instant of the run in s")
-    begins, ends = START.unless(start), END.unless(end)
-    if begins > ends:
-        raise ScenarioError(f"--start, --end: from {begins:g} to {ends:g} s; allowed: the start before the end")
+    begins, ends = _time_range(start, end)
     chosen = PLOTS.unless(tuple(ALL_PLOTS if each == "all" else each for each in plots))
     plots_of(chosen)  # before the simulation, which would be in vain
     with scenario_errors():
@@ -122,6 +117,17 @@ def export(
         for path in write(stretch, kinds, FigureChoice(chosen, series, options), out):
             print(f"written: {path}")
     return DONE if stopped is None else STOPPED
+
+
+def _time_range(start: float | None, end: float | None) -> tuple[float, float]:
+    """First and last instant of the exported time range, s. Raises ScenarioError."""
+    for option, instant in (("--start", start), ("--end", end)):
+        if instant is not None and not (math.isfinite(instant) or (option, instant) == ("--end", math.inf)):
+            raise ScenarioError(f"{option}: {instant:g}; allowed: an instant of the run in s")
+    begins, ends = START.unless(start), END.unless(end)
+    if begins > ends:
+        raise ScenarioError(f"--start, --end: from {begins:g} to {ends:g} s; allowed: the start before the end")
+    return begins, ends
 
 
 def _recorded(run: str, engine: str | None, settings: Settings) -> tuple[Scenario, Recording, str | None]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -11,6 +12,10 @@ from app.cli.options import NO_DEFAULT_SHOWN, one_of, require_folder, written_to
 from app.cli.status import BAD_INPUT, DONE, STOPPED
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from app.export.figures import Figure
+    from app.lessons.lesson import Lesson
 
 
 def lesson(
@@ -28,17 +33,8 @@ def lesson(
         lessons: names of shipped lessons, or lesson.md files; check without a name checks all shipped lessons
         figures: with run: folder for an SVG figure of each run
     """
-    from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure
-    from app.export.printing import render
-    from app.lessons.answers import Notebook
-    from app.lessons.blocks import LessonRun
-    from app.lessons.checking import check
-    from app.lessons.course import LessonCourse
     from app.lessons.lesson import load as load_lesson
     from app.lessons.lesson import shipped_lessons
-    from app.lessons.playing import play, runs
-    from app.process.atomic_write import write_whole
-    from app.storage.constants_store import kept_memory
 
     actions = ("list", "check", "run")
     doing = one_of("lesson", action, actions)
@@ -54,31 +50,61 @@ def lesson(
         return DONE
     if not lessons and doing == "run":
         raise ScenarioError("lesson run: no lesson; allowed: one or more (see `vsmrc lesson list`)")
-    memory, problems, stopped = kept_memory(), 0, False
-    for each in [load_lesson(name) for name in lessons or shipped_lessons()]:
-        print(printable(f"{each.name}: {each.head.title}"))
-        if doing == "check":
-            checked = check(each, memory)
-            problems += len(checked.problems)
-            for problem in checked.problems:
-                print(f"  {printable(problem)}")
-            print(f"  about {checked.minutes:.0f} minutes, {len(checked.measurements)} numbers measured")
-        else:
-            course = LessonCourse(each, Notebook())
-            for step in runs(each):
-                outcome = play(step, memory)
-                course.take(step, outcome)
-                text = ", ".join(f"{name} = {value}" for name, value in outcome.measurements.items())
-                if isinstance(step.block, LessonRun):  # a lesson may mean it
-                    stopped |= bool(outcome.stopped and not step.block.stops)
-                    stopped |= bool(outcome.refusal and not step.block.refused)
-                ended = " ".join(filter(None, (outcome.refusal, outcome.stopped)))
-                print(f"  {printable(getattr(step.block, 'title', ''))}: {text}  {printable(ended)}".rstrip())
-                if figures is not None:
-                    drawn = figure_of_run(each, step, outcome, course.traces(step), ())
-                    path = figures / name_of_figure(each, step, "svg")
-                    with written_to(figures, flag="--figures"):
-                        figures.mkdir(parents=True, exist_ok=True)
-                        write_whole(path, lambda file, drawn=drawn: file.write(render(drawn, "svg")))
-                    print(f"  written: {path}")
-    return BAD_INPUT if problems else STOPPED if stopped else DONE
+    chosen = [load_lesson(name) for name in lessons or shipped_lessons()]
+    return _check(chosen) if doing == "check" else _run(chosen, figures)
+
+
+def _check(lessons: Sequence[Lesson]) -> int:
+    """Print the problems of each lesson and what it measures. Returns the exit status."""
+    from app.lessons.checking import check
+    from app.storage.constants_store import kept_memory
+
+    memory, problems = kept_memory(), 0
+    for lesson in lessons:
+        print(printable(f"{lesson.name}: {lesson.head.title}"))
+        checked = check(lesson, memory)
+        problems += len(checked.problems)
+        for problem in checked.problems:
+            print(f"  {printable(problem)}")
+        print(f"  about {checked.minutes:.0f} minutes, {len(checked.measurements)} numbers measured")
+    return BAD_INPUT if problems else DONE
+
+
+def _run(lessons: Sequence[Lesson], figures: Path | None) -> int:
+    """Simulate the runs of each lesson, print what they measure, and draw each into the folder, if one is given.
+    Returns the exit status."""
+    from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure
+    from app.lessons.answers import Notebook
+    from app.lessons.blocks import LessonRun
+    from app.lessons.course import LessonCourse
+    from app.lessons.playing import play, runs
+    from app.storage.constants_store import kept_memory
+
+    memory, stopped = kept_memory(), False
+    for lesson in lessons:
+        print(printable(f"{lesson.name}: {lesson.head.title}"))
+        course = LessonCourse(lesson, Notebook())
+        for step in runs(lesson):
+            outcome = play(step, memory)
+            course.take(step, outcome)
+            text = ", ".join(f"{name} = {value}" for name, value in outcome.measurements.items())
+            if isinstance(step.block, LessonRun):  # a lesson may mean it
+                stopped |= bool(outcome.stopped and not step.block.stops)
+                stopped |= bool(outcome.refusal and not step.block.refused)
+            ended = " ".join(filter(None, (outcome.refusal, outcome.stopped)))
+            print(f"  {printable(getattr(step.block, 'title', ''))}: {text}  {printable(ended)}".rstrip())
+            if figures is not None:
+                path = figures / name_of_figure(lesson, step, "svg")
+                _write_figure(figure_of_run(lesson, step, outcome, course.traces(step), ()), path)
+                print(f"  written: {path}")
+    return STOPPED if stopped else DONE
+
+
+def _write_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as SVG, in a folder that need not be there."""
+    from app.export.printing import render
+    from app.process.atomic_write import write_whole
+
+    with written_to(path.parent, flag="--figures"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, lambda file: file.write(render(figure, "svg")))

@@ -1,5 +1,5 @@
-"""Command `vsmrc list`: shows the robots and the scenarios, the fields of a section of scenarios, or the signals of a
-recording."""
+"""Command `vsmrc list`: shows the robots, the scenarios and the control laws, the fields of a section of scenarios, or
+the signals of a recording."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ SECTIONS = tuple(name for name in Scenario.__struct_fields__ if types_of(Scenari
 def list_(
     *, fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION"), NO_DEFAULT_SHOWN] = None, signals: bool = False
 ) -> int:
-    """List the robots and the shipped scenarios, the fields of a section of scenarios, or the signals of a recording.
+    """List the robots, the shipped scenarios and the control laws, the fields of a section of scenarios, or the signals
+    of a recording.
 
     Args:
         fields: list the fields of this section instead, with unit, default, bounds and meaning: robot, truth, ...
@@ -42,6 +43,7 @@ def list_(
         for line in _fields_of(one_of("--fields", fields, SECTIONS)):
             print(line)
         return DONE
+    from controllers.laws.table import LAWS
     from environments.catalogue import CATALOGUE
 
     print("robots")
@@ -50,6 +52,9 @@ def list_(
     print("scenarios")
     for name, scenario in shipped().items():
         print(f"  {name:34s} {scenario.title}")
+    print("control laws")
+    for kind, law in LAWS.items():
+        print(f"  {kind:34s} {law.title}. {law.told_in_words}")
     return DONE
 
 

@@ -73,17 +73,16 @@ def run(
         engine: pinocchio, or compiled, which is faster; their results differ by rounding (docs/command-line.md)
         use: file with your own control law, surface or trajectory (docs/extending.md)
     """
-    from app.analysis.metrics import untouched_sentences
     from app.session import headless_run
     from app.storage.constants_store import kept_memory
 
     require_folder(out)
     use_own(use)
     if from_ is not None:
-        if scenario is not None or row is None or settings or duration is not None:
-            raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
         if typed(blend_to, engine, use):
             raise ScenarioError("--from: with --engine, --use or --blend-to; allowed: the same run again, as it was")
+        if scenario is not None or row is None or settings or duration is not None:
+            raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
         chosen, by, until = _of_sweep(from_, row)
     elif row is not None:
         raise ScenarioError(f"--row {row} without --from; allowed: --from FOLDER --row N")
@@ -103,16 +102,23 @@ def run(
     finally:  # on a full disk this is all that is left of the run
         _print_metrics(metrics, loop)
         _print_promise(metrics)
-        for sentence in untouched_sentences(loop.system, loop.recording):
-            print(f"note: {sentence}")
-        for violation in loop.standing.outsiders:
-            print(f"the true arm is outside the declared set: {violation}")
-        if loop.warning:
-            print(f"flagged: {loop.warning}")
+        _print_notes(loop)
     print(f"written to {out}")
     if strict and metrics.promise.verdict != "holds":
         return BROKEN if metrics.promise.verdict == "broken" else UNPROMISED
     return STOPPED if loop.stopped else DONE
+
+
+def _print_notes(loop: ClosedLoop) -> None:
+    """Print what else a reader of the run's numbers has to know."""
+    from app.analysis.metrics import untouched_sentences
+
+    for sentence in untouched_sentences(loop.system, loop.recording):
+        print(f"note: {sentence}")
+    for violation in loop.standing.outsiders:
+        print(f"the true arm is outside the declared set: {violation}")
+    if loop.warning:
+        print(f"flagged: {loop.warning}")
 
 
 def _blending(scenario: Scenario, to: str | None, at: float | None, over: float | None) -> Scenario:

@@ -106,10 +106,7 @@ def serve(
     _log(log_level, log_file)
     interruption = _interruption()
     _require_fps(fps)
-    if not 0 <= port <= 65535:
-        raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
-    if not host.strip():
-        raise ScenarioError(f"--host {host!r}: no address; allowed: an address, 0.0.0.0 for all of this machine")
+    _require_address(host, port)
     if stateless and state_dir is not None:
         raise ScenarioError(f"--state-dir {state_dir}: --stateless keeps nothing; allowed: one of both")
     if state_dir is not None:
@@ -151,6 +148,14 @@ def serve(
     dashboard = Dashboard(host=host, port=port, theme=chosen_theme, fps=fps, tokens=server_settings.new_tokens())
     local_server.serve(chosen, dashboard, interruption, state_dir=state_dir, stateless=stateless)
     return DONE
+
+
+def _require_address(host: str, port: int) -> None:
+    """Raises ScenarioError for an address or a port on which nothing can listen."""
+    if not 0 <= port <= 65535:
+        raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
+    if not host.strip():
+        raise ScenarioError(f"--host {host!r}: no address; allowed: an address, 0.0.0.0 for all of this machine")
 
 
 def _require_fps(fps: float) -> None:

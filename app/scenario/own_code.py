@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 from msgspec import Struct
 
 from app.scenario.errors import ScenarioError
-from controllers.control_law import ControlLaw
+from controllers.control_law import TOLD, ControlLaw, TorqueTerms
 from controllers.laws.table import LAWS
 from environments.own_function import MOST
 from environments.surfaces import own as own_surfaces
@@ -194,6 +194,8 @@ def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
         raise OwnCodeError(f"--use {path}: title {own.title!r:.60}; allowed: text other than {', '.join(titles)}")
     if isinstance(own, ControlLaw) and own.robust:
         raise OwnCodeError(f"--use {path}: robust = True; allowed: False, Theorem 1 is about (25) and no other law")
+    if isinstance(own, ControlLaw):
+        _check_told_and_terms(own, path)
     function = own.chart if isinstance(own, OwnSurface) else own.path if isinstance(own, OwnTrajectory) else None
     if function is not None and not compiled(function):
         raise OwnCodeError(
@@ -208,6 +210,21 @@ def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
         raise OwnCodeError(
             f"--use {path}: parameter {twice[0]!r} stands there more than once; allowed: one of each name"
         )
+
+
+def _check_told_and_terms(law: ControlLaw, path: Path) -> None:
+    """Check what a law states of its inputs and of its torque. Raises OwnCodeError."""
+    told: object = law.told
+    if not isinstance(told, tuple) or not all(each in TOLD for each in told):
+        raise OwnCodeError(f"--use {path}: told {shown(told)}; allowed: a tuple of {', '.join(map(repr, TOLD))}")
+    terms: object = law.terms
+    if terms is None:
+        return
+    fields = ", ".join(map(repr, TorqueTerms._fields))
+    if not isinstance(terms, Mapping) or not terms or not all(each in TorqueTerms._fields for each in terms):
+        raise OwnCodeError(f"--use {path}: terms {shown(terms)}; allowed: a name for one or more of {fields}")
+    for name, text in terms.items():
+        _require_texts(f"--use {path}: terms,", **{name: text})
 
 
 def _require_texts(place: str, **given: object) -> None:

@@ -290,6 +290,12 @@ class CommandedRun:
                 own = self._own_push
                 self._edit(changes.pushed(scenario_now, timeline.loop.system.robot, self._now), as_it_is=True)
                 self._own_push = own.behind(scenario_now, timeline.loop.system.scenario)
+            case Edit():
+                self._carry_out_edit(command, scenario_now)
+
+    def _carry_out_edit(self, edit: Edit, scenario_now: Scenario) -> None:
+        """Change a field, and with some fields what cannot stay as it is with the new value."""
+        match edit:
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the present mode is not begun anew
             case Edit("mode", value):

@@ -111,14 +111,7 @@ def assemble(scenario: Scenario, previous: System | None = None, memory: Memory 
 
 def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> System:
     mode = mode_of(scenario)
-    if scenario.contact.kind not in mode.contacts:
-        raise ScenarioError(
-            f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
-        )
-    if scenario.task_space.kind == "joint" and not mode.in_joints:
-        raise ForceInJoints(
-            f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
-        )
+    _require_allowed(scenario, mode)
     robot = _reused(
         previous, lambda p: p.scenario.robot == scenario.robot, lambda p: p.robot, lambda: robot_of(scenario)
     )
@@ -137,7 +130,6 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         lambda p: p.q_0,
         lambda: starting_posture(scenario, plant, robot, nominal),
     )
-    in_corner = mode.on_surface and len(surfaces) > 1
     layout = layout_of(scenario, mode, robot, nominal, q_0, plant.surface)
     cartesian = Surface.cartesian(task_axes(scenario, robot))
     charted = cartesian
@@ -150,17 +142,8 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 
     observer = Observer(nominal, charted.shapes, layout, ErrorModel.of(scenario, q_0))
-    try:
-        start = observer.at(q_0, np.zeros(robot.n), 0.0).task.r
-    except ValueError as error:
-        kind = IrregularCorner if in_corner else ScenarioError
-        unit = Units(joints=kinds_of(robot.slides)).of_joints("rad")
-        raise kind(
-            f"robot.posture: {np.round(q_0, 4).tolist()} {unit}; allowed: one at which J_q is not singular"
-            + ("" if scenario.task_space.supplemental is None else ", or other joints in task_space.supplemental")
-        ) from error
     plan = ReferencePlan(
-        start=start,
+        start=_r_at_start(scenario, robot, observer, q_0, in_corner=mode.on_surface and len(surfaces) > 1),
         compliance=np.zeros((3, 3)) if mode.rigid else _compliance(scenario),
         followed=followed_faces(scenario),
         m=mode.force_directions,
@@ -196,6 +179,34 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         memory=memory,
         sampled_loops=_sampled_loops(scenario, stations, controller, previous),
     )
+
+
+def _require_allowed(scenario: Scenario, mode: Mode) -> None:
+    """Raise ScenarioError for a kind of contact or of task space that the mode does not have."""
+    if scenario.contact.kind not in mode.contacts:
+        raise ScenarioError(
+            f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
+        )
+    if scenario.task_space.kind == "joint" and not mode.in_joints:
+        raise ForceInJoints(
+            f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
+        )
+
+
+def _r_at_start(
+    scenario: Scenario, robot: robots.Robot, observer: Observer, q_0: np.ndarray, *, in_corner: bool
+) -> np.ndarray:
+    """r (n,) at the posture q_0 (n,) of the start. Raises ScenarioError where J_q is singular there, in a corner
+    IrregularCorner."""
+    try:
+        return observer.at(q_0, np.zeros(robot.n), 0.0).task.r
+    except ValueError as error:
+        kind = IrregularCorner if in_corner else ScenarioError
+        unit = Units(joints=kinds_of(robot.slides)).of_joints("rad")
+        raise kind(
+            f"robot.posture: {np.round(q_0, 4).tolist()} {unit}; allowed: one at which J_q is not singular"
+            + ("" if scenario.task_space.supplemental is None else ", or other joints in task_space.supplemental")
+        ) from error
 
 
 def _reused(

@@ -30,4 +30,6 @@ LAW = ControlLaw(
     about="Computed torque, the baseline: the same target model without z, s and the robust term. Residual and errors "
     "show what robustness buys.",
     torque=torque,
+    told=("model", "gravity", "force", "rates"),
+    terms={"inertia": "M̂ q̈", "coriolis": "Ĉ q̇", "gravity": "Ĝ", "force": "Jᵀ F"},
 )

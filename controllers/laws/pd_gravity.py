@@ -29,5 +29,6 @@ LAW = ControlLaw(
     about="PD + gravity, the simplest baseline: K_m and B_m as gains, Ĝ and the desired force added; no model of "
     "inertia, no force sensor.",
     torque=torque,
-    feels_force=False,
+    told=("gravity", "rates"),
+    terms={"gravity": "Ĝ", "force": "J_qᵀ F_cd", "linear": "K_m e_r + B_m ė_r"},
 )

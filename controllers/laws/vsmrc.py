@@ -37,5 +37,13 @@ LAW = ControlLaw(
     title="robust (25)",
     about="The paper's law (25): sliding mode makes the arm follow the target model (8), whatever the declared errors.",
     torque=torque,
+    terms={
+        "inertia": "M̂ q̈_eq",
+        "coriolis": "Ĉ q̇_eq",
+        "gravity": "Ĝ",
+        "force": "Jᵀ F",
+        "linear": "K_s s",
+        "switching": "d σ(s)",
+    },
     robust=True,
 )

@@ -29,6 +29,7 @@ from app.session.preview import PreviewRun
 from app.session.preview_messages import Preview, PreviewRequest
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
+from controllers.laws.table import LAWS
 from controllers.reaching import lyapunov_bound
 from tests.support.plotted import ran, setup_of
 
@@ -47,7 +48,7 @@ def hybrid() -> ClosedLoop:
 def test_stacks_add_up_to_what_they_are_of(hybrid: ClosedLoop):
     rows = hybrid.recording.stretch()
     for joint in range(6):
-        lines, areas = torque_stack(joint)
+        lines, areas = torque_stack(LAWS["vsmrc"].named_terms, joint)
         above, below = (max if up else min for up in (True, False))
         values = np.array([line.values(rows) for line in lines])
         top, bottom = values[len(lines) // 2], values[-1]

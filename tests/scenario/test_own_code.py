@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow  # it compiles what is of no use to another proces
 
 PID = Path(__file__).parents[2] / "docs" / "examples" / "pid_gravity.py"
 HEAD = "from controllers.control_law import ControlLaw, Parameter\nfrom kernels import inline\n\n"
-LAW = 'LAW = ControlLaw(kind="mine", title="mine", about="mine", torque=torque, feels_force=False{})\n'
+LAW = 'LAW = ControlLaw(kind="mine", title="mine", about="mine", torque=torque, told=("gravity", "rates"){})\n'
 NUMPY = """def torque(given, out):
     model, J_q = given.gains.model, given.task.J_q
     out.terms.linear[:] = -J_q.T @ (model.K_m @ out.e_r + model.B_m @ out.e_r_dot)
@@ -157,6 +157,15 @@ def test_its_parameters_are_said_by_the_scenario() -> None:
         (HEAD + "raise SystemExit(3)\n", "my_law.py, line 4: SystemExit: 3"),
         (HEAD + "open('/nowhere')\n", "my_law.py, line 4: FileNotFoundError: [Errno 2] No such file"),
         (HEAD + NUMPY + LAW.format(", robust=True"), "robust = True; allowed: False, Theorem 1 is about (25)"),
+        (
+            HEAD + NUMPY + LAW.replace('"rates")', '"rate")').format(""),
+            "told ('gravity', 'rate'); allowed: a tuple of 'model'",
+        ),
+        (
+            HEAD + NUMPY + LAW.format(", terms={'pull': 'K e'}"),
+            "terms {'pull': 'K e'}; allowed: a name for one or more of",
+        ),
+        (HEAD + NUMPY + LAW.format(", terms={'linear': 3}"), "terms, linear 3; allowed: text"),
         (
             HEAD + NUMPY + LAW.format("").replace('title="mine"', 'title="PD + gravity"'),
             "title 'PD + gravity'",

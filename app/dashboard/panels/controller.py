@@ -98,7 +98,7 @@ class ControllerPanel:
     def show(self, snapshot: Snapshot) -> None:
         self._facts.show(snapshot)
         law = snapshot.system.controller.law
-        self._about.content = "" if law.robust else _SAID.format(escape(law.about))
+        self._about.content = "" if law.robust else _SAID.format(escape(f"{law.about} {law.told_in_words}"))
         self._feedback.content = _feedback_html(snapshot)
         self._constants.content = constants_html(snapshot)
         for folder in self._robust_only:

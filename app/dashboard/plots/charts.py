@@ -20,6 +20,7 @@ from app.scenario.units import Units, unit_of_joint
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import law_of
 from app.simulation.system import Coordinate
+from controllers.control_law import TorqueTerms
 
 Signals = Mapping[str, np.ndarray]
 BUCKETS = 120  # two points each: one per pixel or so of a plot on the dock, and no spike is lost
@@ -44,6 +45,8 @@ class Setup:
     tilts: numbers, from 0, of the coordinates that are tilts of a flat tool.
     robust: whether the law has a gain and a bound.
     bounded: whether some part of the run had a robust law.
+    terms: name of each term that the torque has had in the run, by the field of `TorqueTerms`; the present law's names
+    come first.
     units: of the task space.
     coordinate, joint: numbers of the chosen ones, from 0."""
 
@@ -57,6 +60,7 @@ class Setup:
     tilts: tuple[int, ...]
     robust: bool
     bounded: bool
+    terms: Mapping[str, str]
     units: Units
     coordinate: int
     joint: int
@@ -65,6 +69,11 @@ class Setup:
     def of(cls, snapshot: Snapshot, coordinate: int, joint: int) -> Setup:
         """Setup of a snapshot; a chosen coordinate or joint that the run does not have is replaced by the first."""
         coordinates, joints = tuple(snapshot.coordinates), tuple(snapshot.robot.joint_names)
+        law, before = (
+            snapshot.system.controller.law,
+            [law_of(each.scenario) for each in tuple(snapshot.recording.epochs)],
+        )
+        named = {field: name for each in (*before, law) for field, name in each.named_terms.items()}
         return cls(
             coordinates,
             joints,
@@ -74,8 +83,9 @@ class Setup:
             touching=snapshot.scenario.contact.nature.touches,
             twisted=snapshot.system.mode.feedback == "all" or any(snapshot.scenario.truth.push_moment),
             tilts=tuple(range(snapshot.system.pressed, snapshot.system.m)),
-            robust=snapshot.system.controller.law.robust,
-            bounded=any(law_of(epoch.scenario).robust for epoch in tuple(snapshot.recording.epochs)),
+            robust=law.robust,
+            bounded=any(each.robust for each in before),
+            terms={field: named[field] for field in TorqueTerms._fields if field in named},
             units=snapshot.system.units,
             coordinate=coordinate if coordinate < len(coordinates) else 0,
             joint=joint if joint < len(joints) else 0,

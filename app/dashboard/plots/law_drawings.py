@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from app.analysis.spectrum import variation_rate
@@ -22,7 +24,6 @@ from app.scenario.units import indexed
 from app.session.snapshot import Snapshot
 
 CAUSES = ("inertia", "Coriolis", "gravity", "moving task", "disturbance", "ε")  # of `needed`
-TERMS = ("inertia", "coriolis", "gravity", "force", "linear", "switching")  # of tau
 LEAD = 0.1  # s before the window, over which the total variation is taken
 
 
@@ -159,17 +160,17 @@ def torques(setup: Setup) -> Drawing:
     return Drawing(f"{what[setup.units.joints]}  τ  [{setup.units.of_joints('N·m')}]", lines)
 
 
-def torque_stack(joint: int) -> tuple[list[ChartLine], list[Area]]:
-    """Lines and areas of the terms of (25) for one joint, counted from 0."""
-    names = {"force": "Jᵀ F", "linear": "K_s s", "switching": "switching", "coriolis": "Coriolis"}
-    return stack([(names.get(term, term), column(f"tau_{term}", joint)) for term in TERMS])
+def torque_stack(terms: Mapping[str, str], joint: int) -> tuple[list[ChartLine], list[Area]]:
+    """Lines and areas of the terms of the torque for one joint, counted from 0. terms: as in `Setup`."""
+    return stack([(name, column(f"tau_{term}", joint)) for term, name in terms.items()])
 
 
 def terms_of_torque(setup: Setup) -> Drawing:
-    """Drawing of the terms of (25) for the chosen joint, and of their sum."""
-    lines, areas = torque_stack(setup.joint)
+    """Drawing of the terms of the law's torque for the chosen joint, and of their sum."""
+    lines, areas = torque_stack(setup.terms, setup.joint)
     lines.append(ChartLine("τ", ACCENT, column("tau", setup.joint), width=2.0))
-    return Drawing(f"terms of  {indexed('τ', setup.joint + 1)}  (25)  [{setup.unit_of_joint('N·m')}]", lines, areas)
+    what = f"terms of  {indexed('τ', setup.joint + 1)}{'  (25)' if setup.robust else ''}"
+    return Drawing(f"{what}  [{setup.unit_of_joint('N·m')}]", lines, areas)
 
 
 def robust_terms(setup: Setup) -> Drawing | None:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from html import escape
+from typing import NamedTuple
 
 import viser
 
@@ -26,90 +29,104 @@ class TheoremTable:
 
 def facts_html(snapshot: Snapshot) -> str:
     """Table as HTML: each measured value, the value that the theorem requires or promises, and whether it holds now."""
-    rows = _facts(snapshot)
     body = "".join(
-        f'<tr title="{title}"><td>{what}</td><td>{value}</td><td>{verdict}</td></tr>'
-        for what, value, verdict, title in rows
+        f'<tr title="{fact.why}"><td>{fact.name}</td><td>{fact.value}</td><td>{fact.badge}</td></tr>'
+        for fact in _facts(snapshot)
     )
     return f'<table class="vs-facts vs-verdicts">{body}</table>'
 
 
-def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
-    """Rows of the table: name, value against limit, verdict and explanation of each."""
-    live, units = snapshot.live, snapshot.system.units
+class _Fact(NamedTuple):
+    """Row of the table, as HTML: name, value against limit, badge with the verdict, and explanation."""
 
-    def number(name: str, factor: float = 1.0) -> str:
-        value = live.get(name, math.nan) * factor
+    name: str
+    value: str
+    badge: str
+    why: str
+
+
+@dataclass(frozen=True)
+class _LiveNumbers:
+    """Numbers of a snapshot's last control period, as HTML. values: by signal."""
+
+    values: Mapping[str, float]
+
+    def number(self, name: str, factor: float = 1.0) -> str:
+        """One number; a dash where there is none."""
+        value = self.values.get(name, math.nan) * factor
         return f"<b>{0.0 if abs(value) < 1e-9 else value:.3g}</b>" if math.isfinite(value) else "—"
 
-    def against(name: str, sign: str, limit: str, unit: str, factor: float = 1.0) -> str:
-        return f"{number(name, factor)} {sign} {number(limit, factor)} {unit}"
+    def against(self, name: str, sign: str, limit: str, unit: str) -> str:
+        """A number against another one."""
+        return f"{self.number(name)} {sign} {self.number(limit)} {unit}"
 
-    robust = snapshot.system.controller.law.robust
-    rows = []
-    if robust:
-        allowed = live["s_bound"] + live["s_band"]
-        epoch = snapshot.state.epoch
-        rows += [
-            (
-                "gain d (17)",
-                against("d", "≥", "d_required", units.force),
-                judged(live["gain_margin"], f" {units.force}", low=-1e-9),
-                "gain d, the gain that (17) requires including ε, and what is spare; with d by theorem that is 0",
-            ),
-            (
-                "‖s‖, (20) + band",
-                f"{number('s_norm', 1e3)} ≤ {f'{allowed * 1e3:.3g}' if math.isfinite(allowed) else '—'} {units.rate}",
-                verdict(holds=live["s_norm"] <= allowed) if math.isfinite(allowed) else "",
-                "the sliding variable and its bound, (20) plus the band of sampling and boundary layer; — where "
-                "nothing is promised",
-            ),
-            ("band reached", *_reached(epoch.t, epoch.band_reached, epoch.band_reached_by)),
-        ]
-        if snapshot.system.controller.switching.has_layer:
-            rows.append(("layer reached", *_reached(epoch.t, epoch.layer_reached, epoch.layer_reached_by)))
-        layer = STATEMENTS[Premise.LAYER]
-        layer_limit = snapshot.metrics.evaluation.read().table.limit[Premise.LAYER]
-        rows.append(
-            (
-                layer.title,
-                f"{number('layer_loop_factor')} {escape(layer.sign)} {layer_limit:g}",
-                verdict(holds=live["layer_loop_factor"] < layer_limit),
-                layer.why,
-            )
-        )
-    if math.isfinite(live["force_loop_factor"]):
-        rows.append(
-            (
+
+def _facts(snapshot: Snapshot) -> list[_Fact]:
+    """Rows of the table."""
+    live, units, robust = _LiveNumbers(snapshot.live), snapshot.system.units, snapshot.system.controller.law.robust
+    facts = _facts_of_gain_and_bound(snapshot, live) if robust else []
+    force_loop = snapshot.live["force_loop_factor"]
+    if math.isfinite(force_loop):
+        facts.append(
+            _Fact(
                 "force loop, factor alone",
-                f"|{number('force_loop_factor')}| &lt; 1",
-                verdict(holds=abs(live["force_loop_factor"]) < 1.0),
+                f"|{live.number('force_loop_factor')}| &lt; 1",
+                verdict(holds=abs(force_loop) < 1.0),
                 "factor by which one sample multiplies an error of the fed-back force; the premise of the sampled "
                 "force loop adds the part that d by (17) causes",
             )
         )
-    rows.append(
-        ("residual of (8)", f"{number('residual')} {units.force}", "", "left side minus right side of the target model")
-    )
+    residual = f"{live.number('residual')} {units.force}"
+    facts.append(_Fact("residual of (8)", residual, "", "left side minus right side of the target model"))
     if robust:
-        rows.append(
-            (
+        facts.append(
+            _Fact(
                 "V̂ = ½ sᵀĤs",
-                f"{number('V', 1e3)} mJ",
+                f"{live.number('V', 1e3)} mJ",
                 "",
                 "the proof's Lyapunov function with the controller's estimate of H; the plot (tab Sliding) has that of "
                 "the true arm",
             )
         )
-    rows.append(
-        (
+    facts.append(
+        _Fact(
             "<i>σ</i><sub>min</sub>(<i>J</i><sub>q</sub>)",
-            f"{number('sigma_min')} {units.jacobian.removesuffix('1')}",
+            f"{live.number('sigma_min')} {units.jacobian.removesuffix('1')}",
             "",
             "smallest singular value of J_q; Ω ends where it falls to the limit σ_min",
         )
     )
-    return rows
+    return facts
+
+
+def _facts_of_gain_and_bound(snapshot: Snapshot, live: _LiveNumbers) -> list[_Fact]:
+    """Rows that only the law of Theorem 1 has: its gain, the bound on s, when s gets there, and the layer's limit."""
+    numbers, epoch, units = snapshot.live, snapshot.state.epoch, snapshot.system.units
+    allowed = numbers["s_bound"] + numbers["s_band"]
+    bound = f"{allowed * 1e3:.3g}" if math.isfinite(allowed) else "—"
+    facts = [
+        _Fact(
+            "gain d (17)",
+            live.against("d", "≥", "d_required", units.force),
+            judged(numbers["gain_margin"], f" {units.force}", low=-1e-9),
+            "gain d, the gain that (17) requires including ε, and what is spare; with d by theorem that is 0",
+        ),
+        _Fact(
+            "‖s‖, (20) + band",
+            f"{live.number('s_norm', 1e3)} ≤ {bound} {units.rate}",
+            verdict(holds=numbers["s_norm"] <= allowed) if math.isfinite(allowed) else "",
+            "the sliding variable and its bound, (20) plus the band of sampling and boundary layer; — where "
+            "nothing is promised",
+        ),
+        _Fact("band reached", *_reached(epoch.t, epoch.band_reached, epoch.band_reached_by)),
+    ]
+    if snapshot.system.controller.switching.has_layer:
+        facts.append(_Fact("layer reached", *_reached(epoch.t, epoch.layer_reached, epoch.layer_reached_by)))
+    layer = STATEMENTS[Premise.LAYER]
+    limit = snapshot.metrics.evaluation.read().table.limit[Premise.LAYER]
+    value = f"{live.number('layer_loop_factor')} {escape(layer.sign)} {limit:g}"
+    facts.append(_Fact(layer.title, value, verdict(holds=numbers["layer_loop_factor"] < limit), layer.why))
+    return facts
 
 
 def _reached(since: float, measured: float | None, promised: float | None) -> tuple[str, str, str]:
