@@ -23,7 +23,7 @@ from app.dashboard.page_content import REFRESH
 from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
-from app.dashboard.widgets.whatif import HORIZON, HeldControl, WhatIf
+from app.dashboard.widgets.run.whatif import HORIZON, HeldControl, WhatIf
 from app.process.markdown import Table
 from app.scenario.data import load
 from app.scenario.schema import Scenario

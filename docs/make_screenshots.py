@@ -19,7 +19,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from app.dashboard.page import Dashboard
-from app.dashboard.widgets.guided_minute import steps
+from app.dashboard.widgets.lesson.guided_minute import steps
 from app.scenario.data import shipped
 from app.session.commands import DropWayOut, Edit, Load, Pause, Pin, Play, Reset, Unpin
 from app.session.runner import Runner

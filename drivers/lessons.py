@@ -30,7 +30,7 @@ from app.lessons.playing import play, runs
 from app.scenario.data import load
 from app.session.commands import SetSpeed
 from app.session.runner import Runner
-from app.simulation.search_memory import Memory
+from app.simulation.omega.search_memory import Memory
 from drivers.browser import LAUNCH_ARGS, find_or_install
 from drivers.pages import (
     NO_HINTS,

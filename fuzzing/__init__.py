@@ -17,7 +17,7 @@ TARGETS: dict[str, tuple[str, ...]] = {  # and the modules whose branches guide 
         "app.access.admission",
     ),
     "formula": ("environments.formula", "environments.expression", "environments.bytecode"),
-    "matrix": ("app.dashboard.widgets.matrix_text", "app.process.terminal_text"),
+    "matrix": ("app.dashboard.widgets.fields.matrix_text", "app.process.terminal_text"),
     "messages": ("app.dashboard.transport.messages", "viser.infra._messages"),
     "recording": ("app.storage.recording_files", "zipfile", "numpy.lib._format_impl"),
     "scenario": ("app.scenario.data", "tomllib"),

@@ -5,7 +5,7 @@ from contextlib import suppress
 import numpy as np
 
 from app.cli.options import setting
-from app.dashboard.widgets.matrix_text import read_back, read_matrix, written_rows
+from app.dashboard.widgets.fields.matrix_text import read_back, read_matrix, written_rows
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
 

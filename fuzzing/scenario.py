@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 
-from app.dashboard.widgets.matrix_text import read_back
+from app.dashboard.widgets.fields.matrix_text import read_back
 from app.scenario.data import edited, from_file, load, shipped, to_toml
 from app.scenario.errors import ScenarioError
 

@@ -18,7 +18,7 @@ import app  # noqa: F401  # says where kernels are cached, which must come befor
 from app.process import log, priority
 
 if TYPE_CHECKING:
-    from app.simulation.extremes import Effort, Objectives, Omega
+    from app.simulation.omega.extremes import Effort, Objectives, Omega
 
 # All cores are busy with tests meanwhile: what steps back for a loop would wait for minutes.
 os.environ[priority.SAME] = "1"
@@ -112,7 +112,7 @@ def own_log(log_of_tests: Callable[[], None]) -> Iterator[None]:
 @pytest.fixture(scope="session")
 def known_constants(tmp_path_factory: pytest.TempPathFactory) -> object:
     """What the processes of this test run have searched for over Omega, in a folder of the run."""
-    from app.simulation.search_memory import Memory
+    from app.simulation.omega.search_memory import Memory
     from app.storage.constants_store import ConstantsStore
 
     own = tmp_path_factory.getbasetemp()
@@ -146,7 +146,7 @@ def constants_searched_once(request: pytest.FixtureRequest) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def roughly_known() -> object:
     """Memory of constants over Omega that are the largest of a few samples."""
-    from app.simulation.search_memory import Memory
+    from app.simulation.omega.search_memory import Memory
 
     return Memory()
 
@@ -161,6 +161,6 @@ def rough_constants(monkeypatch: pytest.MonkeyPatch, roughly_known: object) -> N
         few = type(places := omega.places(8))(*(each[::3] for each in places))
         return tuple(float(seen.value[seen.room >= 0.0].max(initial=0.0)) for seen in objectives(few))
 
-    monkeypatch.setattr("app.simulation.domain.largest", sampled)
-    monkeypatch.setattr("app.simulation.reference_postures.FEWEST", 24)
+    monkeypatch.setattr("app.simulation.omega.domain.largest", sampled)
+    monkeypatch.setattr("app.simulation.omega.reference_postures.FEWEST", 24)
     monkeypatch.setattr("app.simulation.assembly.Memory", lambda: roughly_known)

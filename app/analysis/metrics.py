@@ -12,9 +12,9 @@ from msgspec import Struct
 from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.engines import Engine
+from app.simulation.promise.verdict import Finding, PromiseVerdict
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
-from app.simulation.verdict import Finding, PromiseVerdict
 from environments.surfaces.table import Surface
 
 # signals of each surface

@@ -11,9 +11,9 @@ import pinocchio as pin
 
 from app.analysis.steady_force import settled, steady_forces
 from app.scenario.schema import Scenario
-from app.simulation.controller_builder import compensation, law_of
-from app.simulation.environment_builder import truth_of
-from app.simulation.observation import Observer
+from app.simulation.builders.controller_builder import compensation, law_of
+from app.simulation.builders.environment_builder import truth_of
+from app.simulation.period.observation import Observer
 from app.simulation.recording import Epoch
 from app.simulation.system import System
 from controllers.nominal_model import NominalModel

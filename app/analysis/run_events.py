@@ -11,7 +11,7 @@ import numpy as np
 from app.analysis.metrics import MULTIPLIERS
 from app.scenario.data import differences
 from app.scenario.schema import Scenario
-from app.simulation.environment_builder import push_of
+from app.simulation.builders.environment_builder import push_of
 from app.simulation.recording import Epoch, Recording
 from app.simulation.state import Flag
 

@@ -8,8 +8,8 @@ from itertools import product
 import numpy as np
 
 from app.scenario.schema import Scenario
-from app.simulation.controller_builder import compensation, mode_of, true_stiffness
-from app.simulation.environment_builder import environment_of
+from app.simulation.builders.controller_builder import compensation, mode_of, true_stiffness
+from app.simulation.builders.environment_builder import environment_of
 from app.simulation.system import System
 from controllers.control_law import ControlLaw
 from controllers.target_model import TargetModel

@@ -233,7 +233,7 @@ def configured(name_or_file: str, settings: Settings, duration: float | None = N
         if path.split(".")[0] != "robot":
             scenario = with_value(scenario, path, value)
     if scenario.controller.law not in KINDS:
-        from app.simulation.controller_builder import law_of
+        from app.simulation.builders.controller_builder import law_of
 
         law_of(scenario)
     return scenario if duration is None else edited(scenario, DURATION, duration)

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from app.scenario.schema import Scenario
     from app.session.push_measurement import Measured
     from app.simulation.closed_loop import ClosedLoop
-    from app.simulation.push_response import PushResponse
-    from app.simulation.sampled_stability import RespondingLoop
-    from app.simulation.search_memory import Memory
+    from app.simulation.omega.search_memory import Memory
+    from app.simulation.sampled_loop.push_response import PushResponse
+    from app.simulation.sampled_loop.sampled_stability import RespondingLoop
 
 NEWTONS, NEWTON_METRES = Default(2.0), Default(0.1)  # N, N m
 LARGEST_PUSH = 1e6  # N, N m; no number overflows
@@ -66,8 +66,8 @@ def response(
     """
     from app.scenario.caption import titled
     from app.session.push_measurement import Chirp, PushExperiment
-    from app.simulation.push_response import FORCE
-    from app.simulation.sampled_stability import sampled_loop
+    from app.simulation.sampled_loop.push_response import FORCE
+    from app.simulation.sampled_loop.sampled_stability import sampled_loop
     from app.storage.constants_store import kept_memory
 
     if not 0.0 <= at < math.inf:
@@ -118,8 +118,8 @@ def _print_response(seen: RespondingLoop, predicted: PushResponse, points: list[
     """Print the response, what was measured, and the margins of the sampled loop."""
     from app.export import response_files
     from app.session import push_measurement
-    from app.simulation import force_margin
-    from app.simulation.sampled_stability import oscillations
+    from app.simulation.sampled_loop import force_margin
+    from app.simulation.sampled_loop.sampled_stability import oscillations
 
     for line in response_files.summary(predicted):
         print(line)

@@ -15,7 +15,7 @@ import structlog
 from tqdm import tqdm
 
 from app.dashboard.page import Dashboard
-from app.dashboard.widgets.last_session import left_by
+from app.dashboard.widgets.page.last_session import left_by
 from app.process import precompile
 from app.process.deadline import FAILED, end_within
 from app.process.interruption import Interruption

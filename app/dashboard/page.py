@@ -23,9 +23,9 @@ from app.dashboard.transport.handshake import behind_doors
 from app.dashboard.transport.message_filter import MessageFilter
 from app.dashboard.transport.stalled_clients import StalledClients
 from app.dashboard.transport.viser_private import let_any_thread_send
-from app.dashboard.widgets.help import Help, tools_html
-from app.dashboard.widgets.last_session import LastSession
-from app.dashboard.widgets.status import splash_html
+from app.dashboard.widgets.page.help import Help, tools_html
+from app.dashboard.widgets.page.last_session import LastSession
+from app.dashboard.widgets.page.status import splash_html
 from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk
 from app.session.preview_client import Previewer

@@ -17,21 +17,21 @@ from app.dashboard.transport.repeated_inputs import RepeatedInputs
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.transport.widget_lock import WidgetLock
 from app.dashboard.view_options import Viewing
-from app.dashboard.widgets.chosen_sliders import ChosenSliders
-from app.dashboard.widgets.complaint import Complaint
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.edit_lock import EditLock
-from app.dashboard.widgets.equation import equation_html
-from app.dashboard.widgets.guided_minute import GuidedMinute
-from app.dashboard.widgets.last_session import LastSession, add_last_session
-from app.dashboard.widgets.playback import Playback
-from app.dashboard.widgets.scene_buttons import SceneButtons
-from app.dashboard.widgets.scene_legend import SceneLegend
-from app.dashboard.widgets.shortcuts import Shortcuts
-from app.dashboard.widgets.status import status_html
-from app.dashboard.widgets.symbols import Symbols
-from app.dashboard.widgets.whatif import WhatIf
-from app.dashboard.widgets.whatif_panel import WhatIfPanel
+from app.dashboard.widgets.fields.chosen_sliders import ChosenSliders
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.fields.edit_lock import EditLock
+from app.dashboard.widgets.lesson.guided_minute import GuidedMinute
+from app.dashboard.widgets.page.complaint import Complaint
+from app.dashboard.widgets.page.last_session import LastSession, add_last_session
+from app.dashboard.widgets.page.shortcuts import Shortcuts
+from app.dashboard.widgets.page.status import status_html
+from app.dashboard.widgets.run.playback import Playback
+from app.dashboard.widgets.run.scene_buttons import SceneButtons
+from app.dashboard.widgets.run.scene_legend import SceneLegend
+from app.dashboard.widgets.run.whatif import WhatIf
+from app.dashboard.widgets.run.whatif_panel import WhatIfPanel
+from app.dashboard.widgets.target_model.equation import equation_html
+from app.dashboard.widgets.theorem.symbols import Symbols
 from app.export.export_jobs import ExportJobs
 from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk

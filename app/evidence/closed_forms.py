@@ -30,7 +30,7 @@ from app.evidence.section import EvidenceSection, Findings, Job, of_kind
 from app.export.figures import Curve, FigureChart
 from app.process.markdown import Table
 from app.scenario.data import shipped
-from app.simulation.controller_builder import law_of
+from app.simulation.builders.controller_builder import law_of
 
 STEADY_ROBOTS = ("ur5", "planar3r")
 STIFFNESSES = (0.0, 1000.0, 3000.0, 10_000.0)  # K_m1, N/m

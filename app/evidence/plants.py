@@ -15,8 +15,8 @@ from app.scenario.departures import Departure, Random
 from app.scenario.schema import Declared, Scenario, TruthSection
 from app.session.headless_run import play
 from app.simulation.assembly import assemble
+from app.simulation.builders.environment_builder import contacts_of, environment_of, truth_of
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.environment_builder import contacts_of, environment_of, truth_of
 from app.simulation.system import System
 from controllers.nominal_model import NominalModel
 from environments import robots

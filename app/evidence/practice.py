@@ -16,7 +16,7 @@ from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
 from app.session.headless_run import play
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.sampled_stability import sampled_loop
+from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from app.simulation.system import System
 from controllers.premises import Premise
 
@@ -201,7 +201,7 @@ def conclude(results: Sequence[list[Cell]]) -> Findings:
                 delay.map("force error, RMS", "N", delay["force"], (0.01, 100.0), FORCE_GOOD, growth),
                 delay.map("variation of τ", "N·m/s", delay["variation"], (10.0, 1e5), VARIATION_GOOD, growth),
             ),
-            "Dotted: beyond it the linearised sampled loop (app/simulation/sampled_stability.py) is unstable. "
+            "Dotted: beyond it the linearised sampled loop is unstable. "
             f"White: {FORCE_GOOD:g} N, {VARIATION_GOOD:g} N·m/s. ×: the run stopped.",
         ),
         "noise": heat_maps(

@@ -16,8 +16,8 @@ from app.scenario.data import edited, from_plain
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
+from app.simulation.builders.environment_builder import face_axes
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.environment_builder import face_axes
 from app.simulation.system import System
 from environments.integrators import Integrator
 from environments.plant import Plant

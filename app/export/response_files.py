@@ -13,8 +13,8 @@ import numpy as np
 
 from app.export.figures import FREQUENCY, Curve, Figure, FigureChart, Rgb
 from app.session.push_measurement import Measured
-from app.simulation.force_margin import ForceLoop
-from app.simulation.push_response import (
+from app.simulation.sampled_loop.force_margin import ForceLoop
+from app.simulation.sampled_loop.push_response import (
     NOTHING,
     RIGID,
     PushAxis,
@@ -24,7 +24,7 @@ from app.simulation.push_response import (
     largest_and_smallest,
     passive,
 )
-from app.simulation.sampled_stability import RespondingLoop
+from app.simulation.sampled_loop.sampled_stability import RespondingLoop
 
 BLUE, ORANGE, GREEN, GREY = (86, 180, 233), (230, 159, 0), (0, 158, 115), (140, 140, 140)
 NEAR = 0.1  # share of the target's impedance within which the sampled loop counts as following it

@@ -17,7 +17,7 @@ from app.lessons.measures import MeasuredNumber, unmet
 from app.lessons.playing import LessonOutcome, Trace, play, reached
 from app.scenario.errors import ScenarioError
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.search_memory import Memory
+from app.simulation.omega.search_memory import Memory
 
 WORDS = 130.0  # read by a student per minute, with formulas between them
 QUESTION, GOAL, LOOKING = 0.5, 2.0, 0.4  # minutes for an answer, for a goal, and for looking at the picture of a run

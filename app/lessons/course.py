@@ -22,7 +22,7 @@ from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.measures import MeasuredNumber
 from app.lessons.playing import LessonOutcome, Trace, play, runs
 from app.scenario.errors import ScenarioError
-from app.simulation.search_memory import Memory
+from app.simulation.omega.search_memory import Memory
 
 
 class LessonCourse:

@@ -15,8 +15,8 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.commands import Perform, TimedChange
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.omega.search_memory import Memory
 from app.simulation.recording import Recording
-from app.simulation.search_memory import Memory
 from app.simulation.system import System
 
 POINTS = 400  # of a line

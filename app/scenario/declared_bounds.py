@@ -49,7 +49,7 @@ def entries(matrices: np.ndarray) -> np.ndarray:
 
 def _inequalities(scenario: Scenario, units: Units) -> Iterator[tuple[str, float, float, str]]:
     """Inequalities that can be judged before the run; of bounds that are stated in place of others, the run itself
-    judges those (`app.simulation.true_errors`)."""
+    judges those (`app.simulation.promise.true_errors`)."""
     declared, sensor = scenario.declared, scenario.sensor
     if None in (declared.delta_M, declared.delta_C, declared.delta_G):
         yield from _of_links(scenario)

@@ -15,7 +15,7 @@ from app.process.priority import lower_priority
 from app.scenario.departures import Departure
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, PostureChecks
-from app.simulation.search_memory import Memory
+from app.simulation.omega.search_memory import Memory
 from app.simulation.state import State
 from app.simulation.system import System
 

@@ -29,8 +29,8 @@ from app.scenario.schema import (
     TargetModelSection,
     Vector3,
 )
-from app.simulation.controller_builder import mode_of, target_model
-from app.simulation.environment_builder import (
+from app.simulation.builders.controller_builder import mode_of, target_model
+from app.simulation.builders.environment_builder import (
     positions_of,
     robot_of,
     surface,

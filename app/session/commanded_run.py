@@ -45,8 +45,8 @@ from app.session.own_push import OwnPush
 from app.session.snapshot import Snapshot
 from app.session.timeline import Timeline
 from app.session.ways_out import WayOut, nearest, way_out
+from app.simulation.builders.restarts import begins_anew
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.restarts import begins_anew
 from app.storage.uploaded_urdfs import Reach, lock_while_used
 
 log = structlog.get_logger()

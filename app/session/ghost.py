@@ -14,7 +14,7 @@ import numpy as np
 
 from app.analysis.ideal_response import IdealResponse
 from app.session.snapshot import Snapshot
-from app.simulation.observation import Observer
+from app.simulation.period.observation import Observer
 from app.simulation.recording import Recording
 from controllers.blend import ModelBlend
 from controllers.nominal_model import NominalModel

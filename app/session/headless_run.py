@@ -18,7 +18,7 @@ from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
 from app.simulation.engines import Engine, in_force
-from app.simulation.search_memory import Memory
+from app.simulation.omega.search_memory import Memory
 from app.simulation.system import System
 from app.storage.recording_files import table, write_npz
 

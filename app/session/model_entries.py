@@ -10,8 +10,8 @@ import numpy as np
 from app.scenario.data import with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
-from app.simulation.controller_builder import matrices_of, mode_of, stiffness_met
-from app.simulation.environment_builder import robot_of
+from app.simulation.builders.controller_builder import matrices_of, mode_of, stiffness_met
+from app.simulation.builders.environment_builder import robot_of
 from controllers.second_order import oscillators, shaped
 
 SWING = ("omega", "zeta")

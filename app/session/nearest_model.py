@@ -10,7 +10,7 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.model_entries import diagonal_or_rows
 from app.session.ways_out import WayOut
-from app.simulation.controller_builder import matrices_of, require_admitted, surfaces_met
+from app.simulation.builders.controller_builder import matrices_of, require_admitted, surfaces_met
 from app.simulation.system import System
 from controllers.target_model import InvalidGain, TargetModel
 

@@ -31,7 +31,7 @@ from app.session.preview_messages import Preview, PreviewMetrics, PreviewRefusal
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
 from app.simulation.engines import Engine
-from app.simulation.search_memory import Memory
+from app.simulation.omega.search_memory import Memory
 from app.simulation.state import State
 from app.simulation.system import System
 from environments.trajectories.point_to_point import Hold

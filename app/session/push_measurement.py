@@ -21,11 +21,11 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Declared
 from app.session.headless_run import play
 from app.simulation.assembly import assemble
+from app.simulation.builders.controller_builder import law_of, mode_of
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.controller_builder import law_of, mode_of
 from app.simulation.engines import Engine
-from app.simulation.push_response import FORCE, RIGID, PushAxis, PushResponse
-from app.simulation.search_memory import Memory
+from app.simulation.omega.search_memory import Memory
+from app.simulation.sampled_loop.push_response import FORCE, RIGID, PushAxis, PushResponse
 from app.simulation.state import State, blending
 from app.simulation.system import System
 from environments.push import TimedPush

@@ -15,11 +15,11 @@ from app.session.timeline import Pinned
 from app.session.ways_out import WayOut
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop, standing_of
+from app.simulation.promise.verdict import Standing
 from app.simulation.recording import Recording
-from app.simulation.sampled_stability import RespondingLoop
+from app.simulation.sampled_loop.sampled_stability import RespondingLoop
 from app.simulation.state import State
 from app.simulation.system import Coordinate, System
-from app.simulation.verdict import Standing
 from app.simulation.view import View
 from environments.robots import Robot
 from environments.surfaces.table import Surface

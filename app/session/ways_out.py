@@ -23,8 +23,8 @@ from app.scenario.field_info import field_info
 from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario
 from app.session.changes import adapted, in_mode, last_surface, with_face, without_last
-from app.simulation.controller_builder import laws, mode_of
-from app.simulation.environment_checks import require_stiff
+from app.simulation.builders.controller_builder import laws, mode_of
+from app.simulation.builders.environment_checks import require_stiff
 from controllers.control_law import ControlLaw
 from environments.surfaces.own import OwnSurface
 from environments.trajectories.own import OwnTrajectory

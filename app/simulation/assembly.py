@@ -18,7 +18,7 @@ from app.scenario.errors import (
 )
 from app.scenario.schema import Scenario, TruthSection
 from app.scenario.units import Units, kinds_of
-from app.simulation.controller_builder import (
+from app.simulation.builders.controller_builder import (
     believed_compliance,
     blend_of,
     controller_of,
@@ -27,8 +27,7 @@ from app.simulation.controller_builder import (
     uncertainty_of,
     z_at_start,
 )
-from app.simulation.domain import Constants, constants_over, mobility_over, span_of
-from app.simulation.environment_builder import (
+from app.simulation.builders.environment_builder import (
     contacts_of,
     environment_of,
     face_of,
@@ -45,7 +44,7 @@ from app.simulation.environment_builder import (
     tool_at_start,
     truth_of,
 )
-from app.simulation.environment_checks import (
+from app.simulation.builders.environment_checks import (
     require_coupling,
     require_face,
     require_pushing,
@@ -53,13 +52,9 @@ from app.simulation.environment_checks import (
     require_sampled,
     require_surfaces,
 )
-from app.simulation.error_model import ErrorModel
-from app.simulation.extremes import Omega
-from app.simulation.observation import Observer
-from app.simulation.own_path_check import require_path
-from app.simulation.planned_reference import Forces, Planned, ReferencePlan
-from app.simulation.reference_postures import ReferencePostures, postures_along
-from app.simulation.reuse_keys import (
+from app.simulation.builders.error_model import ErrorModel
+from app.simulation.builders.own_path_check import require_path
+from app.simulation.builders.reuse_keys import (
     constants_key,
     controller_key,
     omega_key,
@@ -67,12 +62,17 @@ from app.simulation.reuse_keys import (
     sampled_loops_key,
     surfaces_key,
 )
-from app.simulation.search_memory import Memory, key_of
-from app.simulation.starting_posture import require_within_reach, starting_posture
-from app.simulation.stations import Stations, turning_normals
-from app.simulation.step_check import require_resolved, unresolved
+from app.simulation.builders.starting_posture import require_within_reach, starting_posture
+from app.simulation.builders.step_check import require_resolved, unresolved
+from app.simulation.builders.task_layout import coordinates_of, layout_of
+from app.simulation.omega.domain import Constants, constants_over, mobility_over, span_of
+from app.simulation.omega.extremes import Omega
+from app.simulation.omega.reference_postures import ReferencePostures, postures_along
+from app.simulation.omega.search_memory import Memory, key_of
+from app.simulation.omega.stations import Stations, turning_normals
+from app.simulation.period.observation import Observer
+from app.simulation.period.planned_reference import Forces, Planned, ReferencePlan
 from app.simulation.system import System
-from app.simulation.task_layout import coordinates_of, layout_of
 from controllers import modes
 from controllers.controller import Controller
 from controllers.estimate_rates import NO_RATES
@@ -90,7 +90,7 @@ from environments.surfaces.table import Surface
 from environments.urdf import RobotError
 
 if TYPE_CHECKING:
-    from app.simulation.sampled_stability import SampledLoop
+    from app.simulation.sampled_loop.sampled_stability import SampledLoop
 
 T = TypeVar("T")
 

@@ -11,21 +11,21 @@ import structlog
 from app.scenario.errors import ScenarioError
 from app.scenario.own_code import OwnCodeError
 from app.scenario.schema import Scenario, TruthSection, after_blend
-from app.simulation.alarms import Alarm
 from app.simulation.assembly import assemble, with_truth
-from app.simulation.control_period import Evaluation, Setting
-from app.simulation.controlled_arm import ControlledArm
-from app.simulation.controller_builder import law_of
-from app.simulation.failure_sentences import losses
-from app.simulation.premise_watch import NOT_FED_BACK, PremiseWatch
+from app.simulation.builders.controller_builder import law_of
+from app.simulation.builders.restarts import begins_anew, meets_another_load
+from app.simulation.omega.search_memory import Memory
+from app.simulation.period.alarms import Alarm
+from app.simulation.period.control_period import Evaluation, Setting
+from app.simulation.period.controlled_arm import ControlledArm
+from app.simulation.promise.failure_sentences import losses
+from app.simulation.promise.premise_watch import NOT_FED_BACK, PremiseWatch
+from app.simulation.promise.true_errors import beyond
+from app.simulation.promise.verdict import Standing
 from app.simulation.recording import Recording
-from app.simulation.restarts import begins_anew, meets_another_load
-from app.simulation.sampled_stability import RespondingLoop
-from app.simulation.search_memory import Memory
+from app.simulation.sampled_loop.sampled_stability import RespondingLoop
 from app.simulation.state import State, blending, tracking_state
 from app.simulation.system import System
-from app.simulation.true_errors import beyond
-from app.simulation.verdict import Standing
 from app.simulation.view import View, view_of
 from controllers.blend import ModelBlend
 from controllers.premises import PromiseRecord

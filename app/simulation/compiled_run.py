@@ -12,9 +12,9 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
-from app.simulation.alarms import Alarm
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.compiled_period import RunData, run_periods
+from app.simulation.period.alarms import Alarm
+from app.simulation.period.compiled_period import RunData, run_periods
 from controllers.control_law import ControlLaw
 from controllers.laws.table import LAWS
 from environments.integrators import Integrator

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.scenario.schema import Scenario
-from app.simulation.control_period import Evaluation
+from app.simulation.period.control_period import Evaluation
 from app.simulation.recording import Epoch
 from app.simulation.system import System
 from controllers.blend import ModelBlend

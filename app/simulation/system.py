@@ -11,13 +11,13 @@ import numpy as np
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.scenario.units import Units, kinds_of
-from app.simulation.domain import Constants
-from app.simulation.error_model import ErrorModel
-from app.simulation.observation import Observed, Observer
-from app.simulation.planned_reference import Planned, ReferencePlan
-from app.simulation.reference_postures import DesiredPosture, posture_at
-from app.simulation.search_memory import Memory
-from app.simulation.stations import Stations
+from app.simulation.builders.error_model import ErrorModel
+from app.simulation.omega.domain import Constants
+from app.simulation.omega.reference_postures import DesiredPosture, posture_at
+from app.simulation.omega.search_memory import Memory
+from app.simulation.omega.stations import Stations
+from app.simulation.period.observation import Observed, Observer
+from app.simulation.period.planned_reference import Planned, ReferencePlan
 from controllers.blend import ModelBlend
 from controllers.control_law import Reference
 from controllers.controller import Controller
@@ -34,7 +34,7 @@ from environments.surfaces.corner import Corner
 from environments.surfaces.table import Surface
 
 if TYPE_CHECKING:
-    from app.simulation.sampled_stability import SampledLoop
+    from app.simulation.sampled_loop.sampled_stability import SampledLoop
 
 
 @dataclass(frozen=True)

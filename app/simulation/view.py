@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.simulation.control_period import Evaluation
+from app.simulation.period.control_period import Evaluation
 from controllers.premises import Premise
 from kernels.records import Record
 

@@ -18,7 +18,7 @@ import msgspec
 from app.process.atomic_write import write_whole
 from app.process.json_text import decode_json
 from app.process.kernel_cache import cache_folder
-from app.simulation.search_memory import Memory, Numbers
+from app.simulation.omega.search_memory import Memory, Numbers
 from app.storage.cache_eviction import evict
 
 KEPT = 1000  # files

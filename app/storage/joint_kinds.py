@@ -7,7 +7,7 @@ from pathlib import Path
 
 from app.scenario.schema import RobotSection, Scenario
 from app.scenario.units import Units, kinds_of
-from app.simulation.environment_builder import robot_of
+from app.simulation.builders.environment_builder import robot_of
 from environments.robots import RobotError
 
 

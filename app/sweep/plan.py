@@ -22,9 +22,9 @@ from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, Wron
 from app.scenario.idle_fields import idle
 from app.scenario.schema import STATED_IN, RobotSection, Scenario
 from app.scenario.struct_refusals import struct_refusal
-from app.simulation.controller_builder import law_of
+from app.simulation.builders.controller_builder import law_of
+from app.simulation.builders.environment_builder import robot_of
 from app.simulation.engines import Engine
-from app.simulation.environment_builder import robot_of
 from app.storage.joint_kinds import units_of
 from app.sweep.axes import Axis, Value, require_axis
 from environments.catalogue import CATALOGUE

@@ -15,7 +15,7 @@ from app.process.worker_pool import Fallen
 from app.scenario.errors import ScenarioError
 from app.scenario.units import Units
 from app.session.headless_run import simulate
-from app.simulation.search_memory import Memory
+from app.simulation.omega.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
 from app.sweep.plan import Sweep, SweepPlan, SweepRow

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from app.export.ticks import plain_number
 from app.scenario.field_info import FieldInfo, field_info
 from app.scenario.units import Units, unit_in
-from app.simulation.controller_builder import laws
+from app.simulation.builders.controller_builder import laws
 from controllers.modes import MODES
 from controllers.switching import SWITCHING
 from environments.contact_kinds import CONTACTS

@@ -19,7 +19,7 @@ from app.export.ticks import plain_decades
 from app.process.atomic_write import write_whole
 from app.scenario import data
 from app.scenario.schema import Scenario
-from app.simulation.environment_builder import robot_of, truth_of
+from app.simulation.builders.environment_builder import robot_of, truth_of
 from app.storage.joint_kinds import units_of
 from app.sweep.charts import sheet, wide
 from app.sweep.folder import packed

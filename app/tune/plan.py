@@ -9,8 +9,8 @@ from msgspec import Meta
 from app.scenario.errors import ScenarioError, scenario_errors
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
-from app.simulation.controller_builder import mode_of
-from app.simulation.environment_builder import positions_of, robot_of, task_joints
+from app.simulation.builders.controller_builder import mode_of
+from app.simulation.builders.environment_builder import positions_of, robot_of, task_joints
 from app.sweep.axes import Axis, axis_of
 from app.sweep.fingerprint import fingerprint
 from app.sweep.plan import Design, Sweep, SweepPlan, arms_differ

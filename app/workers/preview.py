@@ -21,7 +21,7 @@ from app.session.headless_run import engine_ready
 from app.session.preview import PreviewRun
 from app.session.preview_messages import Hurry, Preview, PreviewDone, PreviewMetrics, PreviewRefusal, PreviewRequest
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.search_memory import Memory
+from app.simulation.omega.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
 

@@ -40,7 +40,7 @@ from app.access.session_messages import (
 )
 from app.dashboard.page import Dashboard
 from app.dashboard.theme.colors import Theme
-from app.dashboard.widgets.last_session import left_by, remark
+from app.dashboard.widgets.page.last_session import left_by, remark
 from app.process import log
 from app.scenario.data import OPENING, from_toml, load, to_toml
 from app.scenario.errors import ScenarioError

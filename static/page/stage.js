@@ -5,7 +5,7 @@
 const page = document.documentElement, MOST = 3;
 const OPEN = "[data-dock-group] [data-dock-group] form:has(.mantine-Slider-root)"; // in the tab that is open
 const CLOSED = "[style*='display: none']"; // viser's tabs that are not open
-const CHOSEN = "div:has(> .vs-chosen) ~ form"; // app/dashboard/widgets/chosen_sliders.py
+const CHOSEN = "div:has(> .vs-chosen) ~ form"; // app/dashboard/widgets/fields/chosen_sliders.py
 const TABS = "[role=tablist]:has(> :nth-child(10)) [role=tab]"; // of the controls
 const PLOT_TABS = "[data-dock-region=left] [data-dock-group]:has(.vs-plots) [role=tab]";
 let pressed = null, left = null; // the plot; the tab that is opened again when the presentation ends

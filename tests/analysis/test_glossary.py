@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from app.analysis.glossary import GLOSSARY
-from app.dashboard.widgets.symbols import values_html
+from app.dashboard.widgets.theorem.symbols import values_html
 from app.scenario.data import edited, load
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of

@@ -146,8 +146,8 @@ def own_session(browser: Browser) -> Iterator[PageSession]:
 @pytest.fixture
 def messages_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     """For a test of messages, and of what else goes by itself after some seconds, which a busy machine may need."""
-    monkeypatch.setattr("app.dashboard.widgets.complaint.SHOWN", PATIENCE)
-    monkeypatch.setattr("app.dashboard.widgets.whatif_panel._SHOWN", PATIENCE)
+    monkeypatch.setattr("app.dashboard.widgets.page.complaint.SHOWN", PATIENCE)
+    monkeypatch.setattr("app.dashboard.widgets.run.whatif_panel._SHOWN", PATIENCE)
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from pathlib import Path
 from playwright.sync_api import Page
 
 from app.dashboard.page import Dashboard
-from app.dashboard.widgets.last_session import left_by
+from app.dashboard.widgets.page.last_session import left_by
 from app.scenario.data import edited, load
 from app.session.autosave import Autosave, StateFolder
 from app.session.runner import Runner

@@ -5,7 +5,7 @@ import re
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from app.dashboard.widgets.help import KEYS
+from app.dashboard.widgets.page.help import KEYS
 from app.lessons.lesson import shipped_lessons
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause, Play

@@ -7,8 +7,8 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from app.dashboard.widgets.chosen_sliders import MOST
-from app.dashboard.widgets.guided_minute import steps
+from app.dashboard.widgets.fields.chosen_sliders import MOST
+from app.dashboard.widgets.lesson.guided_minute import steps
 from app.session.commands import Edit, Pause, PushNow
 from controllers.modes import MODES
 from drivers.pages import SHOWN, PageSession, resting_box

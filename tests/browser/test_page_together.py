@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page
 
 from app.dashboard.page import Dashboard
-from app.dashboard.widgets.matrix_text import written
+from app.dashboard.widgets.fields.matrix_text import written
 from app.scenario.data import from_toml, to_toml
 from app.session.commands import Reset
 from app.session.runner import Runner

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from app.dashboard.widgets.model_checks import blend_html
-from app.dashboard.widgets.model_fields import blending, model_edit
+from app.dashboard.widgets.fields.model_fields import blending, model_edit
+from app.dashboard.widgets.target_model.model_checks import blend_html
 from app.evidence import blend as section
 from app.evidence.blend import NOTE, diagonal_lyapunov
 from app.scenario.data import edited, from_toml, shipped, with_values

@@ -10,7 +10,7 @@ import pytest
 from app.scenario.data import edited, load
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.sampled_stability import sampled_loop
+from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from app.simulation.system import System
 from controllers.control_law import TOLD, ControlOutput
 from controllers.controller import Controller

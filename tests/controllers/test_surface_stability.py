@@ -13,8 +13,8 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.changes import blending_to, in_mode, with_further
 from app.simulation.assembly import assemble
+from app.simulation.builders.controller_builder import surfaces_met
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.controller_builder import surfaces_met
 from controllers.blend import blended
 from controllers.surface_stability import (
     SurfaceRange,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from app.dashboard.transport.callback_errors import guarded
-from app.dashboard.widgets.complaint import SHOWN, Complaint
+from app.dashboard.widgets.page.complaint import SHOWN, Complaint
 from app.scenario.data import load
 from app.session.commands import DropWayOut
 from app.session.runner import Runner

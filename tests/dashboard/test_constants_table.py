@@ -6,12 +6,12 @@ import re
 
 import pytest
 
-from app.dashboard.widgets.constants_table import constants_html
+from app.dashboard.widgets.theorem.constants_table import constants_html
 from app.scenario.data import edited, load
 from app.scenario.schema import Declared
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.domain import MARGIN
+from app.simulation.omega.domain import MARGIN
 
 
 def rows(scenario: str, **changes: object) -> dict[str, list[str]]:

@@ -10,11 +10,11 @@ import pytest
 from app.dashboard.panels.robot import UNSTATED, StatedBounds
 from app.dashboard.panels.task import Shift, TaskPanel
 from app.dashboard.theme.style import ENTERED, ESCAPED, RELEASED
-from app.dashboard.widgets import controls, text_field
-from app.dashboard.widgets.arm_choice import UrdfPlace
-from app.dashboard.widgets.controls import Dropdown, NumberField, Switch
-from app.dashboard.widgets.field_place import FieldPlace, log_scale
-from app.dashboard.widgets.text_field import TextField
+from app.dashboard.widgets.families.arm_choice import UrdfPlace
+from app.dashboard.widgets.fields import controls, text_field
+from app.dashboard.widgets.fields.controls import Dropdown, NumberField, Switch
+from app.dashboard.widgets.fields.field_place import FieldPlace, log_scale
+from app.dashboard.widgets.fields.text_field import TextField
 from app.scenario.data import edited, shipped
 from app.session.commands import Command, Edit, EditAll, Load, Pause, Reset, StepOnce
 from app.session.snapshot import PREPARING, Snapshot

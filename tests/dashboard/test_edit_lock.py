@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from app.dashboard.widgets.edit_lock import EditLock
+from app.dashboard.widgets.fields.edit_lock import EditLock
 from app.scenario.data import shipped
 from app.session.commands import (
     BeginScenario,

@@ -13,7 +13,7 @@ import viser
 
 from app.dashboard.panels.export import SHOWN, WHOLE, ExportPanel
 from app.dashboard.view_options import Viewing
-from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.fields.controls import Desk
 from app.scenario.data import edited, load
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 import viser
 
-from app.dashboard.widgets.candidate_chart import candidates_html
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.field_place import FieldPlace, NumberRow, SliderScale, log_scale
-from app.dashboard.widgets.gain_search import AGAIN, LEAVE, GainSearch
-from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace
-from app.dashboard.widgets.swept_fields import FIELDS, FieldChoice, field_of_row, prepared
-from app.dashboard.widgets.whatif import WhatIf, changed
+from app.dashboard.widgets.families.candidate_chart import candidates_html
+from app.dashboard.widgets.families.gain_search import AGAIN, LEAVE, GainSearch
+from app.dashboard.widgets.families.swept_fields import FIELDS, FieldChoice, field_of_row, prepared
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.fields.field_place import FieldPlace, NumberRow, SliderScale, log_scale
+from app.dashboard.widgets.fields.model_fields import DiagonalPlace, OscillatorPlace
+from app.dashboard.widgets.run.whatif import WhatIf, changed
 from app.scenario import own_code
 from app.scenario.data import edited, shipped, with_values
 from app.scenario.errors import ScenarioError

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 import viser
 
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.edit_lock import EditLock
-from app.dashboard.widgets.guided_minute import GuidedMinute, GuidedStep, steps
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.fields.edit_lock import EditLock
+from app.dashboard.widgets.lesson.guided_minute import GuidedMinute, GuidedStep, steps
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.changes import pushed
 from app.session.commands import Load, Play
 from app.session.snapshot import Snapshot
+from app.simulation.builders.environment_builder import robot_of
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.environment_builder import robot_of
 from controllers.modes import MODES
 from tests.support.desks import Posted
 

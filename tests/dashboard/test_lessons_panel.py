@@ -10,9 +10,9 @@ from unittest.mock import MagicMock
 import pytest
 
 from app.dashboard.panels.lessons import LessonsPanel
-from app.dashboard.widgets.class_panel import ClassPanel
-from app.dashboard.widgets.field_words import refusal_in_words
-from app.dashboard.widgets.lesson_list import LessonList
+from app.dashboard.widgets.fields.field_words import refusal_in_words
+from app.dashboard.widgets.lesson.class_panel import ClassPanel
+from app.dashboard.widgets.lesson.lesson_list import LessonList
 from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk
 from app.lessons.course import LessonCourse

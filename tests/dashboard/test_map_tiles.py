@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import viser
 
-from app.dashboard.widgets.map_tiles import Naming, Present, map_html
-from app.dashboard.widgets.robustness_map import RobustnessMap, badness
-from app.dashboard.widgets.swept_fields import FIELDS
+from app.dashboard.widgets.families.map_tiles import Naming, Present, map_html
+from app.dashboard.widgets.families.robustness_map import RobustnessMap, badness
+from app.dashboard.widgets.families.swept_fields import FIELDS
 from app.scenario.data import edited, load
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario

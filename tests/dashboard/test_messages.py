@@ -19,9 +19,9 @@ import viser
 from app.dashboard.page import Dashboard
 from app.dashboard.scene.trails import PIECE, PIECES, SPACING, Trail
 from app.dashboard.transport.visible_parts import AWAY, VisibleParts, takes_part
-from app.dashboard.widgets.edit_lock import EditLock
-from app.dashboard.widgets.last_session import LastSession, add_last_session
-from app.dashboard.widgets.scene_buttons import reaching
+from app.dashboard.widgets.fields.edit_lock import EditLock
+from app.dashboard.widgets.page.last_session import LastSession, add_last_session
+from app.dashboard.widgets.run.scene_buttons import reaching
 from app.scenario.data import load, shipped
 from app.scenario.errors import ScenarioError
 from app.session.autosave import Offer

@@ -13,7 +13,7 @@ import pytest
 
 from app.dashboard.page import Dashboard
 from app.dashboard.transport.stalled_clients import StalledClients
-from app.dashboard.widgets import playback
+from app.dashboard.widgets.run import playback
 from app.scenario.data import load
 from app.session.commands import Edit, SetSpeed
 from app.session.runner import Runner

@@ -12,8 +12,8 @@ import pytest
 import viser
 
 from app.analysis.run_events import Event
-from app.dashboard.widgets.field_words import called, field_in_words, refusal_in_words
-from app.dashboard.widgets.playback import APART, Playback, apart
+from app.dashboard.widgets.fields.field_words import called, field_in_words, refusal_in_words
+from app.dashboard.widgets.run.playback import APART, Playback, apart
 from app.scenario.data import edited, load, shipped
 from app.scenario.errors import ScenarioError
 from app.scenario.field_info import paths_below, types_of

@@ -11,10 +11,10 @@ import pytest
 import viser
 
 from app.dashboard.transport.page_values import PageEvent
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.model_checks import judge_requested
-from app.dashboard.widgets.pole_drag import PoleDrag, draggable, numbered_poles, others_of, pole_edit
-from app.dashboard.widgets.whatif import HeldControl
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.run.whatif import HeldControl
+from app.dashboard.widgets.target_model.model_checks import judge_requested
+from app.dashboard.widgets.target_model.pole_drag import PoleDrag, draggable, numbered_poles, others_of, pole_edit
 from app.scenario.data import edited, load
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop

@@ -8,8 +8,8 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from app.dashboard.widgets.premise_table import premises_html
-from app.dashboard.widgets.status import status_html
+from app.dashboard.widgets.page.status import status_html
+from app.dashboard.widgets.theorem.premise_table import premises_html
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot, on_surface

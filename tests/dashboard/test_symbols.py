@@ -8,7 +8,7 @@ from html import unescape
 import pytest
 
 from app.analysis.glossary import GLOSSARY
-from app.dashboard.widgets.symbols import values_html
+from app.dashboard.widgets.theorem.symbols import values_html
 from app.scenario.data import edited, load, shipped
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop

@@ -14,16 +14,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from app.dashboard.panels.model import matrix_note, oscillator_note
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.edit_lock import EditLock
-from app.dashboard.widgets.equation import EquationLine, equation_html, lines
-from app.dashboard.widgets.matrix_editor import Draft, MatrixEditor, starts, with_entries
-from app.dashboard.widgets.matrix_text import read_back, read_matrix, require_point, written, written_rows
-from app.dashboard.widgets.model_checks import checks_html, judge_requested, judge_running
-from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, model_edit, only, oscillators_of
-from app.dashboard.widgets.pole_map import grouped, pole_map_html
-from app.dashboard.widgets.theorem_table import facts_html
-from app.dashboard.widgets.whatif import changed
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.fields.edit_lock import EditLock
+from app.dashboard.widgets.fields.matrix_editor import Draft, MatrixEditor, starts, with_entries
+from app.dashboard.widgets.fields.matrix_text import read_back, read_matrix, require_point, written, written_rows
+from app.dashboard.widgets.fields.model_fields import DiagonalPlace, OscillatorPlace, model_edit, only, oscillators_of
+from app.dashboard.widgets.run.whatif import changed
+from app.dashboard.widgets.target_model.equation import EquationLine, equation_html, lines
+from app.dashboard.widgets.target_model.model_checks import checks_html, judge_requested, judge_running
+from app.dashboard.widgets.target_model.pole_map import grouped, pole_map_html
+from app.dashboard.widgets.theorem.theorem_table import facts_html
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.session.commands import Blend, Edit, EditAll, EditModel

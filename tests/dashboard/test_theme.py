@@ -12,9 +12,9 @@ import pytest
 
 from app.dashboard.theme.colors import EDGE, INKS, MEASURED, PAGE, SERIES, Rgb, css, css_variables, line_css, on_white
 from app.dashboard.theme.style import MARKS
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.help import DOCUMENTS, help_html
-from app.dashboard.widgets.shortcuts import Shortcuts
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.page.help import DOCUMENTS, help_html
+from app.dashboard.widgets.page.shortcuts import Shortcuts
 from app.scenario.data import shipped
 from app.session.commands import BeginScenario, Edit
 from controllers.modes import MODES

@@ -5,8 +5,8 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
-from app.dashboard.widgets.whatif import HeldControl, WhatIf
-from app.dashboard.widgets.whatif_panel import body_html
+from app.dashboard.widgets.run.whatif import HeldControl, WhatIf
+from app.dashboard.widgets.run.whatif_panel import body_html
 from app.scenario.data import edited, shipped
 from app.session.commands import Edit, HoldTool, Seek
 from app.session.preview import PreviewRun

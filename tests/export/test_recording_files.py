@@ -22,8 +22,8 @@ from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.session.changes import blending_to
 from app.session.snapshot import snapshot_of, with_conditions_at
+from app.simulation.builders.controller_builder import target_model
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.controller_builder import target_model
 from app.simulation.recording import BLOCK, Recording
 from app.storage.constants_store import kept_memory
 from app.storage.recording_files import RecordingTable, TooLarge, read_npz, table, write_csv, write_npz

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from app.cli.commands import execute
-from app.dashboard.widgets.impedance_map import impedance_html
+from app.dashboard.widgets.target_model.impedance_map import impedance_html
 from app.export.printing import render
 from app.export.response_files import figure_of, followed
 from app.scenario.data import from_plain, load, to_plain, to_toml
 from app.session.push_measurement import Measured
 from app.simulation.assembly import assemble
-from app.simulation.sampled_stability import sampled_loop
+from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from tests.support.svg import letters_of
 
 

@@ -19,7 +19,7 @@ from app.scenario.errors import ScenarioError
 from app.session import commanded_run
 from app.session.commands import Command, Edit, Load
 from app.session.runner import Runner
-from app.simulation.environment_builder import robot_of
+from app.simulation.builders.environment_builder import robot_of
 from app.storage import uploaded_urdfs
 from drivers.waiting import until
 from environments import robots, urdf

@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.cli.options import setting
-from app.dashboard.widgets.matrix_text import read_matrix
+from app.dashboard.widgets.fields.matrix_text import read_matrix
 from app.process.terminal_text import printable
 from app.scenario.data import LARGEST, edited, from_file, from_toml, load, shipped, to_toml
 from app.scenario.errors import ScenarioError

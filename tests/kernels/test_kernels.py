@@ -18,7 +18,7 @@ from numba.core.caching import IndexDataCacheFile
 
 from app.scenario.data import load
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.control_period import control_period
+from app.simulation.period.control_period import control_period
 from app.simulation.signals import Row
 from kernels import algebra, inline, symbols
 from kernels.linking import LinkedLibrary

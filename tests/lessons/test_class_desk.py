@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from app.access.classroom import POINTS, ClassQuestion
-from app.dashboard.widgets.class_panel import answers_html
+from app.dashboard.widgets.lesson.class_panel import answers_html
 from app.lessons import kept_file
 from app.lessons.class_desk import FILE, ClassDesk
 from app.lessons.lesson import LessonStep

@@ -20,9 +20,9 @@ import pytest
 from app.dashboard.panels.lessons import LessonsPanel
 from app.dashboard.plots.lesson_figures import run_colors
 from app.dashboard.theme.colors import MEASURED, line_css
-from app.dashboard.widgets.lesson_answers import CurveAnswer, NumberAnswer, OptionAnswer
-from app.dashboard.widgets.lesson_list import _state
-from app.dashboard.widgets.outcome_chart import _Frame, _path, outcome_html
+from app.dashboard.widgets.lesson.lesson_answers import CurveAnswer, NumberAnswer, OptionAnswer
+from app.dashboard.widgets.lesson.lesson_list import _state
+from app.dashboard.widgets.lesson.outcome_chart import _Frame, _path, outcome_html
 from app.lessons.answers import (
     Answer,
     LessonProgress,

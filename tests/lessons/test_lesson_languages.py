@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.access.classroom import ClassQuestion
-from app.dashboard.widgets.class_panel import answers_html
-from app.dashboard.widgets.lesson_answers import missed_html
+from app.dashboard.widgets.lesson.class_panel import answers_html
+from app.dashboard.widgets.lesson.lesson_answers import missed_html
 from app.lessons.answers import Notebook
 from app.lessons.blocks import Goal
 from app.lessons.class_desk import ClassDesk

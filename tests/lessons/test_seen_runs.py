@@ -15,7 +15,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
-from app.dashboard.widgets.lesson_list import LessonList
+from app.dashboard.widgets.lesson.lesson_list import LessonList
 from app.lessons.answers import FILE, Answer, LessonProgress, Notebook
 from app.lessons.course import LessonCourse
 from app.lessons.lesson import Lesson, shipped_lessons

@@ -27,7 +27,7 @@ from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.plots.plot_table import Tab
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
-from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.fields.controls import Desk
 from app.scenario.data import edited, load
 from app.session.changes import on_robot, on_surface
 from app.session.snapshot import snapshot_of

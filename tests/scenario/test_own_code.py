@@ -18,7 +18,7 @@ from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.sampled_stability import sampled_loop
+from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from controllers.premises import Premise
 
 pytestmark = pytest.mark.slow  # it compiles what is of no use to another process

@@ -7,13 +7,13 @@ from typing import cast
 import numpy as np
 import pytest
 
-from app.dashboard.widgets.whatif import around
+from app.dashboard.widgets.run.whatif import around
 from app.scenario.data import edited, shipped
 from app.session.autosave import _subject
 from app.session.commands import BeginScenario, Command, Edit, Load, PushNow, Reset
 from app.session.runner import Runner
+from app.simulation.builders.restarts import begins_anew
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.restarts import begins_anew
 
 OWN = {"push_start": 0.2, "push_every": 0.3, "push_duration": 0.05}
 

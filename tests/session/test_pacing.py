@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.dashboard.widgets.status import status_html
+from app.dashboard.widgets.page.status import status_html
 from app.scenario.data import edited, shipped
 from app.session.commands import Edit, HoldTool, Pause, Reset, Seek, SetSpeed, ShowAgain, ToEnd
 from app.session.pacing import Pace, PaceMeter, Schedule

@@ -8,7 +8,7 @@ import pytest
 from app.scenario.data import edited
 from app.scenario.errors import ScenarioError, UnboundedGain
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.premise_watch import GainFeedbackShares
+from app.simulation.promise.premise_watch import GainFeedbackShares
 from controllers.bounds import inertia_spread
 from controllers.premises import Premise
 from tests.support.cases import short

@@ -18,11 +18,11 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, possible, with_control, with_further
 from app.simulation.assembly import assemble
+from app.simulation.builders.controller_builder import believed_compliance, believed_stiffness, true_stiffness
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.controller_builder import believed_compliance, believed_stiffness, true_stiffness
-from app.simulation.period_map import PeriodMap, Posture
-from app.simulation.sampled_force_loop import force_factor
+from app.simulation.sampled_loop.period_map import PeriodMap, Posture
+from app.simulation.sampled_loop.sampled_force_loop import force_factor
 from app.simulation.system import System
 from environments.coupled_surfaces import EnvironmentMatrices
 from environments.plant import Plant

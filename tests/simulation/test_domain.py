@@ -13,17 +13,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import app.simulation.domain
+import app.simulation.omega.domain
 from app.scenario.data import edited, from_plain, shipped
 from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Declared
 from app.session.changes import on_robot
 from app.simulation.assembly import assemble
-from app.simulation.domain import MARGIN, mobility_over, span_of
-from app.simulation.environment_builder import truth_of
-from app.simulation.extremes import Effort, ObjectiveValues, Omega, Places, largest
-from app.simulation.search_memory import Memory
+from app.simulation.builders.environment_builder import truth_of
+from app.simulation.omega.domain import MARGIN, mobility_over, span_of
+from app.simulation.omega.extremes import Effort, ObjectiveValues, Omega, Places, largest
+from app.simulation.omega.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import KEPT, ConstantsStore
 from controllers.bounds import InertiaRange
@@ -202,7 +202,7 @@ def test_a_lighter_arm_is_more_mobile_by_its_factor_at_most_and_needs_no_search_
 ) -> None:
     system = assemble(edited(shipped()["planar3r-hybrid"], "truth.rotor_scaling", 0.9))
     lighter = edited(system.scenario, "truth.link_scaling", [1.3, 0.6, 0.8])
-    monkeypatch.setattr(app.simulation.domain, "largest", None)  # is not called
+    monkeypatch.setattr(app.simulation.omega.domain, "largest", None)  # is not called
     bound = np.array(assemble(lighter, system).mobility)
     assert bound == pytest.approx(np.array(system.mobility) * 0.9 / 0.6)
 
@@ -300,7 +300,7 @@ def test_constants_are_reproducible_and_cached(tmp_path: Path, monkeypatch: pyte
     def search(*_: object) -> tuple[float, ...]:
         raise AssertionError("searched again")
 
-    monkeypatch.setattr(app.simulation.domain, "largest", search)
+    monkeypatch.setattr(app.simulation.omega.domain, "largest", search)
     system = assemble(scenario, memory=Memory(ConstantsStore(tmp_path)))
     assert numbers(system) == first
     indifferent = edited(edited(scenario, "simulation.seed", 5), "simulation.substeps", 4)

@@ -10,7 +10,7 @@ import pytest
 
 from app.analysis.metrics import metrics_of
 from app.analysis.perturbation import PerturbationAnalysis
-from app.dashboard.widgets.status import status_html
+from app.dashboard.widgets.page.status import status_html
 from app.scenario.data import edited, shipped, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario

@@ -7,10 +7,10 @@ import pytest
 
 from app.scenario.data import edited, load, shipped, with_values
 from app.scenario.errors import ScenarioError
-from app.simulation import premise_watch
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.premise_watch import GainFeedbackShares
+from app.simulation.promise import premise_watch
+from app.simulation.promise.premise_watch import GainFeedbackShares
 from controllers.premises import Premise
 from kernels.records import Record
 from tests.support.faults import boom

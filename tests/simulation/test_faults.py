@@ -14,7 +14,7 @@ from app.session.commands import Blend, Edit, Load, Play, Reset, Seek
 from app.session.headless_run import simulate
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
-from app.simulation.controlled_arm import ControlledArm
+from app.simulation.period.controlled_arm import ControlledArm
 from drivers.waiting import until
 from tests.support.faults import begun, boom, ended, running
 

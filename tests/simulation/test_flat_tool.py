@@ -13,10 +13,10 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
+from app.simulation.builders.controller_builder import believed_stiffness, true_stiffness
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.controller_builder import believed_stiffness, true_stiffness
-from app.simulation.sampled_stability import sampled_loop
+from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from app.simulation.system import System
 from controllers.reference_estimates import FeedforwardModel
 from environments.contact import FEET, face_radius

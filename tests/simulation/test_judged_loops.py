@@ -9,8 +9,8 @@ from app.scenario.data import edited
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.sampled_stability import sampled_loop
-from app.simulation.stations import APART, Stations
+from app.simulation.omega.stations import APART, Stations
+from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from controllers.premises import Premise
 from environments.surfaces.cylinder import Cylinder
 from environments.surfaces.form import SurfaceMotion

@@ -12,7 +12,7 @@ import pytest
 
 from app.cli.commands import execute
 from app.cli.status import BROKEN, DONE, UNPROMISED
-from app.dashboard.widgets.premise_table import premises_html
+from app.dashboard.widgets.theorem.premise_table import premises_html
 from app.scenario.caption import promised
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError

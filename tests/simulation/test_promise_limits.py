@@ -13,7 +13,7 @@ from app.scenario.errors import UnboundedGain
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.sampled_stability import sampled_loop
+from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from controllers.bounds import InertiaRange
 from controllers.posture_check import _falling_from
 from controllers.premises import Premise

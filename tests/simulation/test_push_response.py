@@ -12,9 +12,9 @@ from app.scenario.schema import Scenario
 from app.session.push_measurement import Chirp, PushExperiment, deviation_sentence, not_linear
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.force_margin import ForceLoop
-from app.simulation.period_map import PeriodMap, Posture
-from app.simulation.push_response import (
+from app.simulation.sampled_loop.force_margin import ForceLoop
+from app.simulation.sampled_loop.period_map import PeriodMap, Posture
+from app.simulation.sampled_loop.push_response import (
     FORCE,
     MOMENT,
     PushResponse,
@@ -23,7 +23,7 @@ from app.simulation.push_response import (
     largest_and_smallest,
     passive,
 )
-from app.simulation.sampled_stability import sampled_loop
+from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from app.simulation.system import System
 from environments.push import TimedPush
 

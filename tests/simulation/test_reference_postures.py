@@ -11,9 +11,9 @@ import pytest
 from app.scenario.data import edited, shipped
 from app.scenario.errors import PathOutOfReach, ScenarioError
 from app.simulation.assembly import assemble
-from app.simulation.planned_reference import Planned
-from app.simulation.reference_postures import FAR, MOST, NEAR, Observe, postures_along
-from app.simulation.search_memory import Memory
+from app.simulation.omega.reference_postures import FAR, MOST, NEAR, Observe, postures_along
+from app.simulation.omega.search_memory import Memory
+from app.simulation.period.planned_reference import Planned
 
 LINE = {"kind": "line", "displacement": [0.0, 0.3, 0.0], "ramp": 0.0}
 

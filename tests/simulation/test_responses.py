@@ -17,8 +17,8 @@ from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.period_map import Posture
-from app.simulation.sampled_force_loop import force_factor
+from app.simulation.sampled_loop.period_map import Posture
+from app.simulation.sampled_loop.sampled_force_loop import force_factor
 from app.simulation.state import State
 from app.simulation.system import System
 from controllers.force_loop import force_loop_factors

@@ -8,7 +8,7 @@ import pytest
 from app.scenario.data import edited
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.controlled_arm import ControlledArm
+from app.simulation.period.controlled_arm import ControlledArm
 from tests.support.cases import short
 
 pytestmark = pytest.mark.slow  # long or many simulations

@@ -10,8 +10,8 @@ import pytest
 from app.scenario.data import shipped
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.period_map import PeriodMap, Posture
-from app.simulation.sampled_force_loop import force_factor
+from app.simulation.sampled_loop.period_map import PeriodMap, Posture
+from app.simulation.sampled_loop.sampled_force_loop import force_factor
 from tests.support.pressing import H, changed, growth_per_period, pressing
 
 pytestmark = pytest.mark.slow  # long or many simulations

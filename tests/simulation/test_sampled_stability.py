@@ -14,8 +14,8 @@ from app.session.changes import in_mode, on_robot
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.period_map import PeriodMap, Posture
-from app.simulation.sampled_stability import sampled_loop, touched_at_once
+from app.simulation.sampled_loop.period_map import PeriodMap, Posture
+from app.simulation.sampled_loop.sampled_stability import sampled_loop, touched_at_once
 from controllers.premises import Premise
 from tests.support.arms import arm
 from tests.support.pressing import H, changed, growth_per_period, pressing, run

@@ -13,7 +13,7 @@ from app.scenario.departures import Departure
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.assembly import assemble
-from app.simulation.environment_builder import truth_of
+from app.simulation.builders.environment_builder import truth_of
 from app.simulation.system import System
 from controllers.bounds import Equivalent, InertiaRange, required_gain
 from controllers.nominal_model import ON_LINE

@@ -12,7 +12,7 @@ from app.scenario.data import load, with_values
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.period_map import PeriodMap, Posture
+from app.simulation.sampled_loop.period_map import PeriodMap, Posture
 
 MOST = 0.1  # m, of any error of the runs here; a turn has 0.9 m at least
 

@@ -7,8 +7,8 @@ from typing import cast
 
 import viser
 
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.whatif import WhatIf
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.run.whatif import WhatIf
 from app.scenario.schema import Scenario
 from app.session.commands import Command
 from app.session.preview_client import Previewer

@@ -9,9 +9,9 @@ from typing import Any, cast
 
 import viser
 
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.edit_lock import EditLock
-from app.dashboard.widgets.whatif import WhatIf
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.fields.edit_lock import EditLock
+from app.dashboard.widgets.run.whatif import WhatIf
 from app.scenario.data import shipped
 from app.session.commands import Command
 from app.session.preview_client import Previewer

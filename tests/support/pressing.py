@@ -9,7 +9,7 @@ import numpy as np
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.sampled_stability import sampled_loop
+from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from app.simulation.system import System
 from controllers.premises import Premise
 from tests.support.arms import arm

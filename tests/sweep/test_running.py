@@ -21,7 +21,7 @@ from app.process import worker_pool
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
 from app.session.headless_run import play, simulate
-from app.simulation.verdict import Outcome
+from app.simulation.promise.verdict import Outcome
 from app.sweep import run_metrics, running
 from app.sweep.axes import axis_of
 from app.sweep.fingerprint import fingerprint

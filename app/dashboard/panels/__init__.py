@@ -14,7 +14,7 @@ from app.dashboard.panels.runs import RunsPanel
 from app.dashboard.panels.task import TaskPanel
 from app.dashboard.panels.view import ViewPanel
 from app.dashboard.panels.world import WorldPanel
-from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.fields.controls import Desk
 from app.session.snapshot import Snapshot
 
 

@@ -6,14 +6,14 @@ from html import escape
 
 import viser
 
-from app.dashboard.widgets.arm_choice import InForce
-from app.dashboard.widgets.constants_table import constants_html
-from app.dashboard.widgets.controls import Control, Desk, Dropdown, NumberField
-from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, log_scale
-from app.dashboard.widgets.own_parameters import own_number
-from app.dashboard.widgets.theorem_table import TheoremTable
+from app.dashboard.widgets.families.arm_choice import InForce
+from app.dashboard.widgets.fields.controls import Control, Desk, Dropdown, NumberField
+from app.dashboard.widgets.fields.field_place import FieldPlace, PlaceWhere, log_scale
+from app.dashboard.widgets.fields.own_parameters import own_number
+from app.dashboard.widgets.theorem.constants_table import constants_html
+from app.dashboard.widgets.theorem.theorem_table import TheoremTable
 from app.session.snapshot import Snapshot
-from app.simulation.controller_builder import laws
+from app.simulation.builders.controller_builder import laws
 from controllers.control_law import ControlLaw
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise

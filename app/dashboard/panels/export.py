@@ -16,8 +16,8 @@ from app.dashboard.plots.paper_figures import BESIDE_PLAYBACK, figure_name, figu
 from app.dashboard.plots.pinned_runs import PinnedChart
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport.callback_errors import guarded
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.file_delivery import FileDelivery
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.page.file_delivery import FileDelivery
 from app.export.export_jobs import (
     PLAYBACK_LIMIT,
     DataFormat,

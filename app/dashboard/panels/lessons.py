@@ -13,13 +13,19 @@ import viser
 from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure, run_colors
 from app.dashboard.transport.callback_errors import Fault, guarded
 from app.dashboard.widgets.chips import chip
-from app.dashboard.widgets.class_panel import ClassPanel
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.field_words import refusal_in_words
-from app.dashboard.widgets.file_delivery import FileDelivery
-from app.dashboard.widgets.lesson_answers import CurveAnswer, GoalControls, NumberAnswer, OptionAnswer, answer_unit
-from app.dashboard.widgets.lesson_list import LessonList
-from app.dashboard.widgets.outcome_chart import outcome_html
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.fields.field_words import refusal_in_words
+from app.dashboard.widgets.lesson.class_panel import ClassPanel
+from app.dashboard.widgets.lesson.lesson_answers import (
+    CurveAnswer,
+    GoalControls,
+    NumberAnswer,
+    OptionAnswer,
+    answer_unit,
+)
+from app.dashboard.widgets.lesson.lesson_list import LessonList
+from app.dashboard.widgets.lesson.outcome_chart import outcome_html
+from app.dashboard.widgets.page.file_delivery import FileDelivery
 from app.export.export_jobs import FigureJob
 from app.export.formats import FIGURE_FORMATS
 from app.lessons import blocks
@@ -32,7 +38,7 @@ from app.scenario.data import field_of
 from app.scenario.errors import ScenarioError
 from app.session.commands import Load, Pause, Play, Reset
 from app.session.snapshot import Snapshot
-from app.simulation.search_memory import Memory
+from app.simulation.omega.search_memory import Memory
 
 log = structlog.get_logger()
 

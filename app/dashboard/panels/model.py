@@ -10,15 +10,15 @@ import numpy as np
 import viser
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
-from app.dashboard.widgets.controls import Desk, NumberField
-from app.dashboard.widgets.equation import is_fixed
-from app.dashboard.widgets.field_place import FieldPlace, SliderScale, log_scale
-from app.dashboard.widgets.impedance_view import ImpedanceView
-from app.dashboard.widgets.matrix_editor import MatrixEditor
-from app.dashboard.widgets.matrix_text import written
-from app.dashboard.widgets.model_checks import checks_html, loops_html
-from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace
-from app.dashboard.widgets.pole_drag import PoleDrag
+from app.dashboard.widgets.fields.controls import Desk, NumberField
+from app.dashboard.widgets.fields.field_place import FieldPlace, SliderScale, log_scale
+from app.dashboard.widgets.fields.matrix_editor import MatrixEditor
+from app.dashboard.widgets.fields.matrix_text import written
+from app.dashboard.widgets.fields.model_fields import DiagonalPlace, OscillatorPlace
+from app.dashboard.widgets.target_model.equation import is_fixed
+from app.dashboard.widgets.target_model.impedance_view import ImpedanceView
+from app.dashboard.widgets.target_model.model_checks import checks_html, loops_html
+from app.dashboard.widgets.target_model.pole_drag import PoleDrag
 from app.scenario.schema import Scenario
 from app.scenario.units import JOINT
 from app.session.commands import Edit, EditModel

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from app.dashboard.widgets.arm_choice import ArmChoice, ArmVerdict, InForce, ToolFrame, Upload, UrdfPlace
-from app.dashboard.widgets.controls import Control, Desk, NumberField
-from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, SliderScale, log_scale
-from app.dashboard.widgets.matrix_text import number
-from app.dashboard.widgets.text_field import TextField
+from app.dashboard.widgets.families.arm_choice import ArmChoice, ArmVerdict, InForce, ToolFrame, Upload, UrdfPlace
+from app.dashboard.widgets.fields.controls import Control, Desk, NumberField
+from app.dashboard.widgets.fields.field_place import FieldPlace, PlaceWhere, SliderScale, log_scale
+from app.dashboard.widgets.fields.matrix_text import number
+from app.dashboard.widgets.fields.text_field import TextField
 from app.scenario.schema import Scenario
 from app.session.commands import Edit, EditModel
 from app.session.snapshot import Snapshot

@@ -14,8 +14,8 @@ from app.analysis.metrics import ACCOUNT_METRICS, Account, ShownMetric, account
 from app.dashboard.theme.colors import RUNS, css
 from app.dashboard.theme.style import COMMITS, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
-from app.dashboard.widgets.controls import AwaitedAnswer, Desk
-from app.dashboard.widgets.field_words import differences_in_words
+from app.dashboard.widgets.fields.controls import AwaitedAnswer, Desk
+from app.dashboard.widgets.fields.field_words import differences_in_words
 from app.session.commands import Load, Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
 from app.session.timeline import Pinned

@@ -10,8 +10,8 @@ from app.dashboard.panels import PANELS, Panel
 from app.dashboard.panels.robustness import RobustnessPanel
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.transport.widget_lock import WidgetLock
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.whatif import HeldControl
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.run.whatif import HeldControl
 from app.session.snapshot import Snapshot
 
 

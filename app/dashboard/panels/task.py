@@ -6,11 +6,11 @@ from html import escape
 from typing import Any
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
-from app.dashboard.widgets.controls import Control, Desk, Dropdown, NumberField
-from app.dashboard.widgets.equation import mode_summary
-from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, log_scale
-from app.dashboard.widgets.matrix_text import written
-from app.dashboard.widgets.section_controls import field_controls, kind_choice
+from app.dashboard.widgets.fields.controls import Control, Desk, Dropdown, NumberField
+from app.dashboard.widgets.fields.field_place import FieldPlace, PlaceWhere, log_scale
+from app.dashboard.widgets.fields.matrix_text import written
+from app.dashboard.widgets.fields.section_controls import field_controls, kind_choice
+from app.dashboard.widgets.target_model.equation import mode_summary
 from app.scenario.caption import title_of
 from app.scenario.data import shipped
 from app.scenario.own_code import own_code

@@ -13,8 +13,8 @@ import viser
 from app.dashboard.scene.camera import VIEWS, fly, viewpoint
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.view_options import FINE, LIGHT, SceneOptions, Viewing
-from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.scene_legend import legend_html
+from app.dashboard.widgets.fields.controls import Desk
+from app.dashboard.widgets.run.scene_legend import legend_html
 from app.session.snapshot import Snapshot
 from environments.push import MOST_FORCE, MOST_MOMENT, MOST_STIFF, MOST_TORSION
 

@@ -7,9 +7,9 @@ from operator import attrgetter
 
 import viser
 
-from app.dashboard.widgets.controls import Control, Desk, Dropdown, NumberField, Switch
-from app.dashboard.widgets.field_place import FieldPlace, PlaceWhere, SliderScale, log_scale
-from app.dashboard.widgets.section_controls import field_control, field_controls, kind_choice
+from app.dashboard.widgets.fields.controls import Control, Desk, Dropdown, NumberField, Switch
+from app.dashboard.widgets.fields.field_place import FieldPlace, PlaceWhere, SliderScale, log_scale
+from app.dashboard.widgets.fields.section_controls import field_control, field_controls, kind_choice
 from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot

@@ -18,7 +18,7 @@ from viser import uplot
 from app.dashboard.theme.colors import Dashes, Rgb, css
 from app.scenario.units import Units, unit_of_joint
 from app.session.snapshot import Snapshot
-from app.simulation.controller_builder import law_of
+from app.simulation.builders.controller_builder import law_of
 from app.simulation.system import Coordinate
 from controllers.control_law import TorqueTerms
 

@@ -14,7 +14,7 @@ from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.charts import ChartLine, Drawing, Plot, Setup, Signals
 from app.dashboard.plots.pinned_runs import PinnedChart, RunLook, laid_on, lines_of_run
 from app.dashboard.plots.plot_table import TABS
-from app.dashboard.widgets.field_words import differences_in_words
+from app.dashboard.widgets.fields.field_words import differences_in_words
 from app.export.figures import FREQUENCY, TIME, Curve, Figure, FigureChart, FilledArea
 from app.export.formats import ALL_PLOTS
 from app.scenario.caption import caption, promised

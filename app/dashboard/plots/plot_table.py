@@ -8,7 +8,7 @@ from typing import Literal
 
 from app.dashboard.plots import law_drawings, task_drawings
 from app.dashboard.plots.charts import Plot
-from app.dashboard.widgets.premise_table import premises_html
+from app.dashboard.widgets.theorem.premise_table import premises_html
 from app.session.snapshot import Snapshot
 
 Chooser = Literal["coordinate", "joint"]

@@ -15,7 +15,7 @@ from app.dashboard.theme.colors import ACCENT, DESIRED, PUSH
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.transport.viser_private import move
 from app.dashboard.view_options import NEWTON_METRES
-from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.fields.controls import Desk
 from app.session.commands import Edit, HoldTool
 from app.session.snapshot import Snapshot
 from environments.push import Grip

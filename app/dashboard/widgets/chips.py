@@ -6,7 +6,7 @@ import math
 from html import escape
 from typing import Literal
 
-from app.simulation.verdict import Outcome, Standing
+from app.simulation.promise.verdict import Outcome, Standing
 
 ChipClass = Literal["vs-good", "vs-bad", "vs-warn", "vs-mode", "vs-neutral"]
 

@@ -1,0 +1,1 @@
+"""Widgets of the present run: playback, what stands beside the scene, what-if."""

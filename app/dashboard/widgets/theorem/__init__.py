@@ -1,0 +1,1 @@
+"""Tables of Theorem 1 in numbers, and its symbols."""
