@@ -49,10 +49,6 @@ class ReachingCertificate:
         """Bound that it gives, in the form for kernels."""
         return ReachingBound(self.k_r_low, self.k_r_high, self.c_1, self.c_2, self.V_0)
 
-    def envelope(self, t: np.ndarray | float) -> np.ndarray:
-        """Bound of ||s|| (m/s) at t s after s(0), (20); zero after t_r."""
-        return envelope(self.bound, t)
-
 
 class ReachingBound(NamedTuple):
     """Reaching bound in the form for kernels.

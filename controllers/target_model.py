@@ -81,10 +81,6 @@ class TargetModel:
         """Whether another model has the same matrices, to the last bit."""
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in ("M_m", "B_m", "K_m", "K_f"))
 
-    def after(self, m: int) -> TargetModel:
-        """Model of the coordinates after the first m, if these are not coupled with the first m."""
-        return TargetModel(self.M_m[m:, m:], self.B_m[m:, m:], self.K_m[m:, m:], self.K_f[m:, m:])
-
     def companion(self) -> np.ndarray:
         """Companion matrix of M_m e_ddot + B_m e_dot + K_m e = 0, (2n, 2n) for (e, e_dot), 1/s."""
         M_inv = np.linalg.inv(self.M_m)

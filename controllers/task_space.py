@@ -78,12 +78,12 @@ class TaskLayout(NamedTuple):
     level: np.ndarray
 
     @property
-    def places(self) -> tuple[int, ...]:
+    def position_indices(self) -> tuple[int, ...]:
         """Numbers of the coordinates that are positions."""
-        return (0, *range(1 + self.tilts, self.end_of_places)) if self.positions else ()
+        return (0, *range(1 + self.tilts, self.end_of_positions)) if self.positions else ()
 
     @property
-    def end_of_places(self) -> int:
+    def end_of_positions(self) -> int:
         """Number of the first coordinate after the positions."""
         return self.positions + self.tilts
 
@@ -91,7 +91,7 @@ class TaskLayout(NamedTuple):
     def turns(self) -> tuple[int, ...]:
         """Numbers of the coordinates that are angles of the tool, tilts included."""
         end = self.n - len(self.supplemental_joints)
-        return () if self.joint else tuple(i for i in range(end) if i not in self.places)
+        return () if self.joint else tuple(i for i in range(end) if i not in self.position_indices)
 
     @property
     def supplemental_joints(self) -> tuple[int, ...]:

@@ -120,7 +120,7 @@ async def _session(request: web.Request) -> web.StreamResponse:
 
 @asynccontextmanager
 async def town(
-    places: int = 2,
+    capacity: int = 2,
     *,
     names: Names | None = None,
     tokens: Tokens | None = None,
@@ -147,7 +147,7 @@ async def town(
 
     store = SessionStore(state) if state is not None else None
     with closing(store) if store is not None else nullcontext():
-        pool = SessionPool("usual", launch, places, 600.0, store=store, spare=False, **more)
+        pool = SessionPool("usual", launch, capacity, 600.0, store=store, spare=False, **more)
         gateway = Gateway(pool, AccessSettings(names or Names(), tokens, copies=copies))
         # no cookie jar, as a test has several visitors: each request names its visitor's cookies
         client = aiohttp.ClientSession(cookie_jar=aiohttp.DummyCookieJar(), connector=aiohttp.TCPConnector(limit=0))

@@ -176,13 +176,13 @@ def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
 
 def after_places(system: System, *, angles: bool) -> list[int]:
     """Coordinates behind the tool's position: its angles and revolute supplemental joints, or the prismatic ones."""
-    after = range(system.layout.end_of_places, system.layout.n)
+    after = range(system.layout.end_of_positions, system.layout.n)
     return [i for i in after if system.coordinates[i].is_angle == angles]
 
 
 def _tool_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
     """Errors (N, k) m of the tool's position, as in `motion_error`."""
-    error = record["e_r"][:, system.m : system.layout.end_of_places]
+    error = record["e_r"][:, system.m : system.layout.end_of_positions]
     if system.m or not system.plant.kind.touches or system.mode.feedback == "none":
         return error  # also against a surface that the mode does not know of
     # Cartesian coordinates against surfaces: the part along the normals is the force's business, where there is a force

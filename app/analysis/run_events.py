@@ -18,7 +18,7 @@ from app.simulation.state import Flag
 Kind = Literal["edit", "push", "contact", "fork", "fault"]
 
 APART = 0.1  # s: what a contact does within this after an event of it is told only if it stays so
-WHICH = ("", ", second surface", ", third surface")  # by a surface's place
+WHICH = ("", ", second surface", ", third surface")  # by a surface's index
 MOST = 400  # events of pushes and contacts, the newest
 MOST_NAMED = 3  # changed fields that an edit names
 
@@ -90,7 +90,7 @@ class RunEvents:
             scenario = [epoch.scenario for epoch in epochs if epoch.t <= t[i] or epoch is epochs[0]][-1]
             self._felt.append(Event(float(t[i]), "push", _push(scenario, float(t[i]), force[i], moment[i])))
         for name, surface in zip(MULTIPLIERS, epochs[-1].scenario.surfaces, strict=False):
-            self._feel_contact(t, rows[name] != 0.0, WHICH[surface.place])
+            self._feel_contact(t, rows[name] != 0.0, WHICH[surface.index])
         self._felt.sort(key=lambda event: event.t)
         self._read, self._pushed = float(t[-1]), bool(pushed[-1])
         del self._felt[:-MOST]

@@ -126,7 +126,7 @@ def serve(
         shared=shared,
         token=asking,
         origins=origin,
-        places=max_sessions,
+        capacity=max_sessions,
         of_one_address=per_address,
         copies=COPIES.unless(copies),
         classes=classes,

@@ -116,7 +116,7 @@ def _tune_into(out: Path, tuning: Tuning, workers: int | None) -> int:
         ended = running.ended(store)
     head, *rows = outcome.summary_rows(tuning, found)
     show_table(head, rows)
-    for sentence in outcome.verdict(tuning, found):
+    for sentence in outcome.conclusions(tuning, found):
         print(sentence)
     print(f"written to {out}")
     if ended:

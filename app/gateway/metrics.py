@@ -31,7 +31,7 @@ def metrics(pool: SessionPool, refusals: Counter[str]) -> str:
     late = [process.late for session in sessions if (process := session.process) and process.late is not None]
     families = [
         _Family("sessions", "gauge", "Sessions by phase.", [(f'phase="{p}"', phases[p]) for p in get_args(Phase)]),
-        _Family("places", "gauge", "Sessions that may run at once.", [("", pool.places)]),
+        _Family("places", "gauge", "Sessions that may run at once.", [("", pool.capacity)]),
         _Family("pages", "gauge", "Open pages.", [(f'kind="{kind}"', pages[kind]) for kind in ("steer", "watch")]),
         _Family("crashes_total", "counter", "Processes of sessions that ended or hung.", [("", pool.crashes)]),
         _Family(

@@ -43,13 +43,13 @@ def serve(scenario: Scenario, style: PageStyle, server_settings: ServerSettings,
     Raises ScenarioError for settings that make no sense, and PortTaken.
     """
     names, tokens = _names(server_settings), _tokens(server_settings)
-    if server_settings.places is not None and server_settings.places < 1:
-        raise ScenarioError(f"--max-sessions: {server_settings.places}; allowed: 1 or more")
+    if server_settings.capacity is not None and server_settings.capacity < 1:
+        raise ScenarioError(f"--max-sessions: {server_settings.capacity}; allowed: 1 or more")
     if server_settings.of_one_address is not None and server_settings.of_one_address < 1:
         raise ScenarioError(f"--per-address: {server_settings.of_one_address}; allowed: 1 or more")
     if not 0 < server_settings.idle_minutes < math.inf:
         raise ScenarioError(f"--idle-minutes: {server_settings.idle_minutes:g}; allowed: more than 0")
-    sessions = (server_settings.places or places()) if server_settings.shared else 1
+    sessions = (server_settings.capacity or default_capacity()) if server_settings.shared else 1
     open_files.require(_files(sessions), f"for {sessions} {'session' if sessions == 1 else 'sessions'} and their pages")
     try:
         # in separate folders, apart from that of a server for its own user
@@ -60,7 +60,7 @@ def serve(scenario: Scenario, style: PageStyle, server_settings: ServerSettings,
         raise ScenarioError(str(error)) from error
 
 
-def places() -> int:
+def default_capacity() -> int:
     """Number of sessions that this machine can run at once."""
     return max(1, math.floor(usable_cores() * SESSIONS_PER_CORE))
 
@@ -102,7 +102,7 @@ async def _serve(
     pool = SessionPool(
         scenario,
         lambda toml: Worker.prepared(toml, style, shared=shared, start=start),
-        (server_settings.places or places()) if shared else 1,
+        (server_settings.capacity or default_capacity()) if shared else 1,
         60.0 * server_settings.idle_minutes if shared else None,
         store=store,
         spare=shared,
@@ -130,7 +130,7 @@ async def _serve(
                 print_line(f"to watch:  {address}/{watch}" + (f"?token={shown.watch}" if shown else ""))
             else:
                 listening = f", listening at {server_settings.host}:{port}" if server_settings.origins else ""
-                print_line(f"{pool.places} sessions at once (--max-sessions){listening}")
+                print_line(f"{pool.capacity} sessions at once (--max-sessions){listening}")
             log.info("listening", url=address)
             await stop.wait()
             end_within()

@@ -224,7 +224,7 @@ class Gateway:
         refusal = self._pool.refusal(session)
         about = {
             "phase": session.phase,
-            "place": self._pool.place(session),
+            "place": self._pool.queue_position(session),
             "full": session.phase == "resting" and bool(refusal),
             "why": refusal,
             "rest": round(HURRIED),

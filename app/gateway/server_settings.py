@@ -27,7 +27,7 @@ class ServerSettings:
     given: the token to steer, None for a fresh one.
     crowded: other people are on this machine.
     origins: public addresses behind a proxy.
-    places: sessions that run at once, None for as many as this machine can run.
+    capacity: sessions that run at once, None for as many as this machine can run.
     of_one_address: how many of them one address may have, None for all but a quarter.
     copies: whether visitors who watch may take a private copy.
     classes: whether lessons may ask a class, by a link of its own.
@@ -39,7 +39,7 @@ class ServerSettings:
     shared: bool = False
     token: Token = "auto"
     origins: tuple[str, ...] = ()
-    places: int | None = None
+    capacity: int | None = None
     of_one_address: int | None = None
     copies: bool = True
     classes: bool = False

@@ -14,7 +14,7 @@ from app.access.session_messages import Answers, Asks, Begin
 from app.gateway.known_sessions import KnownSessions
 from app.gateway.session import Process, Session
 from app.gateway.session_store import MOST, SessionStore
-from app.gateway.visitors import NOBODY, Viewer, Visitor, VisitorLimits, places_limit
+from app.gateway.visitors import NOBODY, Viewer, Visitor, VisitorLimits, visitor_limit
 from app.gateway.worker import WorkerError
 
 log = structlog.get_logger()
@@ -33,7 +33,7 @@ class Excess(Exception):
 
 
 class SessionPool:
-    """Session pool: sessions and their processes, at most `places` of them at once; all in one event loop.
+    """Session pool: sessions and their processes, at most `capacity` of them at once; all in one event loop.
 
     scenario: TOML of a new session.
     launch: makes a process with this scenario ready.
@@ -42,14 +42,14 @@ class SessionPool:
     spare: have a process ready in advance.
     classes: whether lessons may ask a class.
     limits: limits of one visitor.
-    of_one_address: places that one address may have, see `places_limit`.
+    of_one_address: sessions that one address may run, see `visitor_limit`.
     """
 
     def __init__(
         self,
         scenario: str,
         launch: Callable[[str], Coroutine[None, None, Process]],
-        places: int,
+        capacity: int,
         idle: float | None,
         *,
         store: SessionStore | None = None,
@@ -59,10 +59,10 @@ class SessionPool:
         classes: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._scenario, self._launch, self.places, self._idle = scenario, launch, places, idle
+        self._scenario, self._launch, self.capacity, self._idle = scenario, launch, capacity, idle
         self._wants_spare, self._clock = spare, clock
         self.classes = classes
-        self.limits, self._place_limit = limits or VisitorLimits(), places_limit(places, of_one_address)
+        self.limits, self._visitor_limit = limits or VisitorLimits(), visitor_limit(capacity, of_one_address)
         self._queue: list[Session] = []
         self._spare: asyncio.Task[Process] | None = None
         self._doing: set[asyncio.Task[object]] = set()
@@ -73,7 +73,7 @@ class SessionPool:
 
     @property
     def taken(self) -> int:
-        """Number of places that are taken."""
+        """Number of sessions that run."""
         return sum(session.life is not None for session in self._known)
 
     @property
@@ -125,12 +125,12 @@ class SessionPool:
         return session
 
     def refusal(self, session: Session) -> str:
-        """Reason why this session can neither run nor wait, or goes on waiting although there are places; "" where it
+        """Reason why this session can neither run nor wait, or goes on waiting although there is room; "" where it
         may run."""
-        if session.phase == "resting" and self.taken >= self.places:
+        if session.phase == "resting" and self.taken >= self.capacity:
             return self.limits.waiting.refusal(session.owner, [waiting.owner for waiting in self._queue])
-        if session.phase in ("resting", "waiting") and self.taken < self.places:
-            return self._place_limit.refusal(session.owner, self._holders)
+        if session.phase in ("resting", "waiting") and self.taken < self.capacity:
+            return self._visitor_limit.refusal(session.owner, self._holders)
         return ""
 
     @property
@@ -155,7 +155,7 @@ class SessionPool:
                 await session.runs.wait()
         return session.phase == "running"
 
-    def place(self, session: Session) -> int:
+    def queue_position(self, session: Session) -> int:
         """Place in the queue, from 1; 0 for a session that does not wait."""
         return self._queue.index(session) + 1 if session in self._queue else 0
 
@@ -197,7 +197,7 @@ class SessionPool:
             session.seen = self._clock()
 
     def tick(self) -> None:
-        """Update the pool, to be called each second: free places of unseen sessions, advance the queue, launch a spare
+        """Update the pool, to be called each second: close unseen sessions, advance the queue, launch a spare
         process."""
         for session in self._known:
             if session.phase == "running" and not session.pages and self._unseen(session) and session.process:
@@ -209,7 +209,7 @@ class SessionPool:
         self._advance()
         if self._spare is not None and self._spare.done() and not _of_use(self._spare):
             self._spare = None
-        wanted = self._wants_spare and not self._closed and self._spare is None and self.taken < self.places
+        wanted = self._wants_spare and not self._closed and self._spare is None and self.taken < self.capacity
         if wanted and self._clock() - self._started >= SPARE_AFTER:
             self._started = self._clock()  # a launch that fails is not tried again at once either
             self._spare = asyncio.create_task(self._launch(self._scenario))
@@ -232,7 +232,7 @@ class SessionPool:
         if self._idle is None:
             return False
         least = self._idle if session.opened else min(UNSEEN, self._idle)
-        if self._queue and self.taken >= self.places:  # some wait for their visitor's own share only
+        if self._queue and self.taken >= self.capacity:  # some wait for their visitor's own share only
             least = min(least, HURRIED)
         return self._clock() - session.seen > least
 
@@ -258,8 +258,8 @@ class SessionPool:
     def _may_begin(self, session: Session, now: float) -> bool:
         # a session that is being closed may begin again once it is closed
         asks = session.life is None and now - session.requested <= SILENT
-        free = not self._closed and self.taken < self.places
-        return asks and free and not self._place_limit.refusal(session.owner, self._holders)
+        free = not self._closed and self.taken < self.capacity
+        return asks and free and not self._visitor_limit.refusal(session.owner, self._holders)
 
     async def _live(self, session: Session) -> None:
         """Life of a session, from its place in the pool to its end, over as many processes as it takes."""

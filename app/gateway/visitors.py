@@ -70,8 +70,8 @@ class VisitorLimits(NamedTuple):
     waiting: VisitorLimit = VisitorLimit("sessions that wait for a place", 3, 64, 500)
 
 
-def places_limit(places: int, of_one_address: int | None) -> VisitorLimit:
-    """Shares of the places for running sessions: a browser may have half of them, but always two; an address may have
+def visitor_limit(capacity: int, of_one_address: int | None) -> VisitorLimit:
+    """Shares of the sessions that may run: a browser may have half of them, but always two; an address may have
     three quarters, or `of_one_address` where this is given."""
-    address = of_one_address or max(1, places - max(1, places // 4))
-    return VisitorLimit("sessions that run", max(2, places // 2), address, places)
+    address = of_one_address or max(1, capacity - max(1, capacity // 4))
+    return VisitorLimit("sessions that run", max(2, capacity // 2), address, capacity)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, field
 
 from app.access.classroom import LARGEST, is_number
 from app.lessons.blocks import ChoiceQuestion, CurveQuestion, NumberQuestion
@@ -28,11 +28,11 @@ class Answer(Struct, frozen=True):
     """Answer to the question of a step.
     given: number of the chosen option, from 1; a number; or a curve as (t, value) points.
     score: 1 for a right answer, 0 for a wrong one; None until it is scored.
-    verdict: how far the answer was off, in words."""
+    feedback: how far the answer was off, in words."""
 
     given: Given
     score: float | None = None
-    verdict: str = ""
+    feedback: str = field(default="", name="verdict")  # as notebooks of earlier versions call it
 
 
 class LessonProgress(Struct, frozen=True):
@@ -52,10 +52,10 @@ class LessonProgress(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Score:
-    """Score of an answer: points, 1 or 0, and verdict, how far the answer was off, in words."""
+    """Score of an answer: points, 1 or 0, and feedback, how far the answer was off, in words."""
 
     points: float
-    verdict: str
+    feedback: str
 
 
 def score_choice(question: ChoiceQuestion, given: int) -> Score:
@@ -132,7 +132,7 @@ def csv_of(progress: Mapping[str, LessonProgress]) -> str:
     for lesson, of in progress.items():
         for step, answer in sorted(of.answers.items()):
             score = "" if answer.score is None else f"{answer.score:g}"
-            rows.writerow([lesson, step, _plain(answer.given), score, answer.verdict])
+            rows.writerow([lesson, step, _plain(answer.given), score, answer.feedback])
         rows.writerows([lesson, step, "goal", "1", "reached"] for step in of.goals)
     return file.getvalue()
 

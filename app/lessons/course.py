@@ -226,7 +226,7 @@ class LessonCourse:
         for step in self.lesson.steps[: self.step.number]:
             answer = self.progress.answers.get(step.number)
             if answer is not None and answer.score is None and (score := self._score_of(step, answer)) is not None:
-                self._answer(step, Answer(answer.given, score.points, score.verdict))
+                self._answer(step, Answer(answer.given, score.points, score.feedback))
 
     def _score_of(self, step: LessonStep, answer: Answer) -> Score | None:
         match step.block, answer.given:

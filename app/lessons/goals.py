@@ -27,7 +27,7 @@ class GoalResult:
         return not self.waiting and not self.missed
 
 
-def judged(step: LessonStep, system: System, recording: Recording, end: float, *, stopped: bool) -> GoalResult:
+def goal_result(step: LessonStep, system: System, recording: Recording, end: float, *, stopped: bool) -> GoalResult:
     """Result of a step's goal in a run. Raises ScenarioError.
     system: at the run's end. recording: of the whole run. end: of the run so far, s.
     stopped: whether the run has stopped for good."""

@@ -77,11 +77,11 @@ class CouplingSection(Section, frozen=True, forbid_unknown_fields=True):
 class SurfaceInWorld:
     """A surface that the tool may meet, as the scenario has it.
     path: beginning of the dotted paths of its fields in the scenario, such as "second.".
-    place: its place among first, second and third, from 0.
+    index: its place among first, second and third, from 0.
     pressed: whether its normal force is controlled in a mode on surfaces."""
 
     path: str
-    place: int
+    index: int
     form: Any
     contact: ContactSection
     K_e_hat: float

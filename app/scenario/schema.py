@@ -386,9 +386,9 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         further = (("second.", self.second), ("third.", self.third))
         return first, *(
             SurfaceInWorld(
-                path, place, each.surface, each.contact, each.K_e_hat, each.force, pressed=each.control == "force"
+                path, index, each.surface, each.contact, each.K_e_hat, each.force, pressed=each.control == "force"
             )
-            for place, (path, each) in enumerate(further, start=1)
+            for index, (path, each) in enumerate(further, start=1)
             if each.present
         )
 

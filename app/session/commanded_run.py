@@ -156,9 +156,9 @@ class CommandedRun:
         if timeline.loop.t > performed.end - 1.5 * self.period:
             self.playing, self._performed = False, None
 
-    def resumes(self) -> bool:
-        """Whether the stretch that is shown at a speed of its own is over just now, at its end or because another run
-        has begun; then the former speed holds."""
+    def end_slow_motion(self) -> bool:
+        """End a slow motion that is over, by its end or because another run has begun, and restore the speed. Returns
+        whether it did."""
         shown = self._shown
         if shown is None or (shown.run == self.runs and self.loop.t < shown.end):
             return False

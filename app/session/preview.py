@@ -245,7 +245,7 @@ def _moves_faces(system: System, r_d: np.ndarray) -> bool:
 
 def _turns(system: System) -> bool:
     """Whether the angles yield to a moment or follow a path."""
-    first = system.layout.end_of_places
+    first = system.layout.end_of_positions
     yields = (system.controller.model.K_f[first:] * system.controller.controlled).any()
     return bool(yields) or not isinstance(system.scenario.rotation, Hold)
 

@@ -144,7 +144,7 @@ class Runner:
             if self._commanded.going:
                 changed = True
                 self._advance(schedule, now)
-                if self._commanded.resumes():
+                if self._commanded.end_slow_motion():
                     schedule = self._schedule()
                     began = measured = schedule.wall
                 elif schedule.target(now) - self._loop.t - self._commanded.period > self._lag * self._commanded.speed:

@@ -43,14 +43,14 @@ class _Keyframe:
 class Pinned:
     """A run as it was when it was pinned, up to t (s): its last minute, or that about the instant looked at.
     name: as the user calls it, "" for none.
-    place: which of the `PINS` places it has, counted from 0; it decides its colour."""
+    slot: which of the `PINS` slots it has, counted from 0; it decides its colour."""
 
     number: int
     system: System
     recording: Recording
     t: float
     name: str = ""
-    place: int = 0
+    slot: int = 0
 
     @property
     def title(self) -> str:
@@ -231,8 +231,8 @@ class Timeline:
     def _add(self, pinned: Pinned) -> None:
         self._pins = pinned.number
         others = (*self.pinned, pinned)[-PINS:-1]
-        free = min(set(range(PINS)) - {other.place for other in others})
-        self.pinned = (*others, replace(pinned, place=free))
+        free = min(set(range(PINS)) - {other.slot for other in others})
+        self.pinned = (*others, replace(pinned, slot=free))
 
     def _add_once(self, pinned: Pinned) -> Pinned | None:
         """Pin a run unless it is pinned already. Returns the pinned run that it is like, None where it is a new one."""
@@ -274,7 +274,7 @@ class Timeline:
         for run in (*pinned, *renumbered)[-PINS:]:
             name = "" if run.name in names or USUAL.fullmatch(run.name) else run.name
             names.add(name)
-            runs.append(replace(run, name=name, place=len(runs)))
+            runs.append(replace(run, name=name, slot=len(runs)))
         self.pinned = tuple(runs)
         self._pins = max((run.number for run in self.pinned), default=self._pins)
 

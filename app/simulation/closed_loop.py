@@ -292,9 +292,9 @@ class ClosedLoop:
             self._handle(Alarm(alarms))
         self._advance_time(1)
 
-    def prepare(self, most: int) -> int:
-        """Apply the blend and the feed-forward estimates of this period. Returns how many periods, at most `most`, need
-        no such update."""
+    def update_before_periods(self, most: int) -> int:
+        """Apply the blend and the feed-forward estimates that are due now. Returns for how many periods, at most
+        `most`, nothing further is due."""
         blend = self.system.blend
         if blend is not None:
             self._blend(blend)
@@ -311,8 +311,8 @@ class ClosedLoop:
         """Stop because no force was found for an ideal sensor."""
         self.premise_watch.leave_domain("stop", "the loop through the multiplier has no solution")
 
-    def take(self, periods: int, alarms: Alarm) -> None:
-        """Take up periods that `app.simulation.compiled_run` has computed in the loop's memory. alarms: of the last
+    def adopt_periods(self, periods: int, alarms: Alarm) -> None:
+        """Adopt periods that `app.simulation.compiled_run` has computed in the loop's memory. alarms: of the last
         period."""
         self.recording.commit(periods)
         self.controlled_arm.resume()

@@ -157,16 +157,16 @@ class CompiledRun:
         while left > 0 and (data.moving or loop.stopped is None):
             data.done = 0
             try:
-                uneventful = uneventful or loop.prepare(left)
+                uneventful = uneventful or loop.update_before_periods(left)
                 self._call(ahead, ahead.periods - left, uneventful if loop.stopped is None else 1)
             except Exception as error:
-                loop.take(data.done, Alarm(0))
+                loop.adopt_periods(data.done, Alarm(0))
                 found = out_of_reach(float(np.abs(loop.state.arm.views.load.phi).max())) if data.astray else error
                 loop.fail("the plant" if data.moving else "the control law", found)
                 data.moving = data.astray = False
                 return ahead.periods - left + data.done
             left, uneventful = left - data.done, uneventful - data.done
-            loop.take(data.done, Alarm(data.alarms))
+            loop.adopt_periods(data.done, Alarm(data.alarms))
             if data.unsolved:
                 loop.stop_without_force()
                 data.unsolved = False

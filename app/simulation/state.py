@@ -26,7 +26,7 @@ from environments.shift import SmoothShift
 from kernels.records import Record
 
 
-class Judged(NamedTuple):
+class JudgedPosture(NamedTuple):
     """Posture at which the sampled loops were judged last.
     station: along the reference, None off it.
     q, t: (n,) rad and s.
@@ -67,7 +67,7 @@ class State:
     along: Start | None  # of `ReferenceEstimates`, None where estimates are taken on-line
     grip: Grip | None  # the hand that holds the tool
     epoch: Epoch  # the one that began at the last change
-    judged: Judged
+    judged: JudgedPosture
     stopped: str | None  # why the run has ended
     flagged: Flag | None  # since the last change
 
@@ -95,7 +95,7 @@ class State:
             along=None,
             grip=None,
             epoch=Epoch(t, system.scenario, system.controller.model, UNPROMISED, blend=system.blend),
-            judged=Judged(None, np.full(system.robot.n, np.nan), t, 0.0),
+            judged=JudgedPosture(None, np.full(system.robot.n, np.nan), t, 0.0),
             stopped=None,
             flagged=None,
         )

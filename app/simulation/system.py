@@ -168,5 +168,5 @@ class System:
     def tool_at(self, r_d: np.ndarray, t: float) -> np.ndarray:
         """Desired tool point (3,) m, that of r_d (n,); a planar arm stays in its plane."""
         g = np.zeros(3)
-        g[: self.layout.positions] = r_d[list(self.layout.places)]
+        g[: self.layout.positions] = r_d[list(self.layout.position_indices)]
         return self.charted.point(g, t)

@@ -10,7 +10,7 @@ from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate, front
 from app.tune.offers import badged, front_left
 from app.tune.plan import Tuning
-from app.tune.running import Found, TuningCourse, computing, most_runs
+from app.tune.running import Found, TuningSchedule, computing, most_runs
 
 Result = RunMetrics | Candidate | Found
 
@@ -62,7 +62,7 @@ class BackgroundTuning(Background):
 
 def results(tuning: Tuning, workers: int) -> Iterator[Result]:
     """Rows of runs, candidates as soon as they are judged, and at the end what was found."""
-    course, sent = TuningCourse(tuning, {}), 0
+    course, sent = TuningSchedule(tuning, {}), 0
     for rows, metrics in worker_pool.results(computing, (tuning,), course.tasks(), workers):
         yield from course.take(rows, metrics)
         yield from course.candidates[sent:]

@@ -46,7 +46,7 @@ class Candidate:
         return all(mine <= its for mine, its in pairs) and any(mine < its for mine, its in pairs)
 
 
-def judged(tuning: Tuning, number: int, values: dict[str, Value], runs: Sequence[RunMetrics]) -> Candidate:
+def candidate_of(tuning: Tuning, number: int, values: dict[str, Value], runs: Sequence[RunMetrics]) -> Candidate:
     """Candidate with the metrics of its runs, one for each arm."""
     reasons = [_reason(tuning, run) for run in runs]
     broken = [reason for reason in reasons if reason]

@@ -237,7 +237,7 @@ def _percent(change: float) -> str:
     return "—" if math.isnan(change) else f"{100 * change:+.3g} %"
 
 
-def verdict(tuning: Tuning, found: Found, names: Mapping[int, str] | None = None) -> list[str]:
+def conclusions(tuning: Tuning, found: Found, names: Mapping[int, str] | None = None) -> list[str]:
     """Sentences on whether the own gains are beaten on the arms that were not seen, and on what is not offered.
     names: of the candidates that are offered, by number; None for those of their files."""
     names, sentences = files_of(tuning, found) if names is None else names, []

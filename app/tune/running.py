@@ -16,7 +16,7 @@ from app.sweep.axes import Value
 from app.sweep.plan import SweepPlan, SweepRow
 from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of, to_try_again
 from app.sweep.running import CHUNK, SweepEstimate, last_wall_time
-from app.tune.candidates import Candidate, front, judged
+from app.tune.candidates import Candidate, candidate_of, front
 from app.tune.plan import Tuning
 from app.tune.search import Search
 
@@ -61,7 +61,7 @@ def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_pro
     Raises ScenarioError where the folder has other candidates, and OSError where a run cannot be written; what was
     written stays.
     """
-    course = TuningCourse(tuning, without_faults(tuning, {row["row"]: row for row in store.rows}))
+    course = TuningSchedule(tuning, without_faults(tuning, {row["row"]: row for row in store.rows}))
     total, workers = most_runs(tuning), workers or usable_cores()
     with tqdm(total=total, initial=len(course.known), unit=" runs", desc="tune", disable=not show_progress) as bar:
         for rows, metrics in worker_pool.results(computing, (tuning,), course.tasks(), workers):
@@ -97,7 +97,7 @@ def computing(tuning: Tuning) -> Callable[[Task], list[RunMetrics]]:
     return lambda rows: [runner.metrics_of(row) for row in rows]
 
 
-class TuningCourse:
+class TuningSchedule:
     """Course of a tuning: gives out its tasks, which depend on the metrics so far, and takes their metrics."""
 
     def __init__(self, tuning: Tuning, known: dict[int, RunMetrics]) -> None:
@@ -118,14 +118,14 @@ class TuningCourse:
         seen, unseen = range(tuning.seen), range(tuning.seen, tuning.arms)
         yield from self._missing(0, {}, seen)
         yield worker_pool.BARRIER
-        self.candidates.append(self._judged(0, {}, seen))
+        self.candidates.append(self._candidate(0, {}, seen))
         for begun in range(1, tuning.points, BATCH):
             candidates = search.ask(range(begun, min(begun + BATCH, tuning.points)))
             for number, values in candidates.items():
                 yield from self._missing(number, values, seen)
             yield worker_pool.BARRIER
             for number, values in candidates.items():
-                self.candidates.append(self._judged(number, values, seen))
+                self.candidates.append(self._candidate(number, values, seen))
                 search.tell(self.candidates[-1])
         best = front(self.candidates[1:])
         places = np.linspace(0, len(best) - 1, min(len(best), MOST_OFFERED)).round().astype(int)
@@ -139,12 +139,12 @@ class TuningCourse:
         unseen = range(self._tuning.seen, self._tuning.arms)
         return Found(
             self.candidates,
-            {each.number: self._judged(each.number, each.values, unseen) for each in tried},
+            {each.number: self._candidate(each.number, each.values, unseen) for each in tried},
             {each.number: self._runs(each.number, unseen) for each in tried},
         )
 
-    def _judged(self, number: int, values: dict[str, Value], arms: range) -> Candidate:
-        return judged(self._tuning, number, values, self._runs(number, arms))
+    def _candidate(self, number: int, values: dict[str, Value], arms: range) -> Candidate:
+        return candidate_of(self._tuning, number, values, self._runs(number, arms))
 
     def _runs(self, number: int, arms: range) -> list[RunMetrics]:
         return [self.known[number * self._tuning.arms + arm] for arm in arms]

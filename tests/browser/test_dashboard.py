@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 from app.access.admission import PortTaken
 from app.dashboard.page import Dashboard
 from app.dashboard.theme.style import RELEASED
-from app.dashboard.widgets.fields.field_place import SliderScale, log_scale
+from app.dashboard.widgets.fields.field_binding import SliderScale, log_scale
 from app.dashboard.widgets.fields.matrix_text import read_back, written
 from app.dashboard.widgets.target_model.equation import lines
 from app.scenario.data import shipped

@@ -3,7 +3,7 @@
 import numpy as np
 from playwright.sync_api import TimeoutError, expect
 
-from app.dashboard.widgets.fields.field_place import FINE_STEP, SliderScale
+from app.dashboard.widgets.fields.field_binding import FINE_STEP, SliderScale
 from app.session.commands import Pause, Play, StepOnce
 from app.session.snapshot import Snapshot
 from drivers.pages import PageSession, fill_in, resting_box

@@ -10,10 +10,10 @@ import pytest
 from app.dashboard.panels.robot import UNSTATED, StatedBounds
 from app.dashboard.panels.task import Shift, TaskPanel
 from app.dashboard.theme.style import ENTERED, ESCAPED, RELEASED
-from app.dashboard.widgets.families.arm_choice import UrdfPlace
+from app.dashboard.widgets.families.arm_choice import UrdfBinding
 from app.dashboard.widgets.fields import controls, text_field
 from app.dashboard.widgets.fields.controls import Dropdown, NumberField, Switch
-from app.dashboard.widgets.fields.field_place import FieldPlace, log_scale
+from app.dashboard.widgets.fields.field_binding import FieldBinding, log_scale
 from app.dashboard.widgets.fields.text_field import TextField
 from app.scenario.data import edited, shipped
 from app.session.commands import Command, Edit, EditAll, Load, Pause, Reset, StepOnce
@@ -67,7 +67,7 @@ def test_a_text_that_is_not_in_force_says_so_and_is_forgotten_after_a_while(monk
 
 def test_a_refused_path_of_a_urdf_stays_to_be_corrected() -> None:
     page = Page()
-    field = TextField(page.desk, UrdfPlace(), "path")
+    field = TextField(page.desk, UrdfBinding(), "path")
     _, text, note = page.widgets
     field.show(page.snapshot())
     assert (text.value, note.visible) == ("", False)
@@ -83,7 +83,7 @@ def test_a_refused_path_of_a_urdf_stays_to_be_corrected() -> None:
 
 def test_a_slider_that_a_lesson_locks_shows_the_running_value_again_and_nothing_as_applied() -> None:
     page = Page()
-    field = NumberField(page.desk, FieldPlace("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
+    field = NumberField(page.desk, FieldBinding("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
     _, text, slider = page.widgets
     field.show(page.snapshot())
     running, place = text.value, slider.value
@@ -112,7 +112,7 @@ def test_a_slider_is_taken_back_by_esc_and_after_its_release(preview: bool, monk
     page, now, usual = Page(), [0.0], shipped()["ur5-hybrid"]
     monkeypatch.setattr(controls.time, "monotonic", lambda: now[0])
     page.whatif.on = preview
-    field = NumberField(page.desk, FieldPlace("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
+    field = NumberField(page.desk, FieldBinding("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
     _, text, slider = page.widgets
     for mark in (ESCAPED, RELEASED):
         field.show(page.snapshot())
@@ -142,9 +142,9 @@ def test_an_input_stays_until_the_runner_has_answered_it_however_long_that_takes
     page.lock._post = queue
     contact = Dropdown(page.desk, "contact.kind", "Contact", {"elastic": "elastic", "heavy": "mass-damper-spring"})
     menu = page.widgets[-1]
-    force = NumberField(page.desk, FieldPlace("force.value"), "F_d [N]")
+    force = NumberField(page.desk, FieldBinding("force.value"), "F_d [N]")
     text = page.widgets[-1]
-    flat = Switch(page.desk, FieldPlace("face.flat"), "flat")
+    flat = Switch(page.desk, FieldBinding("face.flat"), "flat")
     box = page.widgets[-1]
 
     def shown(snapshot: Snapshot) -> tuple[object, object, object]:
@@ -194,7 +194,7 @@ def test_a_shift_shows_a_number_for_each_coordinate_and_says_how_many_there_are(
 def test_one_number_is_typed_where_one_of_a_list_is_shown() -> None:
     page = Page()
     page.desk.post(Edit("motion", {"kind": "point-to-point"}))
-    field = NumberField(page.desk, FieldPlace("motion.displacement"), "by [m]")
+    field = NumberField(page.desk, FieldBinding("motion.displacement"), "by [m]")
     field.show(page.snapshot())
     page.give(page.widgets[-1], f"0.03{ENTERED}")
     assert page.snapshot().scenario.motion == edited(page.snapshot().scenario, "motion.displacement", [0.03]).motion
@@ -232,17 +232,17 @@ def test_a_scenario_that_is_chosen_begins_at_zero_and_runs() -> None:
 
 
 def test_a_hint_says_the_bounds_in_words() -> None:
-    assert FieldPlace("force.value").hint.endswith("; allowed: from −10000 to 10000 N")
-    assert FieldPlace("contact.friction_coulomb").hint == "friction coefficient; allowed: from 0 to 2"
-    assert FieldPlace("shift.duration").hint.endswith("; allowed: from 0.001 to 60 s")
-    assert FieldPlace("blend.over").hint.endswith("; allowed: above 0, at most 3600 s")
-    assert FieldPlace("controller.F_1").hint.endswith("[1/s]")
+    assert FieldBinding("force.value").hint.endswith("; allowed: from −10000 to 10000 N")
+    assert FieldBinding("contact.friction_coulomb").hint == "friction coefficient; allowed: from 0 to 2"
+    assert FieldBinding("shift.duration").hint.endswith("; allowed: from 0.001 to 60 s")
+    assert FieldBinding("blend.over").hint.endswith("; allowed: above 0, at most 3600 s")
+    assert FieldBinding("controller.F_1").hint.endswith("[1/s]")
 
 
 @pytest.mark.parametrize("ended_by", ["revert", "a page that is closed", "another run"])
 def test_a_slider_whose_preview_has_ended_shows_the_running_value_and_applies_nothing(ended_by: str) -> None:
     page = Page()
-    field = NumberField(page.desk, FieldPlace("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
+    field = NumberField(page.desk, FieldBinding("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
     _, text, slider = page.widgets
     field.show(page.snapshot())
     running, place = text.value, slider.value

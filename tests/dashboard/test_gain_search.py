@@ -17,8 +17,8 @@ from app.dashboard.widgets.families.candidate_chart import candidates_html
 from app.dashboard.widgets.families.gain_search import AGAIN, LEAVE, GainSearch
 from app.dashboard.widgets.families.swept_fields import FIELDS, FieldChoice, field_of_row, prepared
 from app.dashboard.widgets.fields.controls import Desk
-from app.dashboard.widgets.fields.field_place import FieldPlace, NumberRow, SliderScale, log_scale
-from app.dashboard.widgets.fields.model_fields import DiagonalPlace, OscillatorPlace
+from app.dashboard.widgets.fields.field_binding import FieldBinding, NumberRow, SliderScale, log_scale
+from app.dashboard.widgets.fields.model_fields import DiagonalBinding, OscillatorBinding
 from app.dashboard.widgets.run.whatif import WhatIf, changed
 from app.scenario import own_code
 from app.scenario.data import edited, shipped, with_values
@@ -33,7 +33,7 @@ from app.sweep.axes import Value
 from app.sweep.background import Background
 from app.sweep.run_metrics import RunMetrics
 from app.tune.background import BackgroundTuning
-from app.tune.candidates import Candidate, front, judged
+from app.tune.candidates import Candidate, candidate_of, front
 from app.tune.plan import Tuning, moved
 from app.tune.running import Found
 from drivers.waiting import until
@@ -50,29 +50,29 @@ def seen(**more: Any) -> Any:
 
 def test_a_slider_is_swept_around_its_value_and_over_its_length_where_it_is_linear() -> None:
     value = BASE.controller.layer
-    swept = field_of_row(NumberRow(FieldPlace("controller.layer"), "layer [m/s]", log_scale(1e-4, 1.0)), seen())
+    swept = field_of_row(NumberRow(FieldBinding("controller.layer"), "layer [m/s]", log_scale(1e-4, 1.0)), seen())
     assert (swept.name, swept.path) == ("boundary layer", "controller.layer")
     assert (swept.low, swept.high, swept.logarithmic) == pytest.approx((value / 10, value * 10, True))
-    swept = field_of_row(NumberRow(FieldPlace("truth.coulomb"), "Coulomb [N·m]", SliderScale(0, 10)), seen())
+    swept = field_of_row(NumberRow(FieldBinding("truth.coulomb"), "Coulomb [N·m]", SliderScale(0, 10)), seen())
     assert (swept.low, swept.high, swept.logarithmic) == (0, 10, False)
-    swept = field_of_row(NumberRow(FieldPlace("declared.viscous"), "viscous [N·m·s]", SliderScale(0, 10)), seen())
+    swept = field_of_row(NumberRow(FieldBinding("declared.viscous"), "viscous [N·m·s]", SliderScale(0, 10)), seen())
     assert swept.name == "largest viscous friction per joint (declared)"
     near_the_end = field_of_row(
-        NumberRow(FieldPlace("controller.layer"), "layer", log_scale(0.9 * value, 2 * value)), seen()
+        NumberRow(FieldBinding("controller.layer"), "layer", log_scale(0.9 * value, 2 * value)), seen()
     )
     assert (near_the_end.low, near_the_end.high) == pytest.approx((0.9 * value, 2 * value))
     with pytest.raises(ScenarioError, match="K_m: it has no slider now"):
-        field_of_row(NumberRow(FieldPlace("target_model.K_m"), "K_m", None), seen())
+        field_of_row(NumberRow(FieldBinding("target_model.K_m"), "K_m", None), seen())
 
 
 def test_an_entry_of_a_matrix_is_swept_also_where_the_mode_gives_the_matrix() -> None:
-    swept = field_of_row(NumberRow(DiagonalPlace("target_model.K_m", 1), "K_m ψ", log_scale(1, 1e5)), seen())
+    swept = field_of_row(NumberRow(DiagonalBinding("target_model.K_m", 1), "K_m ψ", log_scale(1, 1e5)), seen())
     assert swept.path == "target_model.K_m.2"
     base = prepared(seen(), [swept])
     assert list(with_values(base, {swept.path: 900.0}).target_model.K_m or ()) == [0.0, 900.0, 4000.0]
-    place = SimpleNamespace(read=lambda _: 3.0, entry=OscillatorPlace("target_model", "omega", 1).entry)
+    place = SimpleNamespace(read=lambda _: 3.0, entry=OscillatorBinding("target_model", "omega", 1).entry)
     with pytest.raises(ScenarioError, match="ω ψ: it follows from several matrices; allowed: an entry of M_m"):
-        field_of_row(NumberRow(cast(FieldPlace, place), "ω ψ", log_scale(1, 100)), seen())
+        field_of_row(NumberRow(cast(FieldBinding, place), "ω ψ", log_scale(1, 100)), seen())
 
 
 @pytest.mark.parametrize(
@@ -197,8 +197,8 @@ def ended(monkeypatch: pytest.MonkeyPatch) -> BackgroundTuning:
     values: dict[int, dict[str, Value]] = {
         number: {"controller.layer": 0.01 * number} if number else {} for number in seen
     }
-    candidates = [judged(tuning, number, values[number], [each] * 4) for number, each in seen.items()]
-    tried = {number: judged(tuning, number, values[number], [each] * 2) for number, each in unseen.items()}
+    candidates = [candidate_of(tuning, number, values[number], [each] * 4) for number, each in seen.items()]
+    tried = {number: candidate_of(tuning, number, values[number], [each] * 2) for number, each in unseen.items()}
     search = BackgroundTuning(tuning, workers=1)
     for each in candidates:
         search.take(each)
@@ -329,7 +329,7 @@ def test_a_search_that_makes_no_sense_is_refused_in_the_words_of_its_controls(
 def test_a_search_has_a_gain_to_move_and_nothing_else(viser_server: viser.ViserServer) -> None:
     page = BareDesk(viser_server, BASE)
     search = GainSearch(page.desk)
-    stiffness = NumberRow(FieldPlace("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
+    stiffness = NumberRow(FieldBinding("contact.K_e"), "K_e [N/m]", log_scale(100, 100_000))
     with pytest.raises(ScenarioError) as refused:
         search.let_move(stiffness)
     assert str(refused.value) == "stiffness of the surface: no gain; allowed: fields of the tabs Controller and Model"

@@ -18,7 +18,13 @@ from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.edit_lock import EditLock
 from app.dashboard.widgets.fields.matrix_editor import Draft, MatrixEditor, starts, with_entries
 from app.dashboard.widgets.fields.matrix_text import read_back, read_matrix, require_point, written, written_rows
-from app.dashboard.widgets.fields.model_fields import DiagonalPlace, OscillatorPlace, model_edit, only, oscillators_of
+from app.dashboard.widgets.fields.model_fields import (
+    DiagonalBinding,
+    OscillatorBinding,
+    model_edit,
+    only,
+    oscillators_of,
+)
 from app.dashboard.widgets.run.whatif import changed
 from app.dashboard.widgets.target_model.equation import EquationLine, equation_html, lines
 from app.dashboard.widgets.target_model.model_checks import checks_html, judge_requested, judge_running
@@ -60,7 +66,7 @@ def test_omega_zeta_and_a_matrix_of_one_picture_of_the_page_all_hold():
     """Each is converted for the model that then runs; of one axis the last position counts."""
     runner = Runner(shipped()["ur5-hybrid"])
     seen = runner.snapshot
-    swing = {(kind, i): OscillatorPlace("target_model", kind, i) for kind in ("omega", "zeta") for i in (0, 1, 2)}
+    swing = {(kind, i): OscillatorBinding("target_model", kind, i) for kind in ("omega", "zeta") for i in (0, 1, 2)}
     K_m = np.diag(seen.matrices["K_m"]).copy()
     K_m[4] = 4500.0
     for batch in (
@@ -68,10 +74,10 @@ def test_omega_zeta_and_a_matrix_of_one_picture_of_the_page_all_hold():
             swing["omega", 1].edit(seen, 30.0),
             swing["zeta", 1].edit(seen, 0.4),
             swing["zeta", 1].edit(seen, 0.5),
-            DiagonalPlace("target_model.M_m", 2).edit(seen, 4.0),
+            DiagonalBinding("target_model.M_m", 2).edit(seen, 4.0),
         ],
         [swing["zeta", 2].edit(seen, 0.7), swing["omega", 0].edit(seen, 25.0)],
-        [swing["zeta", 0].edit(seen, 0.8), DiagonalPlace("target_model.M_m", 3).edit(seen, 7.0)],
+        [swing["zeta", 0].edit(seen, 0.8), DiagonalBinding("target_model.M_m", 3).edit(seen, 7.0)],
     ):
         runner._obey(batch)
     after = runner._publish()
@@ -109,7 +115,7 @@ def test_a_lesson_that_allows_damping_allows_zeta_and_not_omega(hybrid: Snapshot
     posted, complaints = Posted(), list[str]()
     lock = EditLock(posted.post, complaints.append)
     lock.fields = frozenset({"target_model.B_m"})
-    zeta, omega = (OscillatorPlace("target_model", kind, 1).edit(hybrid, 2.0) for kind in ("zeta", "omega"))
+    zeta, omega = (OscillatorBinding("target_model", kind, 1).edit(hybrid, 2.0) for kind in ("zeta", "omega"))
     assert lock.post(zeta)
     assert not lock.post(omega)
     assert posted == [zeta]
@@ -145,7 +151,7 @@ def test_omega_and_zeta_of_known_axes():
 @pytest.mark.parametrize(("kind", "other", "index"), [("omega", "zeta", 1), ("zeta", "omega", 1), ("omega", "zeta", 0)])
 def test_editing_one_keeps_the_other_and_all_else(hybrid: Snapshot, kind: str, other: str, index: int):
     before = oscillators_of(hybrid)
-    after = applied(hybrid, OscillatorPlace("target_model", kind, index).edit(hybrid, 7.5))
+    after = applied(hybrid, OscillatorBinding("target_model", kind, index).edit(hybrid, 7.5))
     now = oscillators_of(after)
     assert getattr(now, kind)[index] == pytest.approx(7.5)
     np.testing.assert_allclose(getattr(now, other), getattr(before, other))
@@ -153,7 +159,7 @@ def test_editing_one_keeps_the_other_and_all_else(hybrid: Snapshot, kind: str, o
     assert after.matrices["K_m"][0, 0] == 0.0  # so that the force error vanishes, (37)
     rest = np.arange(6) != index
     np.testing.assert_allclose(getattr(now, kind)[rest], getattr(before, kind)[rest])
-    place = OscillatorPlace("target_model", kind, index)
+    place = OscillatorBinding("target_model", kind, index)
     assert place.read(after) == pytest.approx(7.5)
 
 
@@ -162,8 +168,8 @@ def test_editing_an_axis_keeps_coupling(hybrid: Snapshot):
     coupled[1, 2] = coupled[2, 1] = 500.0
     after = applied(hybrid, model_edit(hybrid, {"K_m": coupled}))
     for place, value in (
-        (OscillatorPlace("target_model", "omega", 1), 30.0),
-        (DiagonalPlace("target_model.K_m", 1), 9000.0),
+        (OscillatorBinding("target_model", "omega", 1), 30.0),
+        (DiagonalBinding("target_model.K_m", 1), 9000.0),
     ):
         edited_once = applied(after, place.edit(after, value)).matrices["K_m"]
         assert (edited_once[1, 1], edited_once[1, 2]) == (9000.0, 500.0)
@@ -172,12 +178,12 @@ def test_editing_an_axis_keeps_coupling(hybrid: Snapshot):
 def test_linked_axes_are_those_that_are_alike(hybrid: Snapshot):
     """psi_1, psi_2 and the three angles of ur5-hybrid have the same stiffness, phi another one."""
     stiffness = np.diag([0.0, 9000.0, 9000.0, 4000.0, 4000.0, 4000.0])
-    linked = DiagonalPlace("target_model.K_m", 1, lambda: True)
+    linked = DiagonalBinding("target_model.K_m", 1, lambda: True)
     np.testing.assert_array_equal(applied(hybrid, linked.edit(hybrid, 9000.0)).matrices["K_m"], stiffness)
-    apart = applied(hybrid, DiagonalPlace("target_model.K_m", 2).edit(hybrid, 5000.0))
+    apart = applied(hybrid, DiagonalBinding("target_model.K_m", 2).edit(hybrid, 5000.0))
     stiffness[2, 2] = 5000.0
     np.testing.assert_array_equal(applied(apart, linked.edit(apart, 9000.0)).matrices["K_m"], stiffness)
-    swinging = OscillatorPlace("target_model", "omega", 4, lambda: True)
+    swinging = OscillatorBinding("target_model", "omega", 4, lambda: True)
     before, after = oscillators_of(hybrid), oscillators_of(applied(hybrid, swinging.edit(hybrid, 7.5)))
     np.testing.assert_allclose(after.omega, [*before.omega[:3], 7.5, 7.5, 7.5])
     np.testing.assert_allclose(after.zeta, before.zeta)
@@ -188,8 +194,8 @@ def test_edits_of_one_picture_of_the_page_all_hold():
     position of a slider counts."""
     runner = Runner(shipped()["ur5-hybrid"])
     seen = runner.snapshot
-    K_m = [DiagonalPlace("target_model.K_m", i) for i in (1, 2, 3)]
-    zeta = OscillatorPlace("target_model", "zeta", 4)
+    K_m = [DiagonalBinding("target_model.K_m", i) for i in (1, 2, 3)]
+    zeta = OscillatorBinding("target_model", "zeta", 4)
     runner._obey(
         [
             K_m[0].edit(seen, 4100.0),
@@ -212,14 +218,14 @@ def test_edits_of_one_picture_of_the_page_all_hold():
 @pytest.mark.parametrize("value", [0.0, -3, [1, 2]])
 def test_what_is_no_frequency_is_refused_in_a_sentence(hybrid: Snapshot, value: object):
     with pytest.raises(ValueError, match=re.escape(written(value))):
-        OscillatorPlace("target_model", "omega", 1).edit(hybrid, value)
+        OscillatorBinding("target_model", "omega", 1).edit(hybrid, value)
 
 
 def test_a_coordinate_held_by_a_rigid_surface_has_neither():
     snapshot = snapshot_of("ur5-constrained")
-    assert OscillatorPlace("target_model", "omega", 0).read(snapshot) is None
-    assert OscillatorPlace("target_model", "omega", 1).read(snapshot) == pytest.approx(20.0)
-    assert OscillatorPlace("target_model", "omega", 6).read(snapshot) is None
+    assert OscillatorBinding("target_model", "omega", 0).read(snapshot) is None
+    assert OscillatorBinding("target_model", "omega", 1).read(snapshot) == pytest.approx(20.0)
+    assert OscillatorBinding("target_model", "omega", 6).read(snapshot) is None
     assert "held by the rigid surface" in oscillator_note(snapshot, "rad/s")
     assert len(judge_running(snapshot).poles) == 10
     assert "sampled" in facts_html(snapshot)

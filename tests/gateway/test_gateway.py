@@ -315,7 +315,7 @@ def test_a_dashboard_alone_answers_its_own_pages_only() -> None:
     ("server_settings", "message"),
     [
         (ServerSettings("0.0.0.0", token="never"), "--token: never, with --host 0.0.0.0; allowed: only with 127.0.0.1"),
-        (ServerSettings(shared=True, places=0), "--max-sessions: 0; allowed: 1 or more"),
+        (ServerSettings(shared=True, capacity=0), "--max-sessions: 0; allowed: 1 or more"),
         (ServerSettings(shared=True, of_one_address=0), "--per-address: 0; allowed: 1 or more"),
         (ServerSettings(shared=True, idle_minutes=-1.0), "--idle-minutes: -1; allowed: more than 0"),
         (ServerSettings(origins=("lab.example.org",)), "--origin 'lab.example.org'; allowed: scheme and name"),

@@ -26,7 +26,7 @@ def test_reopened_session_store_restores_sessions_and_links(tmp_path: Path) -> N
         with closing(SessionStore(tmp_path)) as store:
             with pytest.raises(StateError, match="another server uses it"):
                 SessionStore(tmp_path)
-            town = Town(places=3, store=store)
+            town = Town(capacity=3, store=store)
             left = [town.pool.new() for _ in range(3)]
             left[1].scenario = "a copy"
             links.extend((session.name, session.watch) for session in left)
@@ -51,14 +51,14 @@ def test_reopened_session_store_restores_sessions_and_links(tmp_path: Path) -> N
         (tmp_path / "pipe").mkdir()
         os.mkfifo(tmp_path / "pipe" / LINK)
         with closing(SessionStore(tmp_path)) as store:
-            pool = Town(places=3, store=store).pool
+            pool = Town(capacity=3, store=store).pool
             known = [pool.named(name) for name, _ in links]
             assert [session and session.scenario for session in known] == [changed, "a copy", None]
             assert [pool.watched(watch) for _, watch in links] == known
             assert pool.watched("broken2") is None
 
             # where there is one for all, it begins as asked, and what was is offered until it has changed
-            town = Town(places=1, store=store)
+            town = Town(capacity=1, store=store)
             everyone = town.pool.everyone()
             assert everyone.watch in dict(links).values()
             await town.looked_at(everyone)
@@ -75,7 +75,7 @@ def test_reopened_session_store_restores_sessions_and_links(tmp_path: Path) -> N
             for _ in range(MOST):
                 pool.new()
             assert [pool.named(name) for name, _ in links] == known  # nobody loses anything by calls at the door
-            crowded = Town(places=MOST, store=store)
+            crowded = Town(capacity=MOST, store=store)
             ran = [s for name, _ in links if (s := crowded.pool.named(name))]
             for _ in range(MOST - len(ran)):
                 crowded.pool._known.add(Session(USUAL, kept=True, looked_at=True, seen=2000.0))
@@ -106,7 +106,7 @@ def test_a_session_that_was_being_removed_is_removed_at_the_next_start(tmp_path:
 def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> None:
     @in_a_loop
     async def check(store: SessionStore) -> None:
-        town = Town(places=4, store=store)
+        town = Town(capacity=4, store=store)
         pool, mine, theirs = town.pool, Visitor("b" * 22, "203.0.113.1"), Visitor("c" * 22, "203.0.113.2")
         for owner in (mine, *(theirs,) * (MOST - 1)):
             pool._known.add(Session(USUAL, owner=owner, pinned=1, kept=True, looked_at=True, seen=pool._clock()))

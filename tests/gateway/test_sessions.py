@@ -12,10 +12,10 @@ from tests.support.sessions import PAGE, USUAL, Town, in_a_loop
 
 @in_a_loop
 async def test_visitors_beyond_capacity_queue_and_expire() -> None:
-    town = Town(places=2)
+    town = Town(capacity=2)
     a, b, c, d = (town.pool.new() for _ in range(4))
     assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "running", "waiting", "waiting"]
-    assert [town.pool.place(s) for s in (a, c, d)] == [0, 1, 2]
+    assert [town.pool.queue_position(s) for s in (a, c, d)] == [0, 1, 2]
     with town.pool.viewing(a, PAGE):
         for _ in range(30):  # c goes away, d keeps asking; b is looked at by nobody
             await town.pass_time(5.0)
@@ -29,7 +29,7 @@ async def test_visitors_beyond_capacity_queue_and_expire() -> None:
 
 @in_a_loop
 async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
-    town = Town(places=1, limits=VisitorLimits(waiting=VisitorLimit("sessions that wait", 2, 2, 2)))
+    town = Town(capacity=1, limits=VisitorLimits(waiting=VisitorLimit("sessions that wait", 2, 2, 2)))
     a, b, c, d = (town.pool.new() for _ in range(4))
     assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "waiting", "waiting", "resting"]
     assert town.pool.refusal(d) == "2 sessions that wait; allowed: no more"
@@ -40,7 +40,7 @@ async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
     await town.pass_time()
     await town.pass_time()
     assert (b.phase, c.phase) == ("waiting", "running")
-    assert town.pool.place(b) == 1
+    assert town.pool.queue_position(b) == 1
     assert await town.wanted(d) == "waiting"
     await town.pass_time(session_pool.FORGOTTEN + 1)
     assert b.phase == "resting"
@@ -51,7 +51,7 @@ async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
 
 @in_a_loop
 async def test_a_session_that_nobody_looks_at_rests_with_its_scenario_and_comes_back_with_it() -> None:
-    town = Town(places=1, idle=600.0)
+    town = Town(capacity=1, idle=600.0)
     session = town.pool.new()
     await town.wanted(session)
     with town.pool.viewing(session, PAGE):
@@ -69,7 +69,7 @@ async def test_a_session_that_nobody_looks_at_rests_with_its_scenario_and_comes_
 
 @in_a_loop
 async def test_a_fall_is_told_and_mended_without_touching_the_others() -> None:
-    town = Town(places=2)
+    town = Town(capacity=2)
     a, b = town.pool.new(), town.pool.new()
     await town.wanted(a), await town.wanted(b)
     first, other = town.made
@@ -85,7 +85,7 @@ async def test_a_fall_is_told_and_mended_without_touching_the_others() -> None:
 
 @in_a_loop
 async def test_session_that_crashes_three_times_fails_until_restarted() -> None:
-    town = Town(places=1)
+    town = Town(capacity=1)
     session, waiting = town.pool.new(), town.pool.new()
     session.scenario = "falls"
     await town.wanted(session)
@@ -106,7 +106,7 @@ async def test_session_that_crashes_three_times_fails_until_restarted() -> None:
 
 @in_a_loop
 async def test_a_session_whose_process_could_not_start_keeps_its_scenario_until_that_fails_too() -> None:
-    town = Town(places=1)
+    town = Town(capacity=1)
     session = town.pool.new()
     await town.wanted(session)
     town.made[-1].emit("the visitor's own")
@@ -124,7 +124,7 @@ async def test_a_session_whose_process_could_not_start_keeps_its_scenario_until_
 
 @in_a_loop
 async def test_a_crash_is_no_news_after_the_session_was_left_alone() -> None:
-    town = Town(places=1)
+    town = Town(capacity=1)
     session = town.pool.new()
     await town.wanted(session)
     town.made[0].fall()
@@ -136,7 +136,7 @@ async def test_a_crash_is_no_news_after_the_session_was_left_alone() -> None:
 
 @in_a_loop
 async def test_a_spare_is_ready_beforehand_and_takes_no_place() -> None:
-    town = Town(places=2, spare=True)
+    town = Town(capacity=2, spare=True)
     await town.pass_time()
     assert [process.begun for process in town.made] == [""]
     a = town.pool.new()
@@ -157,7 +157,7 @@ async def test_a_spare_is_ready_beforehand_and_takes_no_place() -> None:
 
 @in_a_loop
 async def test_a_process_that_cannot_begin_is_told() -> None:
-    town = Town(places=1)
+    town = Town(capacity=1)
     town.broken = True
     session = town.pool.new()
     assert await town.wanted(session) == "failed"
@@ -167,7 +167,7 @@ async def test_a_process_that_cannot_begin_is_told() -> None:
 
 @in_a_loop
 async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() -> None:
-    town = Town(places=1)
+    town = Town(capacity=1)
     kept = town.pool.new()
     await town.wanted(kept)
     await town.looked_at(kept)
@@ -195,7 +195,7 @@ def test_newcomers_displace_sessions_without_a_visitor_for_a_day_and_not_each_ot
 
     @in_a_loop
     async def displace() -> None:
-        town = Town(places=1)
+        town = Town(capacity=1)
         left = [town.pool.new() for _ in range(3)]
         for session in left:
             session.looked_at = True

@@ -108,7 +108,7 @@ async def test_the_token_to_watch_opens_no_link_to_steer_but_that_of_ones_own_co
 
 @in_a_loop
 async def test_copies_that_nobody_looks_at_take_no_folder_and_no_kept_session_away(tmp_path: Path) -> None:
-    async with town(places=400, state=tmp_path) as lab:
+    async with town(capacity=400, state=tmp_path) as lab:
         link = await lab.arrive()
         watch = await watch_link(lab, link)
         page = await lab.let_in(link)
@@ -131,7 +131,7 @@ async def test_copies_that_nobody_looks_at_take_no_folder_and_no_kept_session_aw
 
 @in_a_loop
 async def test_one_visitor_does_not_take_the_queue_and_a_link_not_all_copies() -> None:
-    async with town(places=1, names=PUBLIC) as lab:
+    async with town(capacity=1, names=PUBLIC) as lab:
         link = await lab.arrive(**at("203.0.113.1"))
         watch = await watch_link(lab, link)
 
@@ -160,7 +160,7 @@ async def test_one_visitor_does_not_take_the_queue_and_a_link_not_all_copies() -
 
 @in_a_loop
 async def test_one_address_leaves_a_place_to_others() -> None:
-    async with town(places=4, names=PUBLIC) as lab:
+    async with town(capacity=4, names=PUBLIC) as lab:
         for _ in range(6):
             await lab.arrive(**at("203.0.113.66"))
         assert lab.pool.taken == 3

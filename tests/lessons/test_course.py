@@ -85,7 +85,7 @@ def test_an_answer_counts_once_before_the_run_and_is_scored_at_the_explanation()
     through(course, "explain")
     scores = {step.number: answer.score for step, answer in course.explained()}
     assert scores == {2: 1.0, 4: 0.0, 6: 1.0}
-    assert "measured 27.9 mm" in course.progress.answers[2].verdict
+    assert "measured 27.9 mm" in course.progress.answers[2].feedback
     assert course.measured == {"way": "27.9 mm"}
     through(course, "goal")
     assert not course.ready
@@ -174,7 +174,7 @@ def test_answers_are_right_within_their_tolerance_only() -> None:
         1.0,
         0.0,
     ]
-    assert "off by 1.01 mm" in score_number(NUMBER, 11.01, measurements).verdict
+    assert "off by 1.01 mm" in score_number(NUMBER, 11.01, measurements).feedback
     assert [score_choice(CHOICE, given).points for given in (1, 2)] == [0.0, 1.0]
     t = np.linspace(0.0, 1.0, 50)
     trace = Trace("run", LINE, t, np.sin(t))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from app.lessons.blocks import Goal
-from app.lessons.goals import GoalResult, judged
+from app.lessons.goals import GoalResult, goal_result
 from app.lessons.lesson import load
 from app.scenario.data import with_values
 from app.simulation.closed_loop import ClosedLoop
@@ -24,7 +24,7 @@ def loop_with(damping: float) -> tuple[Goal, ClosedLoop]:
 
 
 def judgement(loop: ClosedLoop) -> GoalResult:
-    return judged(LESSON, loop.system, loop.recording, loop.t, stopped=loop.stopped is not None)
+    return goal_result(LESSON, loop.system, loop.recording, loop.t, stopped=loop.stopped is not None)
 
 
 def run_to(loop: ClosedLoop, t: float) -> None:
@@ -55,7 +55,7 @@ def test_a_run_that_was_changed_on_its_way_is_not_judged() -> None:
 def test_a_run_that_has_stopped_is_not_waited_for() -> None:
     goal, loop = loop_with(CALM)
     run_to(loop, 0.1)
-    verdict = judged(LESSON, loop.system, loop.recording, loop.t, stopped=True)
+    verdict = goal_result(LESSON, loop.system, loop.recording, loop.t, stopped=True)
     assert verdict.waiting == f"The run has stopped before t = {goal.seconds:g} s: try it again."
 
 

@@ -125,7 +125,7 @@ def test_a_run_is_pinned_once_and_the_pins_of_another_session_come_before_those_
     noisy.rename(2, "mine")
     noisy.adopt(other.pinned)
     assert [pinned.title for pinned in noisy.pinned] == ["yesterday", "run 2", "mine"]
-    assert len({pinned.number for pinned in noisy.pinned}) == len({pinned.place for pinned in noisy.pinned}) == 3
+    assert len({pinned.number for pinned in noisy.pinned}) == len({pinned.slot for pinned in noisy.pinned}) == 3
     noisy.adopt(other.pinned)  # has all places but one
     assert [pinned.title for pinned in noisy.pinned] == ["yesterday", "run 2", "mine"]
 
@@ -138,7 +138,7 @@ def test_a_pinned_run_has_a_name_and_a_colour_of_its_own(noisy: Timeline) -> Non
     run(noisy, 10)
     noisy.pin()
     assert [pinned.title for pinned in noisy.pinned] == ["run 2", "run 4", "run 5"]
-    assert {pinned.place for pinned in noisy.pinned} == set(range(PINS))
+    assert {pinned.slot for pinned in noisy.pinned} == set(range(PINS))
     before = noisy.pinned[1]
     noisy.rename(4, "stiff")
     assert noisy.pinned[1].title == "stiff"

@@ -17,7 +17,7 @@ from app.simulation.builders.environment_builder import truth_of
 from app.simulation.system import System
 from controllers.bounds import Equivalent, InertiaRange, required_gain
 from controllers.nominal_model import ON_LINE
-from controllers.reaching import ReachingCertificate, lyapunov_bound
+from controllers.reaching import ReachingCertificate, envelope, lyapunov_bound
 from environments.truth import Truth
 from tests.support.arms import lipschitz_of
 from tests.support.cases import scenario_of
@@ -210,9 +210,9 @@ def test_envelope_solves_the_comparison_equation() -> None:
         rtol=1e-11, atol=1e-14,
     )  # fmt: skip
     np.testing.assert_allclose(solution.y[0], lyapunov_bound(c.bound, times), rtol=1e-6)
-    assert c.envelope(c.t_r) == pytest.approx(0.0, abs=1e-9)
-    assert c.envelope(0.999 * c.t_r) > 0
-    np.testing.assert_allclose(c.envelope(0.0), np.sqrt(2 * c.V_0 / c.k_r_low))
+    assert envelope(c.bound, c.t_r) == pytest.approx(0.0, abs=1e-9)
+    assert envelope(c.bound, 0.999 * c.t_r) > 0
+    np.testing.assert_allclose(envelope(c.bound, 0.0), np.sqrt(2 * c.V_0 / c.k_r_low))
 
 
 def test_restart_with_s_removed_promises_no_reaching() -> None:

@@ -86,7 +86,7 @@ def test_a_candidate_that_changes_nothing_is_not_offered_and_one_that_changes_on
     first, own = offers.offered(TUNING, found)[0].number, found.runs[0]
     alike = replace(found, runs=found.runs | {first: own})
     assert first not in [each.number for each in offers.offered(TUNING, alike)]
-    assert f"candidate {first} is not offered: it changes nothing" in " ".join(outcome.verdict(TUNING, alike))
+    assert f"candidate {first} is not offered: it changes nothing" in " ".join(outcome.conclusions(TUNING, alike))
     another = replace(found, runs=found.runs | {first: [*own[:-1], own[-1] | {"residual": 0.1}]})
     assert first in [each.number for each in offers.offered(TUNING, another)]
 

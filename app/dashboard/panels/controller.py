@@ -8,7 +8,7 @@ import viser
 
 from app.dashboard.widgets.families.arm_choice import InForce
 from app.dashboard.widgets.fields.controls import Control, Desk, Dropdown, NumberField
-from app.dashboard.widgets.fields.field_place import FieldPlace, PlaceWhere, log_scale
+from app.dashboard.widgets.fields.field_binding import BindingWhere, FieldBinding, log_scale
 from app.dashboard.widgets.fields.own_parameters import own_number
 from app.dashboard.widgets.theorem.constants_table import constants_html
 from app.dashboard.widgets.theorem.theorem_table import TheoremTable
@@ -47,25 +47,27 @@ class ControllerPanel:
         term, surface = gui.add_folder("Robust term"), gui.add_folder("Sliding surface")
         self._robust_only: list[viser.GuiFolderHandle] = [term, surface]
         with term:
-            d = PlaceWhere("controller.d", lambda scenario: scenario.controller.gain == "constant")
-            layer = PlaceWhere("controller.layer", lambda scenario: SWITCHING[scenario.controller.switching].has_layer)
+            d = BindingWhere("controller.d", lambda scenario: scenario.controller.gain == "constant")
+            layer = BindingWhere(
+                "controller.layer", lambda scenario: SWITCHING[scenario.controller.switching].has_layer
+            )
             self._controls += [
                 Dropdown(desk, "controller.gain", "Gain d", {"by the theorem (17)": "theorem", "constant": "constant"}),
                 NumberField(desk, d, "constant d [N]", log_scale(1, 1000)),
-                NumberField(desk, FieldPlace("controller.epsilon"), "margin ε [N]", log_scale(0.1, 100)),
+                NumberField(desk, FieldBinding("controller.epsilon"), "margin ε [N]", log_scale(0.1, 100)),
                 Dropdown(desk, "controller.bounds", "Bounds", {"in task space (tight)": "tight", "as in (7)": "paper"}),
             ]
             self._feedback = gui.add_html("")
             self._controls += [
                 Dropdown(desk, "controller.switching", "Switching", switching),
                 NumberField(desk, layer, "layer s_b [m/s]", log_scale(1e-4, 0.1)),
-                NumberField(desk, FieldPlace("controller.K_s"), "K_s [N·s/m]", log_scale(1, 2000)),
+                NumberField(desk, FieldBinding("controller.K_s"), "K_s [N·s/m]", log_scale(1, 2000)),
             ]
         with surface:
             self._controls += [
-                NumberField(desk, FieldPlace("controller.F_1"), "F_1 [1/s]", log_scale(0.5, 200)),
-                NumberField(desk, FieldPlace("controller.F_2"), "F_2", log_scale(0.05, 20)),
-                NumberField(desk, FieldPlace("controller.A"), "A ≤ 0 [1/s]"),
+                NumberField(desk, FieldBinding("controller.F_1"), "F_1 [1/s]", log_scale(0.5, 200)),
+                NumberField(desk, FieldBinding("controller.F_2"), "F_2", log_scale(0.05, 20)),
+                NumberField(desk, FieldBinding("controller.A"), "A ≤ 0 [1/s]"),
                 Dropdown(
                     desk,
                     "controller.on_change",
@@ -81,8 +83,10 @@ class ControllerPanel:
         with gui.add_folder("Domain Ω"):
             stop_or_flag = {"stops the run": "stop", "is reported; the run goes on": "flag"}
             self._controls += [
-                NumberField(desk, FieldPlace("simulation.domain_radius"), "radius [rad]", log_scale(0.01, 3)),
-                NumberField(desk, FieldPlace("simulation.sigma_min"), "σ_min ≥ [m]", log_scale(0.001, 0.2, zero=True)),
+                NumberField(desk, FieldBinding("simulation.domain_radius"), "radius [rad]", log_scale(0.01, 3)),
+                NumberField(
+                    desk, FieldBinding("simulation.sigma_min"), "σ_min ≥ [m]", log_scale(0.001, 0.2, zero=True)
+                ),
                 Dropdown(desk, "simulation.leaving_domain", "On a failure", stop_or_flag),
                 Dropdown(desk, "simulation.bound_violation", "Promise broken", stop_or_flag),
             ]
@@ -92,7 +96,7 @@ class ControllerPanel:
             estimates = {"M, C, G on-line": "online", "along r_d (Remark 3)": "along-reference"}
             self._controls += [
                 Dropdown(desk, "controller.estimates", "Estimates", estimates),
-                NumberField(desk, FieldPlace("controller.period"), "period [s]", log_scale(1e-4, 0.02)),
+                NumberField(desk, FieldBinding("controller.period"), "period [s]", log_scale(1e-4, 0.02)),
             ]
 
     def show(self, snapshot: Snapshot) -> None:

@@ -309,9 +309,9 @@ def _scored(step: LessonStep, answer: Answer, measured: dict[str, str], language
     if isinstance(step.block, blocks.ChoiceQuestion) and isinstance(answer.given, int):
         option = inline_html(step.block.options[answer.given - 1], measured)
         given = f'Your answer: <i lang="{escape(language)}">{option}</i>.'
-    sentence = answer.verdict[:1].upper() + answer.verdict[1:]
-    verdict = "" if answer.verdict == "right" else inline_html(sentence, measured)
-    return f'<div class="vs-scored" lang="en">{mark} {given} {verdict}</div>'
+    sentence = answer.feedback[:1].upper() + answer.feedback[1:]
+    feedback = "" if answer.feedback == "right" else inline_html(sentence, measured)
+    return f'<div class="vs-scored" lang="en">{mark} {given} {feedback}</div>'
 
 
 def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:

@@ -11,10 +11,10 @@ import viser
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Desk, NumberField
-from app.dashboard.widgets.fields.field_place import FieldPlace, SliderScale, log_scale
+from app.dashboard.widgets.fields.field_binding import FieldBinding, SliderScale, log_scale
 from app.dashboard.widgets.fields.matrix_editor import MatrixEditor
 from app.dashboard.widgets.fields.matrix_text import written
-from app.dashboard.widgets.fields.model_fields import DiagonalPlace, OscillatorPlace
+from app.dashboard.widgets.fields.model_fields import DiagonalBinding, OscillatorBinding
 from app.dashboard.widgets.target_model.equation import is_fixed
 from app.dashboard.widgets.target_model.impedance_view import ImpedanceView
 from app.dashboard.widgets.target_model.model_checks import checks_html, loops_html
@@ -29,11 +29,12 @@ from app.session.snapshot import Snapshot
 @dataclass(frozen=True)
 class _Quantity:
     """Quantity with a number for each task coordinate.
-    place: returns the place of a coordinate's number; takes the coordinate, from 0, and whether places are linked.
+    binding: returns the binding of a coordinate's number; takes the coordinate, from 0, and whether alike
+    ones are linked.
     scale: of the sliders.
     note: returns the text above them; unit: that of the numbers, "" for none."""
 
-    place: Callable[[int, Callable[[], bool]], FieldPlace]
+    binding: Callable[[int, Callable[[], bool]], FieldBinding]
     scale: SliderScale
     note: Callable[[Snapshot], str]
     unit: Callable[[Snapshot], str]
@@ -131,8 +132,8 @@ class _PerCoordinate:
             rows = self._rows[name]
             for i in range(len(rows), len(snapshot.coordinates)):
                 with self._tabs[name]:
-                    place = quantity.place(i, self._is_linked)
-                    rows.append(NumberField(self._desk, place, f"{name} {i + 1}", quantity.scale))
+                    binding = quantity.binding(i, self._is_linked)
+                    rows.append(NumberField(self._desk, binding, f"{name} {i + 1}", quantity.scale))
             for i, row in enumerate(rows):
                 row.show(snapshot)
                 if i < len(snapshot.coordinates):
@@ -180,7 +181,7 @@ def oscillator_note(snapshot: Snapshot, unit: str) -> str:
 
 def _diagonal(name: str, meaning: str, scale: SliderScale) -> _Quantity:
     return _Quantity(
-        lambda i, linked: DiagonalPlace(f"target_model.{name}", i, linked),
+        lambda i, linked: DiagonalBinding(f"target_model.{name}", i, linked),
         scale,
         lambda snapshot: matrix_note(snapshot, name, meaning),
         lambda snapshot: snapshot.system.units.of_model[name],
@@ -195,13 +196,13 @@ _DIAGONALS = {
 }
 _OSCILLATORS = {
     "ω": _Quantity(
-        lambda i, linked: OscillatorPlace("target_model", "omega", i, linked),
+        lambda i, linked: OscillatorBinding("target_model", "omega", i, linked),
         log_scale(1, 200),
         lambda snapshot: oscillator_note(snapshot, "rad/s"),
         lambda _: "rad/s",
     ),
     "ζ": _Quantity(
-        lambda i, linked: OscillatorPlace("target_model", "zeta", i, linked),
+        lambda i, linked: OscillatorBinding("target_model", "zeta", i, linked),
         log_scale(0.05, 5),
         lambda snapshot: oscillator_note(snapshot, "damping ratio"),
         lambda _: "",

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from app.dashboard.widgets.families.arm_choice import ArmChoice, ArmVerdict, InForce, ToolFrame, Upload, UrdfPlace
+from app.dashboard.widgets.families.arm_choice import ArmChoice, ArmVerdict, InForce, ToolFrame, Upload, UrdfBinding
 from app.dashboard.widgets.fields.controls import Control, Desk, NumberField
-from app.dashboard.widgets.fields.field_place import FieldPlace, PlaceWhere, SliderScale, log_scale
+from app.dashboard.widgets.fields.field_binding import BindingWhere, FieldBinding, SliderScale, log_scale
 from app.dashboard.widgets.fields.matrix_text import number
 from app.dashboard.widgets.fields.text_field import TextField
 from app.scenario.schema import Scenario
@@ -18,7 +18,7 @@ from app.session.snapshot import Snapshot
 UNSTATED = "from the above"
 
 
-class StatedBounds(FieldPlace):
+class StatedBounds(FieldBinding):
     """Place of a bound of (7), whose value is shown as text: a number, a formula, or what the bound follows from."""
 
     def read(self, snapshot: Snapshot) -> str:
@@ -49,29 +49,29 @@ class RobotPanel:
                 NumberField(desk, InForce("truth.link_scaling", _scalings), "link by link ×"),
                 NumberField(desk, InForce("truth.rotor_scaling", _common_rotor), "rotors ×", SliderScale(0.5, 1.5)),
                 NumberField(desk, InForce("truth.rotor_scaling", _rotor_scalings), "rotor by rotor ×"),
-                NumberField(desk, FieldPlace("truth.link_centre"), "centre shifts [m]"),
-                NumberField(desk, FieldPlace("truth.link_shape"), "shape changes"),
-                NumberField(desk, FieldPlace("truth.payload_mass"), "payload [kg]", SliderScale(0, 5)),
-                NumberField(desk, FieldPlace("truth.payload_offset"), "payload at [m]"),
-                NumberField(desk, FieldPlace("truth.coulomb"), "Coulomb [N·m]", SliderScale(0, 10)),
-                NumberField(desk, FieldPlace("truth.viscous"), "viscous [N·m·s]", SliderScale(0, 10)),
-                NumberField(desk, FieldPlace("truth.torque_limit"), "torque limit ×", SliderScale(0, 2)),
-                NumberField(desk, FieldPlace("truth.disturbance"), "disturbance [N·m]", SliderScale(0, 20)),
-                NumberField(desk, FieldPlace("truth.disturbance_frequency"), "its frequency [Hz]", SliderScale(0, 5)),
+                NumberField(desk, FieldBinding("truth.link_centre"), "centre shifts [m]"),
+                NumberField(desk, FieldBinding("truth.link_shape"), "shape changes"),
+                NumberField(desk, FieldBinding("truth.payload_mass"), "payload [kg]", SliderScale(0, 5)),
+                NumberField(desk, FieldBinding("truth.payload_offset"), "payload at [m]"),
+                NumberField(desk, FieldBinding("truth.coulomb"), "Coulomb [N·m]", SliderScale(0, 10)),
+                NumberField(desk, FieldBinding("truth.viscous"), "viscous [N·m·s]", SliderScale(0, 10)),
+                NumberField(desk, FieldBinding("truth.torque_limit"), "torque limit ×", SliderScale(0, 2)),
+                NumberField(desk, FieldBinding("truth.disturbance"), "disturbance [N·m]", SliderScale(0, 20)),
+                NumberField(desk, FieldBinding("truth.disturbance_frequency"), "its frequency [Hz]", SliderScale(0, 5)),
             ]
         with gui.add_folder("Bounds declared to the controller"):
             self._controls += [
-                NumberField(desk, FieldPlace("declared.link_scaling"), "links 1 ±", SliderScale(0, 0.5)),
-                NumberField(desk, FieldPlace("declared.rotor_scaling"), "rotors 1 ±", SliderScale(0, 0.5)),
-                NumberField(desk, FieldPlace("declared.link_centre"), "centre shift [m]", SliderScale(0, 0.05)),
-                NumberField(desk, FieldPlace("declared.link_shape"), "shapes 1 ±", SliderScale(0, 0.5)),
-                NumberField(desk, FieldPlace("declared.payload_mass"), "payload [kg]", SliderScale(0, 5)),
-                NumberField(desk, FieldPlace("declared.payload_offset"), "payload shift [m]", SliderScale(0, 0.3)),
-                NumberField(desk, FieldPlace("declared.coulomb"), "Coulomb [N·m]", SliderScale(0, 10)),
-                NumberField(desk, FieldPlace("declared.viscous"), "viscous [N·m·s]", SliderScale(0, 10)),
-                NumberField(desk, FieldPlace("declared.disturbance"), "disturbance [N·m]", SliderScale(0, 20)),
-                NumberField(desk, FieldPlace("declared.force_error"), "force error [N]", SliderScale(0, 5)),
-                NumberField(desk, FieldPlace("declared.moment_error"), "moment error [N·m]", SliderScale(0, 1)),
+                NumberField(desk, FieldBinding("declared.link_scaling"), "links 1 ±", SliderScale(0, 0.5)),
+                NumberField(desk, FieldBinding("declared.rotor_scaling"), "rotors 1 ±", SliderScale(0, 0.5)),
+                NumberField(desk, FieldBinding("declared.link_centre"), "centre shift [m]", SliderScale(0, 0.05)),
+                NumberField(desk, FieldBinding("declared.link_shape"), "shapes 1 ±", SliderScale(0, 0.5)),
+                NumberField(desk, FieldBinding("declared.payload_mass"), "payload [kg]", SliderScale(0, 5)),
+                NumberField(desk, FieldBinding("declared.payload_offset"), "payload shift [m]", SliderScale(0, 0.3)),
+                NumberField(desk, FieldBinding("declared.coulomb"), "Coulomb [N·m]", SliderScale(0, 10)),
+                NumberField(desk, FieldBinding("declared.viscous"), "viscous [N·m·s]", SliderScale(0, 10)),
+                NumberField(desk, FieldBinding("declared.disturbance"), "disturbance [N·m]", SliderScale(0, 20)),
+                NumberField(desk, FieldBinding("declared.force_error"), "force error [N]", SliderScale(0, 5)),
+                NumberField(desk, FieldBinding("declared.moment_error"), "moment error [N·m]", SliderScale(0, 1)),
             ]
         with gui.add_folder("Bounds stated instead, as in (7)"):
             self._controls += [
@@ -80,7 +80,7 @@ class RobotPanel:
                 TextField(desk, StatedBounds("declared.delta_G"), "δ_G [N·m]"),
                 TextField(desk, StatedBounds("declared.delta_f"), "δ_f [N·m]"),
                 NumberField(
-                    desk, PlaceWhere("declared.least_inertia", _inertia_stated), "M ≥ M̂ ×", SliderScale(0.05, 1)
+                    desk, BindingWhere("declared.least_inertia", _inertia_stated), "M ≥ M̂ ×", SliderScale(0.05, 1)
                 ),
             ]
         with gui.add_folder("Tool and posture"):
@@ -89,10 +89,10 @@ class RobotPanel:
                 NumberField(desk, InForce("robot.tool_offset", _tool_offset), "tool at [m]"),
                 NumberField(desk, InForce("robot.posture", _posture), "posture"),
                 NumberField(desk, InForce("robot.rotor_inertia", _rotors), "rotors [kg·m²]"),
-                NumberField(desk, FieldPlace("task_space.characteristic_length"), "length ℓ [m]", log_scale(0.02, 1)),
+                NumberField(desk, FieldBinding("task_space.characteristic_length"), "length ℓ [m]", log_scale(0.02, 1)),
             ]
         with gui.add_folder("Own URDF"):
-            self._controls += [Upload(desk), TextField(desk, UrdfPlace(), "path")]
+            self._controls += [Upload(desk), TextField(desk, UrdfBinding(), "path")]
 
     def show(self, snapshot: Snapshot) -> None:
         for control in self._controls:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.dashboard.widgets.families.gain_search import GainSearch
 from app.dashboard.widgets.families.robustness_map import RobustnessMap
 from app.dashboard.widgets.fields.controls import Desk
-from app.dashboard.widgets.fields.field_place import NumberRow
+from app.dashboard.widgets.fields.field_binding import NumberRow
 from app.scenario.errors import ScenarioError
 from app.session.snapshot import Snapshot
 

@@ -56,9 +56,9 @@ class RunsPanel:
         if key == self._key and time.monotonic() < self._due:
             return
         self._key, self._due = key, time.monotonic() + _EVERY
-        placed = {run.place: run for run in snapshot.pinned}  # a run keeps its row when another one is forgotten
-        for place, row in enumerate(self._rows):
-            row.show(placed.get(place), snapshot)
+        placed = {run.slot: run for run in snapshot.pinned}  # a run keeps its row when another one is forgotten
+        for slot, row in enumerate(self._rows):
+            row.show(placed.get(slot), snapshot)
         for widget in (self._over, self._copy):
             if widget.visible != bool(snapshot.pinned):
                 widget.visible = bool(snapshot.pinned)
@@ -194,7 +194,7 @@ def table_html(snapshot: Snapshot, window: float, over: Over = "own") -> str:
     accounts = tuple(
         account(run.system, run.recording, begin, end) for run, (begin, end) in zip(shown, spans, strict=True)
     )
-    heads = "".join(f'<th><i class="vs-dot" style="background: {css(RUNS[p.place])}"></i> {escape(p.title)}</th>'
+    heads = "".join(f'<th><i class="vs-dot" style="background: {css(RUNS[p.slot])}"></i> {escape(p.title)}</th>'
                     for p in snapshot.pinned)  # fmt: skip
     rows = "".join(_row(metric, systems, accounts) for metric in ACCOUNT_METRICS)
     notes = "".join(_pinned_note(pinned, snapshot) for pinned in snapshot.pinned)

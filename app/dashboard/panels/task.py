@@ -7,7 +7,7 @@ from typing import Any
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Control, Desk, Dropdown, NumberField
-from app.dashboard.widgets.fields.field_place import FieldPlace, PlaceWhere, log_scale
+from app.dashboard.widgets.fields.field_binding import BindingWhere, FieldBinding, log_scale
 from app.dashboard.widgets.fields.matrix_text import written
 from app.dashboard.widgets.fields.section_controls import field_controls, kind_choice
 from app.dashboard.widgets.target_model.equation import mode_summary
@@ -35,7 +35,7 @@ def _in_axes(scenario: Scenario) -> bool:
     return scenario.task_space.kind == "cartesian" and not MODES[scenario.mode].on_surface
 
 
-class Supplemental(FieldPlace):
+class Supplemental(FieldBinding):
     """Place of the supplemental joints in force: their numbers, from 1; 0 stands for those of the arm."""
 
     def read(self, snapshot: Snapshot) -> tuple[int, ...] | None:
@@ -50,7 +50,7 @@ class Supplemental(FieldPlace):
         return Edit(self.path, None if joints == [0] else joints)
 
 
-class Shift(FieldPlace):
+class Shift(FieldBinding):
     """Place of the shift: a number for each coordinate that it can move, also for those left out of the list."""
 
     def read(self, snapshot: Snapshot) -> tuple[float, ...] | None:
@@ -69,7 +69,7 @@ class Shift(FieldPlace):
 def _moved(snapshot: Snapshot) -> int:
     """Number of the coordinates that a shift moves."""
     system = snapshot.system
-    return (system.layout.n if system.layout.joint else system.layout.end_of_places) - system.m
+    return (system.layout.n if system.layout.joint else system.layout.end_of_positions) - system.m
 
 
 class TaskPanel:
@@ -98,7 +98,7 @@ class TaskPanel:
                 kind_choice(desk, "motion", "Path", TRAJECTORIES, paths, hint=_PATH),
                 *field_controls(desk, "motion", TRAJECTORIES, paths),
                 NumberField(desk, Shift("shift.by"), "shifted by [m]"),
-                NumberField(desk, FieldPlace("shift.duration"), "within [s]", log_scale(0.1, 10)),
+                NumberField(desk, FieldBinding("shift.duration"), "within [s]", log_scale(0.1, 10)),
             ]
         self._rotation = gui.add_folder("Desired rotation")
         with self._rotation:
@@ -114,7 +114,7 @@ class TaskPanel:
             kinds = {"the tool's place": "cartesian", "the joints, r = q": "joint"}
             self._controls += [
                 Dropdown(desk, "task_space.kind", "r", kinds),
-                NumberField(desk, PlaceWhere("task_space.axes", _in_axes), "axes by [rad]"),
+                NumberField(desk, BindingWhere("task_space.axes", _in_axes), "axes by [rad]"),
                 NumberField(desk, Supplemental("task_space.supplemental"), "joints in r"),
             ]
         with gui.add_folder("Push on the tool"):

@@ -8,7 +8,7 @@ from operator import attrgetter
 import viser
 
 from app.dashboard.widgets.fields.controls import Control, Desk, Dropdown, NumberField, Switch
-from app.dashboard.widgets.fields.field_place import FieldPlace, PlaceWhere, SliderScale, log_scale
+from app.dashboard.widgets.fields.field_binding import BindingWhere, FieldBinding, SliderScale, log_scale
 from app.dashboard.widgets.fields.section_controls import field_control, field_controls, kind_choice
 from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario
@@ -86,14 +86,14 @@ def _contact_controls(desk: Desk, contact: str, estimate: str, foreseen: Callabl
     springs, massive = where(lambda kind: kind.springs), where(lambda kind: kind.massive)
 
     def number(field: str, applies: Callable[[Scenario], bool], label: str, scale: SliderScale) -> NumberField:
-        return NumberField(desk, PlaceWhere(f"{contact}.{field}", applies), label, scale)
+        return NumberField(desk, BindingWhere(f"{contact}.{field}", applies), label, scale)
 
     return [
         number("K_e", springs, "K_e [N/m]", log_scale(100, 1_000_000)),
-        NumberField(desk, PlaceWhere(estimate, foreseen), "K̂_e [N/m]", log_scale(100, 1_000_000)),
+        NumberField(desk, BindingWhere(estimate, foreseen), "K̂_e [N/m]", log_scale(100, 1_000_000)),
         number("B_e", springs, "B_e [N·s/m]", log_scale(1, 10_000, zero=True)),
         number("M_e", massive, "M_e [kg]", log_scale(0.01, 100, zero=True)),
-        Switch(desk, PlaceWhere(f"{contact}.unilateral", touches), "Pushes only"),
+        Switch(desk, BindingWhere(f"{contact}.unilateral", touches), "Pushes only"),
         number("friction_coulomb", touches, "friction μ", SliderScale(0, 1)),
         number("friction_viscous", touches, "viscous [N·s/m]", log_scale(0.1, 1000, zero=True)),
     ]
@@ -119,7 +119,7 @@ class WorldPanel:
         self._flat_tool = gui.add_folder("Flat tool", expand_by_default=False)
         with self._flat_tool:
             self._controls += [
-                Switch(desk, PlaceWhere("face.flat", _plain), "Touches with a flat face"),
+                Switch(desk, BindingWhere("face.flat", _plain), "Touches with a flat face"),
                 field_control(desk, "face.K_t", _flat),
                 field_control(desk, "face.K_t_hat", _aligned),
                 field_control(desk, "face.moment", _aligned),
@@ -130,15 +130,15 @@ class WorldPanel:
         with self._coupling:
             gui.add_html(_PAIRS)
             self._controls += [
-                NumberField(desk, PlaceWhere("coupling.K_e", _coupled), "K_e 12,13,23 [N/m]"),
-                NumberField(desk, PlaceWhere("coupling.K_e_hat", _coupled_estimates), "K̂_e 12,13,23 [N/m]"),
-                NumberField(desk, PlaceWhere("coupling.B_e", _coupled), "B_e 12,13,23 [N·s/m]"),
-                NumberField(desk, PlaceWhere("coupling.M_e", _coupled_masses), "M_e 12,13,23 [kg]"),
+                NumberField(desk, BindingWhere("coupling.K_e", _coupled), "K_e 12,13,23 [N/m]"),
+                NumberField(desk, BindingWhere("coupling.K_e_hat", _coupled_estimates), "K̂_e 12,13,23 [N/m]"),
+                NumberField(desk, BindingWhere("coupling.B_e", _coupled), "B_e 12,13,23 [N·s/m]"),
+                NumberField(desk, BindingWhere("coupling.M_e", _coupled_masses), "M_e 12,13,23 [kg]"),
             ]
         with gui.add_folder("Force sensor"):
             self._controls += [
                 *field_controls(desk, "sensor", [Sensor], {}),
-                Switch(desk, PlaceWhere("sensor.ideal", _heavy), "Ideal reading"),
+                Switch(desk, BindingWhere("sensor.ideal", _heavy), "Ideal reading"),
             ]
         with gui.add_folder("Integration of the plant"):
             self._controls += [
@@ -152,7 +152,7 @@ class WorldPanel:
                         "Runge-Kutta 4": "rk4",
                     },
                 ),
-                NumberField(desk, FieldPlace("simulation.substeps"), "substeps"),
+                NumberField(desk, FieldBinding("simulation.substeps"), "substeps"),
             ]
 
     def _add_further(self, desk: Desk, section: str) -> viser.GuiFolderHandle:

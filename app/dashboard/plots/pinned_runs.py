@@ -51,7 +51,7 @@ class PinnedChart:
 
     @classmethod
     def of(cls, run: Pinned) -> PinnedChart:
-        look = RunLook(run.title, RUNS[run.place], RUN_DASHES[run.place])
+        look = RunLook(run.title, RUNS[run.slot], RUN_DASHES[run.slot])
         return cls(look, run.scenario, run.recording, run.system.units, tuple(run.system.coordinates))
 
 

@@ -105,15 +105,15 @@ class TaskFrame:
             head_length=0.018,
             visible=False,
         )
-        self._places: Sequence[int] = (0, 1, 2)
+        self._indices: Sequence[int] = (0, 1, 2)
 
-    def show(self, charted: Surface | Corner, places: Sequence[int], p: np.ndarray, t: float) -> None:
-        """Show the first directions at the point p (3,) m. places: numbers of the coordinates that are positions."""
+    def show(self, charted: Surface | Corner, indices: Sequence[int], p: np.ndarray, t: float) -> None:
+        """Show the first directions at the point p (3,) m. indices: numbers of the coordinates that are positions."""
         # repeats the last one, since the number of arrows is fixed
-        drawn = np.minimum(np.arange(3), len(places) - 1)
-        if places != self._places:
-            self._places = places
-            self._arrows.colors = np.array([SERIES[i] for i in places], dtype=np.uint8)[drawn]
+        drawn = np.minimum(np.arange(3), len(indices) - 1)
+        if indices != self._indices:
+            self._indices = indices
+            self._arrows.colors = np.array([SERIES[i] for i in indices], dtype=np.uint8)[drawn]
         directions = task_directions(charted, p, t)[drawn]
         visible = bool(np.isfinite(directions).all())
         if visible:

@@ -33,13 +33,13 @@ class PinnedArms:
         for number, (pinned, arm) in list(self._arms.items()):
             now = runs.get(number)
             # a continued session numbers its pinned runs anew, and gives them other places
-            if now is None or now.recording is not pinned.recording or now.place != pinned.place:
+            if now is None or now.recording is not pinned.recording or now.slot != pinned.slot:
                 arm.remove()
                 del self._arms[number]
         for pinned in snapshot.pinned:
             q = posture(pinned, snapshot.t) if wanted and _same_arm(pinned, snapshot) else None
             if q is not None and pinned.number not in self._arms:
-                paint = Paint(RUNS[pinned.place], opacity=0.3, coat=_COAT)
+                paint = Paint(RUNS[pinned.slot], opacity=0.3, coat=_COAT)
                 view = RobotView(self._scene, pinned.system.robot, self._new_root(), _CELL, paint)
                 self._arms[pinned.number] = pinned, view
             if pinned.number in self._arms:

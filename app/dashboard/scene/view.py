@@ -107,7 +107,7 @@ class SceneView:
             arrow.show(start, force if options.forces else np.zeros(3), newtons)
         if options.frame:
             system = snapshot.system
-            self._frame.show(system.charted, system.layout.places, snapshot.tool, snapshot.t)
+            self._frame.show(system.charted, system.layout.position_indices, snapshot.tool, snapshot.t)
         else:
             self._frame.hide()
         if options.spring:

@@ -197,7 +197,7 @@ def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceR
             M_e=0.0,
             friction=friction,
             first=m,
-            directions=layout.end_of_places - m,
+            directions=layout.end_of_positions - m,
             normal=False,
         )
     return SurfaceRange(

@@ -180,7 +180,7 @@ def beside_diagonal(scenario: Scenario, name: str) -> np.ndarray:
     zero for a mass where the surfaces have none, and for every matrix of rigid surfaces."""
     natures = [each.contact.nature for each in scenario.surfaces]
     has = np.array([nature.massive if name == "M_e" else nature.springs for nature in natures], dtype=float)
-    whole, there = np.zeros((3, 3)), [each.place for each in scenario.surfaces]
+    whole, there = np.zeros((3, 3)), [each.index for each in scenario.surfaces]
     for pair, entry in zip(combinations(range(3), 2), getattr(scenario.coupling, name), strict=True):
         whole[pair] = whole[pair[::-1]] = entry
     return whole[np.ix_(there, there)] * np.outer(has, has)
@@ -251,7 +251,7 @@ def positions_of(robot: robots.Robot) -> int:
 
 def _free(mode: Mode, layout: TaskLayout) -> range:
     """Coordinates that a trajectory may move."""
-    return range(mode.force_directions, layout.n if layout.joint else layout.end_of_places)
+    return range(mode.force_directions, layout.n if layout.joint else layout.end_of_positions)
 
 
 def spread_over(path: str, displacement: tuple[float, ...], mode: Mode, layout: TaskLayout) -> np.ndarray:
@@ -280,7 +280,7 @@ def rotation_of(scenario: Scenario, layout: TaskLayout) -> Course:
             f"rotation.kind: {kind_of(path)!r}; allowed where r = q: 'hold', since motion moves the joints"
         )
     with scenario_errors():
-        course = course_of("rotation", path, n, range(layout.end_of_places, n))
+        course = course_of("rotation", path, n, range(layout.end_of_positions, n))
     return course._replace(u=layout.lengths * course.u, v=layout.lengths * course.v)
 
 

@@ -11,7 +11,7 @@ from controllers.modes import MODES
 
 def plant_key(scenario: Scenario) -> tuple[object, ...]:
     """Parts of the scenario that the plant is made of, besides arm and surfaces."""
-    rules, met = scenario.simulation, tuple((each.place, each.contact) for each in scenario.surfaces)
+    rules, met = scenario.simulation, tuple((each.index, each.contact) for each in scenario.surfaces)
     return scenario.truth, met, scenario.face, scenario.coupling, rules.integrator, rules.substeps
 
 

@@ -263,5 +263,5 @@ def _setting_of(system: System, *, online: bool) -> Setting:
 def _true_arm_of(system: System) -> TrueArm:
     declared, robot = system.scenario.declared, system.robot
     if not stated_in(declared):
-        return TrueArm.unjudged(system.nominal, robot.n)
+        return TrueArm.unchecked(system.nominal, robot.n)
     return TrueArm.of(declared, system.plant, robot, len(system.outsiders))

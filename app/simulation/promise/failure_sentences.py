@@ -15,8 +15,8 @@ from environments.contact import Holding
 
 def surface_named(system: System, number: int) -> str:
     """Words for a surface, counted from 0."""
-    place = system.scenario.surfaces[number].place
-    return "the surface" if len(system.surfaces) == 1 else f"the {('first', 'second', 'third')[place]} surface"
+    index = system.scenario.surfaces[number].index
+    return "the surface" if len(system.surfaces) == 1 else f"the {('first', 'second', 'third')[index]} surface"
 
 
 def last_loss(system: System, holding: Holding) -> str:

@@ -18,7 +18,7 @@ from app.simulation.promise.verdict import sentence
 from app.simulation.recording import Epoch
 from app.simulation.sampled_loop.sampled_force_loop import worst_gain_by_force
 from app.simulation.sampled_loop.sampled_stability import RespondingLoop, SampledLoop, SampledLoops
-from app.simulation.state import Flag, Judged, State, epoch_at
+from app.simulation.state import Flag, JudgedPosture, State, epoch_at
 from app.simulation.system import System
 from controllers.blend import ModelBlend, blended
 from controllers.posture_check import periods_between_checks
@@ -124,7 +124,7 @@ class PremiseWatch:
         may_leave = any(each.unilateral for each in system.plant.contacts[: len(system.surfaces)])
         if (system.plant.kind.rigid and (may_leave or absent > 0.0)) or limits.meets.any():
             self._state_premise(Premise.CONTACT, absent, 0.0)
-        state.judged = Judged(None, np.full(system.robot.n, np.nan), state.t, self.share)
+        state.judged = JudgedPosture(None, np.full(system.robot.n, np.nan), state.t, self.share)
         self.judge_posture(nearest)
 
     def _state_premise(self, premise: Premise, value: float, limit: float) -> None:
@@ -159,12 +159,12 @@ class PremiseWatch:
             moved = judged.station is not None or not np.abs(q - judged.q).max() <= self.near
             if not (moved or self.model_has_moved or self._changed_since(judged)):
                 return
-            state.judged = Judged(None, q.copy(), state.t, self.share)
+            state.judged = JudgedPosture(None, q.copy(), state.t, self.share)
         elif station == judged.station and not self.model_has_moved:
             return
         else:
             at = self._stations.q[station], float(self._stations.t[station])
-            state.judged = Judged(station, *at, self.share)
+            state.judged = JudgedPosture(station, *at, self.share)
         self._sampled = None
         for premise, value in self._judged_loop.premises.items():
             self._state_premise(premise, value, 1.0)
@@ -176,7 +176,7 @@ class PremiseWatch:
         """Whether the surfaces are somewhere that Omega does not cover."""
         return self._state.t > self.known_until + 0.5 * self._h
 
-    def _changed_since(self, judged: Judged) -> bool:
+    def _changed_since(self, judged: JudgedPosture) -> bool:
         """Whether a surface has turned, or may have changed otherwise, since the sampled loops were judged."""
         if not self._changing:
             return False
@@ -226,7 +226,7 @@ class PremiseWatch:
             self._loops = SampledLoops(self.system)
         return self._loops
 
-    def _known(self, judged: Judged, loop: Loop) -> Loop:
+    def _known(self, judged: JudgedPosture, loop: Loop) -> Loop:
         """Keep the sampled loop of the posture that was judged last, for all runs where it is of a station."""
         self._sampled = loop
         if judged.station is not None:

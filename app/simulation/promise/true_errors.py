@@ -65,7 +65,7 @@ class TrueArm(NamedTuple):
         )
 
     @classmethod
-    def unjudged(cls, believed: NominalModel, n: int) -> TrueArm:
+    def unchecked(cls, believed: NominalModel, n: int) -> TrueArm:
         """True arm of n joints of which nothing is judged; the believed one stands in its place."""
         return cls(
             judged=False,

@@ -50,7 +50,7 @@ def _push_axes(system: System, at: Posture) -> tuple[PushAxis, ...]:
         about = ("y",) if planar and layout.n > 2 else ("x", "y", "z") if layout.n > 5 else ()
         turns = {name: (f"about {name}", np.eye(3)["xyz".index(name)]) for name in about}
     else:
-        names = tuple(coordinates[i].name for i in layout.places)
+        names = tuple(coordinates[i].name for i in layout.position_indices)
         omega = at.estimate.J_w @ at.task.J_q_inv
         turns = {
             name: (f"about the axis of {name}", omega[:, i] / np.linalg.norm(omega[:, i]))

@@ -14,7 +14,7 @@ import viser
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.fields.controls import AwaitedAnswer, Desk, asked
-from app.dashboard.widgets.fields.field_place import FieldPlace
+from app.dashboard.widgets.fields.field_binding import FieldBinding
 from app.scenario.errors import ScenarioError
 from app.scenario.units import listed
 from app.session.commands import Edit, EditModel
@@ -25,7 +25,7 @@ OWN = "own URDF"
 
 
 @dataclass(frozen=True)
-class InForce(FieldPlace):
+class InForce(FieldBinding):
     """Place of a field whose value in force cannot be read from the scenario, where it may be left out or be written in
     several ways. of: returns the value in force."""
 
@@ -86,7 +86,7 @@ class Upload:
         """Do nothing: the button does not depend on the run."""
 
 
-class UrdfPlace(FieldPlace):
+class UrdfBinding(FieldBinding):
     """Place of the path of the running URDF, on the computer that runs the dashboard; empty for an arm of the
     catalogue."""
 
@@ -105,8 +105,8 @@ class ToolFrame:
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._answer = desk, AwaitedAnswer()
-        place = FieldPlace("robot.tool_frame")
-        self._dropdown: viser.GuiDropdownHandle[str] = desk.gui.add_dropdown("Tool frame", ["—"], hint=place.hint)
+        binding = FieldBinding("robot.tool_frame")
+        self._dropdown: viser.GuiDropdownHandle[str] = desk.gui.add_dropdown("Tool frame", ["—"], hint=binding.hint)
         self._dropdown.on_update(from_pages(self._on_update))
 
     async def _on_update(self, _: PageEvent) -> None:

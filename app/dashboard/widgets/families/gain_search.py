@@ -23,7 +23,7 @@ from app.dashboard.widgets.families.swept_fields import (
     require_ends,
 )
 from app.dashboard.widgets.fields.controls import Desk
-from app.dashboard.widgets.fields.field_place import NumberRow
+from app.dashboard.widgets.fields.field_binding import NumberRow
 from app.dashboard.widgets.run.whatif import HeldControl
 from app.export.export_jobs import MadeJob, file_name
 from app.scenario.data import differences, field_of, with_values
@@ -85,7 +85,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._add_length()
         self._seed = gui.add_text("Seed", "0", hint="The same seed has the same answer.")
         self._add_button()
-        self._verdict = gui.add_html("")
+        self._conclusions = gui.add_html("")
         self._file = gui.add_button("This search as a folder", color="gray", visible=False, hint="As `vsmrc tune` has.")
         self._add_mark(FIELD)
         self._file.on_click(guarded(self._on_file, desk.complain))
@@ -239,19 +239,19 @@ class GainSearch(BesideLoop[BackgroundTuning]):
     def _drawn(self, work: BackgroundTuning, snapshot: Snapshot) -> str:
         if work.found is not self._told:
             self._told = work.found
-            self._verdict.content = "" if work.found is None else _verdict_html(work.tuning, work.found)
+            self._conclusions.content = "" if work.found is None else _conclusions_html(work.tuning, work.found)
         if self._file.visible != (work.found is not None):
             self._file.visible = work.found is not None
         present = task_of(work.tuning.scenario) == task_of(snapshot.scenario)
         return ("" if present else earlier_html("The search")) + candidates_html(work, self._names, self._chosen)
 
 
-def _verdict_html(tuning: Tuning, found: Found) -> str:
+def _conclusions_html(tuning: Tuning, found: Found) -> str:
     """Sentences on what a search has found, as HTML."""
     from app.tune import outcome  # here: pyarrow is large, and few sessions need it
 
     names = {each.number: name_of(each.number) for each in offered(tuning, found)}
-    sentences = "".join(f"<div>{escape(sentence)}.</div>" for sentence in outcome.verdict(tuning, found, names))
+    sentences = "".join(f"<div>{escape(sentence)}.</div>" for sentence in outcome.conclusions(tuning, found, names))
     return f'<div class="vs-note">{sentences}</div>'
 
 

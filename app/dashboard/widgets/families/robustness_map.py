@@ -23,7 +23,7 @@ from app.dashboard.widgets.families.swept_fields import (
     require_ends,
 )
 from app.dashboard.widgets.fields.controls import Desk
-from app.dashboard.widgets.fields.field_place import NumberRow
+from app.dashboard.widgets.fields.field_binding import NumberRow
 from app.export.export_jobs import MadeJob, file_name
 from app.export.formats import FIGURE_FORMATS
 from app.scenario.departures import DRAWN

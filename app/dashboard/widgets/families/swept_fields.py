@@ -11,7 +11,7 @@ import numpy as np
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Desk
-from app.dashboard.widgets.fields.field_place import FieldPlace, NumberRow
+from app.dashboard.widgets.fields.field_binding import FieldBinding, NumberRow
 from app.scenario.data import found_at, with_value, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.idle_fields import idle
@@ -33,23 +33,23 @@ class Field:
     path: dotted.
     low, high: initial range.
     logarithmic: whether its values are even steps of the logarithm.
-    place: of the control from which the field was chosen, None for a field that is always offered."""
+    binding: of the control from which the field was chosen, None for a field that is always offered."""
 
     name: str
     path: str
     low: float
     high: float
     logarithmic: bool = False
-    place: FieldPlace | None = None
+    binding: FieldBinding | None = None
 
     def needs(self, snapshot: Snapshot) -> Mapping[str, Any]:
         """Values, by path, that the scenario must get before this field can be set: a matrix that it leaves to the
         mode."""
-        return {} if self.place is None else self.place.entry(snapshot)[1]
+        return {} if self.binding is None else self.binding.entry(snapshot)[1]
 
     def value(self, snapshot: Snapshot) -> float | None:
         """Present value, None where the scenario has no such number."""
-        found: Any = found_at(snapshot.scenario, self.path) if self.place is None else self.place.read(snapshot)
+        found: Any = found_at(snapshot.scenario, self.path) if self.binding is None else self.binding.read(snapshot)
         return float(found) if isinstance(found, int | float) else None
 
     def require_there(self, scenario: Scenario) -> None:
@@ -93,11 +93,11 @@ GAINS = tuple(each for each in FIELDS if each.path.startswith("controller.") and
 
 def field_of_row(row: NumberRow, snapshot: Snapshot) -> Field:
     """Field of a control's row, around its present value. Raises ScenarioError where it is no single number."""
-    value, scale = row.place.read(snapshot), row.scale
+    value, scale = row.binding.read(snapshot), row.scale
     if scale is None or not isinstance(value, int | float):
         raise ScenarioError(f"{row.label}: it has no slider now; allowed: a field with one")
     try:
-        path, _ = row.place.entry(snapshot)
+        path, _ = row.binding.entry(snapshot)
     except ValueError as error:
         raise ScenarioError(f"{row.label}: {error}") from error
     low, high = scale.low, scale.high
@@ -105,7 +105,7 @@ def field_of_row(row: NumberRow, snapshot: Snapshot) -> Field:
         low, high = max(low, float(f"{value / DECADE:.1g}")), min(high, float(f"{value * DECADE:.1g}"))
         if not low < high:  # the present value was typed, and is beyond the slider's ends
             low, high = scale.low, scale.high
-    return Field(title_of(path), path, low, high, scale.logarithmic, row.place)
+    return Field(title_of(path), path, low, high, scale.logarithmic, row.binding)
 
 
 class FieldChoice:

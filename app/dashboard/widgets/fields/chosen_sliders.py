@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from app.dashboard.widgets.fields.controls import Desk, NumberField
-from app.dashboard.widgets.fields.field_place import NumberRow
+from app.dashboard.widgets.fields.field_binding import NumberRow
 from app.session.snapshot import Snapshot
 
 MOST = 3
@@ -27,19 +27,19 @@ class ChosenSliders:
     def choose(self, row: NumberRow) -> None:
         """Add a row, in place of the one that was left alone longest."""
         if row.scale is not None:
-            others = tuple((other, names) for other, names in self._moved if other.place != row.place)
+            others = tuple((other, names) for other, names in self._moved if other.binding != row.binding)
             self._moved = ((row, _names(self._desk.snapshot())), *others)[:MOST]
 
     def show(self, snapshot: Snapshot) -> None:
         present = _names(snapshot)
         moved = [row for row, names in self._moved if names == present]
-        places = [row.place for row in moved]
-        for number in [number for number in self._numbers if number.row.place not in places]:
+        bindings = [row.binding for row in moved]
+        for number in [number for number in self._numbers if number.row.binding not in bindings]:
             self._numbers.remove(number)
             number.remove()
-        shown = [number.row.place for number in self._numbers]
+        shown = [number.row.binding for number in self._numbers]
         with self._folder:
-            self._numbers += [NumberField(self._desk, *row) for row in moved if row.place not in shown]
+            self._numbers += [NumberField(self._desk, *row) for row in moved if row.binding not in shown]
         for number in self._numbers:
             number.show(snapshot)
         if self._folder.visible != bool(moved):

@@ -20,7 +20,7 @@ from app.dashboard.theme.style import COMMITS, ESCAPED, MOVED, RELEASED, SWEPT, 
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.fields.edit_lock import EditLock
-from app.dashboard.widgets.fields.field_place import FINE_STEP, FieldPlace, NumberRow, PlaceWhere, SliderScale
+from app.dashboard.widgets.fields.field_binding import FINE_STEP, BindingWhere, FieldBinding, NumberRow, SliderScale
 from app.dashboard.widgets.fields.matrix_text import read_back, require_point, written
 from app.dashboard.widgets.run.whatif import HeldControl, WhatIf
 from app.export.export_jobs import ExportJobs
@@ -131,8 +131,8 @@ def labelled(label: str, unit: str) -> str:
 class NumberField:
     """Control of a number: a text field, which takes effect on Enter or when it is left, and a slider."""
 
-    def __init__(self, desk: Desk, place: FieldPlace, label: str, scale: SliderScale | None = None) -> None:
-        self._desk, self._place, self._label, self._scale = desk, place, label, scale
+    def __init__(self, desk: Desk, binding: FieldBinding, label: str, scale: SliderScale | None = None) -> None:
+        self._desk, self._binding, self._label, self._scale = desk, binding, label, scale
         self._plain_label, self._units = label, CARTESIAN
         self._answer = AwaitedAnswer()
         self._held: float | None = None  # value of the slider that a page holds, which another page may hide
@@ -141,17 +141,17 @@ class NumberField:
         self._before: Snapshot | None = None  # when it was moved first, where it applies its values at once
         self._form = desk.gui.add_form(None)
         with self._form:
-            self._text = desk.gui.add_text(label, "", hint=place.hint)
+            self._text = desk.gui.add_text(label, "", hint=binding.hint)
             self._text.on_update(from_pages(self._on_text))
             self._slider = None
             if scale is not None:
-                self._slider = desk.gui.add_slider("", 0.0, 1.0, FINE_STEP, 0.0, marks=(), hint=place.hint)
+                self._slider = desk.gui.add_slider("", 0.0, 1.0, FINE_STEP, 0.0, marks=(), hint=binding.hint)
                 self._slider.on_update(from_pages(self._on_slider))
 
     @property
     def row(self) -> NumberRow:
         """Row of this control with its present label."""
-        return NumberRow(self._place, self._label, self._scale)
+        return NumberRow(self._binding, self._label, self._scale)
 
     def remove(self) -> None:
         """Remove the control from the page."""
@@ -171,14 +171,14 @@ class NumberField:
             return
         snapshot = self._desk.snapshot()
         self._text.value = text = without_marks(self._text.value).strip()
-        running = self._place.read(snapshot)
+        running = self._binding.read(snapshot)
         if running is None:
             return
         try:
             if isinstance(running, int | float):
                 require_point(text)
             value = read_back(text) if text else running
-            edit = self._place.edit(snapshot, value)
+            edit = self._binding.edit(snapshot, value)
         except ValueError as error:
             self._desk.complain(f"{self._label}: {error}")
             self._show_again(snapshot)
@@ -193,11 +193,11 @@ class NumberField:
         if self._slider is None or self._scale is None:
             return
         snapshot, value = self._desk.snapshot(), self._scale.value(self._slider.value)
-        if self._place.read(snapshot) is None:  # the new scenario has no such field: the row is being hidden
+        if self._binding.read(snapshot) is None:  # the new scenario has no such field: the row is being hidden
             return
         self._text.value = written(value)
         self._desk.choose(self.row)
-        edit = self._place.edit(snapshot, value)
+        edit = self._binding.edit(snapshot, value)
         self._held, self._held_until, self._hold = value, time.monotonic() + LONGEST, None
         if self._desk.whatif.on:
             value_text, client = f"{written(value)} {self._unit_beside(snapshot)}".rstrip(), event.client.client_id
@@ -212,15 +212,15 @@ class NumberField:
 
     def _unit_beside(self, snapshot: Snapshot) -> str:
         """Unit of the number where the label has none and r is not q."""
-        info = self._place.info
+        info = self._binding.info
         plain = info is None or "[" in self._label or snapshot.system.layout.joint
         if plain or info is None or info.unit == "1":
             return ""
-        return unit_in(snapshot.system.units, self._place.path, info.unit)
+        return unit_in(snapshot.system.units, self._binding.path, info.unit)
 
     def _let_go(self, *, apply: bool) -> None:
         snapshot = self._desk.snapshot()
-        running = self._place.read(snapshot)
+        running = self._binding.read(snapshot)
         if running is None:
             self._desk.whatif.let_go(self)
             return
@@ -229,11 +229,11 @@ class NumberField:
         there = there and (self._held_now(snapshot) or not self._desk.whatif.on)
         held, before = self._held if there else None, self._before or snapshot
         self._forget()
-        usual = self._place.read(before)
+        usual = self._binding.read(before)
         # a slider that was not moved shows its value only roughly
         value = usual if not apply else running if held is None else held
         self._text.value = written(value)  # removes the mark
-        edit, changed = self._place.edit(snapshot, value), written(value) != written(running)
+        edit, changed = self._binding.edit(snapshot, value), written(value) != written(running)
         # before the slider counts as let go, since the page may be drawn in between
         posted = not changed or self._ask(snapshot, edit)
         if apply and posted and written(value) != written(usual):
@@ -256,8 +256,8 @@ class NumberField:
         self._held, self._held_until, self._before = None, -math.inf, None
 
     def _moved(self, snapshot: Snapshot, value: float) -> dict[object, float]:
-        """The value by each place that an edit of this one sets."""
-        return dict.fromkeys(self._place.moved(snapshot), value)
+        """The value by each binding that an edit of this one sets."""
+        return dict.fromkeys(self._binding.moved(snapshot), value)
 
     def _show_again(self, snapshot: Snapshot) -> None:
         """Show the running value, without waiting for an answer."""
@@ -269,7 +269,7 @@ class NumberField:
         return asked(self._desk, snapshot, edit, self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
-        value = self._place.read(snapshot)
+        value = self._binding.read(snapshot)
         if self._form.visible != (value is not None):
             self._form.visible = value is not None
         if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
@@ -278,7 +278,7 @@ class NumberField:
             return
         if snapshot.system.units != self._units:
             self._show_units(snapshot.system.units)
-        value = self._desk.whatif.moved(snapshot).get(self._place, value)
+        value = self._desk.whatif.moved(snapshot).get(self._binding, value)
         self._text.value = written(value)
         if self._slider is not None and self._scale is not None:
             slides = isinstance(value, float | int)  # several numbers do not fit on one slider
@@ -289,12 +289,12 @@ class NumberField:
 
     def _show_units(self, units: Units) -> None:
         self._units = units
-        label = label_in(units, self._place.path, self._plain_label)
+        label = label_in(units, self._binding.path, self._plain_label)
         if "[" in label:  # others have the name of their coordinate, see `set_label`
             self.set_label(label)
         for widget in (self._text, self._slider):
             if widget is not None:
-                widget.hint = self._place.hint_in(units)
+                widget.hint = self._binding.hint_in(units)
 
     def set_label(self, label: str) -> None:
         self._label = self._text.label = label
@@ -308,7 +308,7 @@ class NumberField:
 class Dropdown:
     """Dropdown of a field.
     options: values in the scenario by the text shown.
-    applies: see `PlaceWhere`, None for a field of every scenario.
+    applies: see `BindingWhere`, None for a field of every scenario.
     hint: what is chosen, where the field's meaning in the schema does not say it."""
 
     def __init__(
@@ -321,18 +321,18 @@ class Dropdown:
         hint: str = "",
     ) -> None:
         self._desk, self._options = desk, dict(options)
-        self._place = FieldPlace(path) if applies is None else PlaceWhere(path, applies)
+        self._binding = FieldBinding(path) if applies is None else BindingWhere(path, applies)
         self._shown = {value: title for title, value in options.items()}
         self._answer = AwaitedAnswer()
-        self._dropdown = desk.gui.add_dropdown(label, tuple(options), hint=hint or self._place.hint)
+        self._dropdown = desk.gui.add_dropdown(label, tuple(options), hint=hint or self._binding.hint)
         self._dropdown.on_update(from_pages(self._on_update))
 
     async def _on_update(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
-        asked(self._desk, snapshot, Edit(self._place.path, self._options[self._dropdown.value]), self._answer)
+        asked(self._desk, snapshot, Edit(self._binding.path, self._options[self._dropdown.value]), self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
-        value = self._place.read(snapshot)
+        value = self._binding.read(snapshot)
         value = kind_of(value) if isinstance(value, Struct) else value
         if self._dropdown.visible != (value is not None):
             self._dropdown.visible = value is not None
@@ -343,18 +343,18 @@ class Dropdown:
 class Switch:
     """Checkbox of a field that is true or false."""
 
-    def __init__(self, desk: Desk, place: FieldPlace, label: str) -> None:
-        self._desk, self._place = desk, place
+    def __init__(self, desk: Desk, binding: FieldBinding, label: str) -> None:
+        self._desk, self._binding = desk, binding
         self._answer = AwaitedAnswer()
-        self._checkbox = desk.gui.add_checkbox(label, False, hint=self._place.hint)
+        self._checkbox = desk.gui.add_checkbox(label, False, hint=self._binding.hint)
         self._checkbox.on_update(from_pages(self._on_update))
 
     async def _on_update(self, _: PageEvent) -> None:
         snapshot = self._desk.snapshot()
-        asked(self._desk, snapshot, Edit(self._place.path, self._checkbox.value), self._answer)
+        asked(self._desk, snapshot, Edit(self._binding.path, self._checkbox.value), self._answer)
 
     def show(self, snapshot: Snapshot) -> None:
-        value = self._place.read(snapshot)
+        value = self._binding.read(snapshot)
         if self._checkbox.visible != (value is not None):
             self._checkbox.visible = value is not None
         if value is not None and not self._answer.awaited(snapshot):

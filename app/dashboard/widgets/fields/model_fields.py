@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from msgspec import to_builtins
 
-from app.dashboard.widgets.fields.field_place import FieldPlace
+from app.dashboard.widgets.fields.field_binding import FieldBinding
 from app.dashboard.widgets.fields.matrix_text import written
 from app.dashboard.widgets.target_model.equation import is_fixed
 from app.scenario.units import Units
@@ -42,7 +42,7 @@ def oscillators_of(snapshot: Snapshot) -> Oscillators:
 
 
 def alone() -> bool:
-    """Answer of a place that is not linked to others: False."""
+    """Answer of a number that is not linked to others: False."""
     return False
 
 
@@ -55,7 +55,7 @@ def alike(snapshot: Snapshot, index: int, values: np.ndarray) -> list[int]:
 
 
 @dataclass(frozen=True)
-class DiagonalPlace(FieldPlace):
+class DiagonalBinding(FieldBinding):
     """Place of entry `index` on the diagonal of a matrix of the target model in force.
     linked: whether an edit also sets the equal entries of like coordinates that the mode leaves free."""
 
@@ -69,13 +69,13 @@ class DiagonalPlace(FieldPlace):
     def edit(self, snapshot: Snapshot, value: Any) -> EditModel:
         return EditModel({self._name: dict.fromkeys(self._set(snapshot), _single(value))})
 
-    def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
+    def moved(self, snapshot: Snapshot) -> tuple[FieldBinding, ...]:
         return tuple(replace(self, index=i) for i in self._set(snapshot))
 
     def _set(self, snapshot: Snapshot) -> list[int]:
         """Coordinates that an edit sets."""
-        places = alike(snapshot, self.index, np.diag(self._matrix(snapshot))) if self.linked() else [self.index]
-        return [i for i in places if i == self.index or not is_fixed(snapshot, self._name, i)]
+        indices = alike(snapshot, self.index, np.diag(self._matrix(snapshot))) if self.linked() else [self.index]
+        return [i for i in indices if i == self.index or not is_fixed(snapshot, self._name, i)]
 
     def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
         matrix, place = diagonal_or_rows(self._matrix(snapshot)), str(self.index + 1)
@@ -91,7 +91,7 @@ class DiagonalPlace(FieldPlace):
 
 
 @dataclass(frozen=True)
-class OscillatorPlace(FieldPlace):
+class OscillatorBinding(FieldBinding):
     """Place of omega or zeta of coordinate `index`; an edit keeps M_m and the other of the two. See
     `controllers.second_order`.
     linked: whether an edit also sets like coordinates with the same value."""
@@ -112,7 +112,7 @@ class OscillatorPlace(FieldPlace):
             raise ValueError(f"{written(number)}; allowed: a number > 0")
         return EditModel({self.kind: dict.fromkeys(self._set(snapshot), number)})
 
-    def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
+    def moved(self, snapshot: Snapshot) -> tuple[FieldBinding, ...]:
         return tuple(replace(self, index=i) for i in self._set(snapshot))
 
     def _set(self, snapshot: Snapshot) -> list[int]:

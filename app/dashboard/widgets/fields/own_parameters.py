@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from app.dashboard.widgets.fields.controls import Desk, NumberField, labelled
-from app.dashboard.widgets.fields.field_place import FieldPlace, SliderScale, log_scale
+from app.dashboard.widgets.fields.field_binding import FieldBinding, SliderScale, log_scale
 from app.scenario.field_info import FieldInfo
 from app.session.snapshot import Snapshot
 from parameters import Parameter
@@ -15,7 +15,7 @@ WIDE = 100.0  # ratio of its bounds from which on a slider is logarithmic
 
 
 @dataclass(frozen=True)
-class OwnPlace(FieldPlace):
+class OwnBinding(FieldBinding):
     """Place of an own parameter in the scenario. running: returns its present value, None where the law, surface or
     trajectory is not in use."""
 
@@ -32,6 +32,6 @@ class OwnPlace(FieldPlace):
 
 
 def own_number(desk: Desk, path: str, p: Parameter, running: Callable[[Snapshot], float | None]) -> NumberField:
-    """Control of an own parameter. path: of its place in the scenario, dotted. running: see `OwnPlace`."""
+    """Control of an own parameter. path: of its place in the scenario, dotted. running: see `OwnBinding`."""
     scale = log_scale(p.low, p.high) if p.low > 0.0 and p.high >= WIDE * p.low else SliderScale(p.low, p.high)
-    return NumberField(desk, OwnPlace(path, p, running), labelled(p.name, p.unit), scale)
+    return NumberField(desk, OwnBinding(path, p, running), labelled(p.name, p.unit), scale)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from app.dashboard.widgets.fields.controls import Control, Desk, Dropdown, NumberField, labelled
-from app.dashboard.widgets.fields.field_place import FieldPlace, PlaceWhere, SliderScale
+from app.dashboard.widgets.fields.field_binding import BindingWhere, FieldBinding, SliderScale
 from app.dashboard.widgets.fields.own_parameters import own_number
 from app.dashboard.widgets.fields.text_field import TextField
 from app.scenario.data import OWN, kind_of
@@ -33,7 +33,7 @@ def kind_choice(
     """Menu of a section's kinds.
     kinds: allowed ones, each with its `title`.
     own: those of the user's own files, by kind.
-    applies: see `PlaceWhere`.
+    applies: see `BindingWhere`.
     hint: what is chosen, in words."""
     options = {kind.title: str(kind.__struct_config__.tag) for kind in kinds}
     options = {title: kind for title, kind in options.items() if kind != OWN}
@@ -56,24 +56,24 @@ def field_controls(
 
 def field_control(desk: Desk, path: str, applies: _Applies | None = None) -> Control:
     """Control of the field at a dotted path, with the label, slider or menu that the schema's `Widget` for it says.
-    applies: see `PlaceWhere`."""
+    applies: see `BindingWhere`."""
     info = field_info(path)
     if (shown := info.widget) is None:
         raise ValueError(f"{path} has no widget in the schema")
-    place = FieldPlace(path) if applies is None else PlaceWhere(path, applies)
+    binding = FieldBinding(path) if applies is None else BindingWhere(path, applies)
     if shown.options:
         return Dropdown(desk, path, shown.label, dict(shown.options), applies)
     if info.text:
-        return TextField(desk, place, shown.label)
+        return TextField(desk, binding, shown.label)
     scale = None
     if shown.low is not None and shown.high is not None:
         scale = SliderScale(shown.low, shown.high, shown.logarithmic, shown.zero)
-    return NumberField(desk, place, labelled(shown.label, info.unit), scale)
+    return NumberField(desk, binding, labelled(shown.label, info.unit), scale)
 
 
 def _own_parameter(desk: Desk, section: str, kind: str, p: Parameter) -> NumberField:
     def running(snapshot: Snapshot) -> float | None:
-        now = FieldPlace(section).read(snapshot)
+        now = FieldBinding(section).read(snapshot)
         return now.parameters.get(p.name, p.value) if now is not None and kind_of(now) == kind else None
 
     return own_number(desk, f"{section}.parameters.{p.name}", p, running)

@@ -9,7 +9,7 @@ from html import escape
 from app.dashboard.theme.style import COMMITS, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Desk
-from app.dashboard.widgets.fields.field_place import FieldPlace
+from app.dashboard.widgets.fields.field_binding import FieldBinding
 from app.scenario.units import label_in
 from app.session.snapshot import Snapshot
 
@@ -54,12 +54,12 @@ class TextField:
     """Wide text field of the scenario, in which a refused text stays for a while, to be corrected. As long as it shows
     another text than the one in force, a note below says so: every page shows the same text."""
 
-    def __init__(self, desk: Desk, place: FieldPlace, label: str) -> None:
-        self._desk, self._place, self._plain_label = desk, place, label
+    def __init__(self, desk: Desk, binding: FieldBinding, label: str) -> None:
+        self._desk, self._binding, self._plain_label = desk, binding, label
         self._draft: _Draft | None = None
         self._form = desk.gui.add_form(None)
         with self._form:
-            self._text = desk.gui.add_text(label, "", hint=place.hint)
+            self._text = desk.gui.add_text(label, "", hint=binding.hint)
             self._text.on_update(from_pages(self._on_text))
         self._note = desk.gui.add_html("", visible=False)
 
@@ -73,16 +73,16 @@ class TextField:
         if not text.strip():  # Esc, or nothing to read
             self._draft = None
             self.show(snapshot)
-        elif text != self._place.read(snapshot) and self._desk.post(self._place.edit(snapshot, text)):
+        elif text != self._binding.read(snapshot) and self._desk.post(self._binding.edit(snapshot, text)):
             self._draft = _Draft(text, snapshot.run, now, (snapshot.revision, snapshot.refusal_number))
 
     def show(self, snapshot: Snapshot) -> None:
-        value = self._place.read(snapshot)
+        value = self._binding.read(snapshot)
         if self._form.visible != (value is not None):
             self._form.visible = value is not None
         if self._draft is not None and self._draft.over(snapshot, value):
             self._draft = None
-        self._text.label = label_in(snapshot.system.units, self._place.path, self._plain_label)
+        self._text.label = label_in(snapshot.system.units, self._binding.path, self._plain_label)
         if value is not None and self._draft is None:
             self._text.value = value
         self._show_note("" if value is None or self._draft is None else self._draft.note(snapshot, value))

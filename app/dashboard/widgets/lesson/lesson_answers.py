@@ -14,13 +14,13 @@ from app.dashboard.transport.callback_errors import Fault
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.fields.controls import Desk, NumberField
-from app.dashboard.widgets.fields.field_place import FieldPlace, SliderScale
-from app.dashboard.widgets.fields.model_fields import DiagonalPlace
+from app.dashboard.widgets.fields.field_binding import FieldBinding, SliderScale
+from app.dashboard.widgets.fields.model_fields import DiagonalBinding
 from app.dashboard.widgets.lesson.outcome_chart import pad_html
 from app.lessons import blocks
 from app.lessons.answers import Answer
 from app.lessons.course import LessonCourse
-from app.lessons.goals import judged
+from app.lessons.goals import goal_result
 from app.lessons.lesson import LessonStep
 from app.lessons.measures import Unmet
 from app.scenario.errors import ScenarioError
@@ -205,7 +205,7 @@ class GoalControls:
             with self._folder:
                 self._rows = [
                     NumberField(
-                        self._desk, _place(each), each.label, SliderScale(each.low, each.high, each.logarithmic)
+                        self._desk, _binding(each), each.label, SliderScale(each.low, each.high, each.logarithmic)
                     )
                     for each in goal.controls
                 ]
@@ -229,7 +229,7 @@ class GoalControls:
         if self._missed_in != snapshot.run:
             try:
                 stopped = snapshot.phase == "stopped"
-                result = judged(course.step, snapshot.latest, snapshot.recording, snapshot.end, stopped=stopped)
+                result = goal_result(course.step, snapshot.latest, snapshot.recording, snapshot.end, stopped=stopped)
             except ScenarioError as error:
                 return f'<div class="vs-note">{escape(str(error))}</div>'
             if result.waiting:
@@ -263,6 +263,6 @@ def missed_html(missed: Unmet, goal: blocks.Goal, language: str) -> str:
     )
 
 
-def _place(control: blocks.GoalSlider) -> FieldPlace:
+def _binding(control: blocks.GoalSlider) -> FieldBinding:
     field, _, last = control.path.rpartition(".")
-    return DiagonalPlace(field, int(last) - 1) if last.isdecimal() else FieldPlace(control.path)
+    return DiagonalBinding(field, int(last) - 1) if last.isdecimal() else FieldBinding(control.path)

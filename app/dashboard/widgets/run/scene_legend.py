@@ -68,10 +68,10 @@ def legend_html(options: SceneOptions, legend: Legend, snapshot: Snapshot) -> st
         times = "" if options.times == 1.0 else f", deflection × {options.times:g}"
         model.append(_key(MODEL, f"spring and damper of (8){times}"))
     if options.frame:
-        positions = () if snapshot.system.layout.joint else snapshot.system.layout.places
+        positions = () if snapshot.system.layout.joint else snapshot.system.layout.position_indices
         frame += [_key(SERIES[i], snapshot.coordinates[i].name) for i in positions]
     if options.pinned_arms and snapshot.pinned:
-        arms += [_key(RUNS[pinned.place], escape(pinned.title)) for pinned in snapshot.pinned]
+        arms += [_key(RUNS[pinned.slot], escape(pinned.title)) for pinned in snapshot.pinned]
     if options.ghost and legend.ghost is not None:
         away = legend.ghost if isinstance(legend.ghost, str) else f"{1e3 * legend.ghost:.3f} mm away"
         arms.append(_key(GHOST, f"ghost, {away}"))

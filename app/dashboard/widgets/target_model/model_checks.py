@@ -15,7 +15,7 @@ from app.dashboard.widgets.fields.matrix_text import short
 from app.dashboard.widgets.run.whatif import changed
 from app.dashboard.widgets.target_model.pole_drag import draggable
 from app.dashboard.widgets.target_model.pole_map import grouped, pole_map_html
-from app.dashboard.widgets.theorem.theorem_table import judged
+from app.dashboard.widgets.theorem.theorem_table import number_chip
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
@@ -116,9 +116,9 @@ def checks_html(snapshot: Snapshot, edit: Edit | EditModel | None) -> str:
             problem = requested.refusal
         except (ScenarioError, InvalidGain) as error:
             problem = str(error)
-    verdicts = _verdict(now, "")
+    verdicts = _stability_chip(now, "")
     if requested is not None:
-        verdicts += _verdict(requested, "asked: ")
+        verdicts += _stability_chip(requested, "asked: ")
     message = f'<div class="vs-message vs-bad">{escape(refusal_in_words(problem))}</div>' if problem else ""
     rings = [] if requested is None else grouped(requested.poles)
     return (
@@ -128,7 +128,7 @@ def checks_html(snapshot: Snapshot, edit: Edit | EditModel | None) -> str:
     )
 
 
-def _verdict(judgement: Judgement, prefix: str) -> str:
+def _stability_chip(judgement: Judgement, prefix: str) -> str:
     word, look = ("stable", "vs-good") if judgement.slowest < 0.0 else ("not stable", "vs-bad")
     rightmost = f"{judgement.slowest:.3g}".replace("-", "−")
     return chip(f"{prefix}{word}, rightmost pole at {rightmost} 1/s", look)
@@ -158,9 +158,9 @@ def loops_html(snapshot: Snapshot) -> str:
     live = snapshot.live
     rows = []
     if math.isfinite(factor := live.get("force_loop_factor", math.nan)):
-        rows.append(("force loop, |factor| alone &lt; 1", judged(factor, low=-1.0, high=1.0)))
+        rows.append(("force loop, |factor| alone &lt; 1", number_chip(factor, low=-1.0, high=1.0)))
     if math.isfinite(factor := live.get("layer_loop_factor", math.nan)):
-        rows.append((f"{STATEMENTS[Premise.LAYER].title}, factor &lt; 2", judged(factor, high=2.0)))
+        rows.append((f"{STATEMENTS[Premise.LAYER].title}, factor &lt; 2", number_chip(factor, high=2.0)))
     rows += _margins(snapshot.sampled.force_loop)
     body = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in rows)
     return (f'<table class="vs-facts">{body}</table>' if rows else "") + _sampled_poles(snapshot)

@@ -71,7 +71,7 @@ def _facts(snapshot: Snapshot) -> list[_Fact]:
             _Fact(
                 "force loop, factor alone",
                 f"|{live.number('force_loop_factor')}| &lt; 1",
-                verdict(holds=abs(force_loop) < 1.0),
+                holds_chip(holds=abs(force_loop) < 1.0),
                 "factor by which one sample multiplies an error of the fed-back force; the premise of the sampled "
                 "force loop adds the part that d by (17) causes",
             )
@@ -108,13 +108,13 @@ def _facts_of_gain_and_bound(snapshot: Snapshot, live: _LiveNumbers) -> list[_Fa
         _Fact(
             "gain d (17)",
             live.against("d", "≥", "d_required", units.force),
-            judged(numbers["gain_margin"], f" {units.force}", low=-1e-9),
+            number_chip(numbers["gain_margin"], f" {units.force}", low=-1e-9),
             "gain d, the gain that (17) requires including ε, and what is spare; with d by theorem that is 0",
         ),
         _Fact(
             "‖s‖, (20) + band",
             f"{live.number('s_norm', 1e3)} ≤ {bound} {units.rate}",
-            verdict(holds=numbers["s_norm"] <= allowed) if math.isfinite(allowed) else "",
+            holds_chip(holds=numbers["s_norm"] <= allowed) if math.isfinite(allowed) else "",
             "the sliding variable and its bound, (20) plus the band of sampling and boundary layer; — where "
             "nothing is promised",
         ),
@@ -125,7 +125,7 @@ def _facts_of_gain_and_bound(snapshot: Snapshot, live: _LiveNumbers) -> list[_Fa
     layer = STATEMENTS[Premise.LAYER]
     limit = snapshot.metrics.evaluation.read().table.limit[Premise.LAYER]
     value = f"{live.number('layer_loop_factor')} {escape(layer.sign)} {limit:g}"
-    facts.append(_Fact(layer.title, value, verdict(holds=numbers["layer_loop_factor"] < limit), layer.why))
+    facts.append(_Fact(layer.title, value, holds_chip(holds=numbers["layer_loop_factor"] < limit), layer.why))
     return facts
 
 
@@ -136,17 +136,17 @@ def _reached(since: float, measured: float | None, promised: float | None) -> tu
     if promised is None:
         unit = "" if measured is None else " s"
         return f"{after}{unit}, no time promised", "", "the measured time, since the last change"
-    badge = "" if measured is None else verdict(holds=measured <= promised + 1e-9)
+    badge = "" if measured is None else holds_chip(holds=measured <= promised + 1e-9)
     title = "the measured time and the promised one, since the last change"
     return f"{after} ≤ {promised - since:.3g} s", badge, title
 
 
-def verdict(*, holds: bool) -> str:
+def holds_chip(*, holds: bool) -> str:
     """Chip that says whether a condition holds."""
     return chip("holds", "vs-good") if holds else chip("violated", "vs-bad")
 
 
-def judged(value: float, unit: str = "", low: float = -math.inf, high: float = math.inf) -> str:
+def number_chip(value: float, unit: str = "", low: float = -math.inf, high: float = math.inf) -> str:
     """Number as a chip, green within its limits and red outside; "—" where there is none."""
     if not math.isfinite(value):
         return "—"

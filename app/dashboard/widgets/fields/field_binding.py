@@ -19,7 +19,7 @@ STEP = 0.002  # step without Shift; `rows.js` makes it of ten FINE_STEP
 
 
 @dataclass(frozen=True)
-class FieldPlace:
+class FieldBinding:
     """Place of a control's value in the scenario: a field by its dotted path."""
 
     path: str
@@ -32,7 +32,7 @@ class FieldPlace:
         return value
 
     def edit(self, snapshot: Snapshot, value: Any) -> Edit | EditModel:
-        """Command that gives this place a value. A place that is part of a field takes the rest of it from the
+        """Command that sets this number. A number that is part of a field takes the rest of it from the
         snapshot; where one number is shown of a field that holds a list, one number can be typed.
 
         Raises ValueError with a sentence for a value that the field cannot hold.
@@ -41,14 +41,14 @@ class FieldPlace:
         alone = isinstance(running, tuple) and len(running) == 1 and not isinstance(value, list | tuple)
         return Edit(self.path, [value] if alone else value)
 
-    def moved(self, snapshot: Snapshot) -> tuple[FieldPlace, ...]:
-        """Places that an edit of this place sets: itself, and those linked to it."""
+    def moved(self, snapshot: Snapshot) -> tuple[FieldBinding, ...]:
+        """Bindings of all numbers that an edit of this one sets: itself, and those linked to it."""
         del snapshot
         return (self,)
 
     def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
-        """Path by which a sweep varies this place (see `app.scenario.data.with_value`), and values by path that the
-        scenario must get before. Raises ValueError with a sentence where the place is no single number."""
+        """Path by which a sweep varies this number (see `app.scenario.data.with_value`), and values by path that the
+        scenario must get before. Raises ValueError with a sentence where this is no single number."""
         del snapshot
         return self.path, {}
 
@@ -84,7 +84,7 @@ class FieldPlace:
 
 
 @dataclass(frozen=True)
-class PlaceWhere(FieldPlace):
+class BindingWhere(FieldBinding):
     """Place of a field that has a meaning only in the scenarios for which `applies` returns True; in others its control
     is hidden."""
 
@@ -132,8 +132,8 @@ def log_scale(low: float, high: float, *, zero: bool = False) -> SliderScale:
 
 
 class NumberRow(NamedTuple):
-    """Row of a number on the page: its place, its label, and the scale of its slider, None without a slider."""
+    """Row of a number on the page: its binding, its label, and the scale of its slider, None without a slider."""
 
-    place: FieldPlace
+    binding: FieldBinding
     label: str
     scale: SliderScale | None
