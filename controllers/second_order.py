@@ -48,8 +48,8 @@ def poles_of(omega: float, zeta: float) -> tuple[complex, complex]:
 
 
 def moved(pole: complex, other: complex) -> tuple[float, float]:
-    """omega (rad/s) and zeta of an oscillator one of whose poles (1/s) is moved to `pole`, left of the imaginary axis:
-    with its conjugate, or, on the real axis, with the other pole where that is real, too."""
+    """Natural frequency omega (rad/s) and damping ratio zeta after one pole (1/s) has been moved to `pole`, left of the
+    imaginary axis. The other pole is its conjugate, or stays where both are real."""
     if pole.imag == 0.0 and other.imag == 0.0:
         omega = float(np.sqrt(pole.real * other.real))
         return omega, float(-(pole.real + other.real) / (2.0 * omega))

@@ -57,13 +57,13 @@ class Face(NamedTuple):
     @classmethod
     def point(cls) -> Face:
         """A tool that touches with a point."""
-        return cls(False, np.zeros((FEET, 3)))
+        return cls(flat=False, feet=np.zeros((FEET, 3)))
 
     @classmethod
     def of(cls, axes: np.ndarray, radius: float) -> Face:
         """A flat face with two orthogonal unit axes (2, 3), and a ring of this radius, m."""
         angles = 2 * np.pi * np.arange(FEET) / FEET
-        return cls(True, radius * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ axes)
+        return cls(flat=True, feet=radius * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ axes)
 
 
 def face_radius(K_t: float, K_e: float) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 
 from kernels import Elsewhere
 
-MOST = 16  # parameters
+MOST_PARAMETERS = 16  # parameters
 BEYOND = 256  # numbers behind an array, which nothing may write
 call: Any = Elsewhere("kernels.pointers", "call")
 Shapes = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
@@ -24,14 +24,14 @@ class OwnFunction(NamedTuple):
     """A function in the form for kernels.
     address: in this process.
     digest: of its source, since an address means nothing in the next process.
-    parameters: (MOST,)."""
+    parameters: (MOST_PARAMETERS,)."""
 
     address: np.uint64
     digest: np.uint64
     parameters: np.ndarray
 
 
-NO_FUNCTION = OwnFunction(np.uint64(0), np.uint64(0), np.zeros(MOST))
+NO_FUNCTION = OwnFunction(np.uint64(0), np.uint64(0), np.zeros(MOST_PARAMETERS))
 
 
 def own_function(
@@ -39,7 +39,7 @@ def own_function(
 ) -> OwnFunction:
     """Form for kernels of `function(t, parameters, a, b, c)`, which writes into arrays of these shapes. users: the
     user's own function that it calls, whose file is digested. Raises numba's errors."""
-    numbers = np.zeros(MOST)
+    numbers = np.zeros(MOST_PARAMETERS)
     numbers[: len(parameters)] = list(parameters.values())
     kept = _kept(function, tuple(parameters), shapes)
     source = Path(inspect.getfile(inspect.unwrap(users))).read_bytes()

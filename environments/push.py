@@ -13,7 +13,7 @@ from kernels import inline
 
 # N/m, N, N m/rad, N m: largest values of a hand
 MOST_STIFF, MOST_FORCE, MOST_TORSION, MOST_MOMENT = 5000.0, 500.0, 500.0, 50.0
-NOTHING = np.zeros(3)
+NO_MOMENT = np.zeros(3)
 ROUNDING = 1e-9  # s, of the instants of a run: less than any period, so that a push acts for as many as it lasts
 
 
@@ -80,7 +80,7 @@ class TimedPush(NamedTuple):
     duration: float
     every: float = 0.0
     frequency: float = 0.0
-    moment: np.ndarray = NOTHING
+    moment: np.ndarray = NO_MOMENT
     sweep_to: float = 0.0
 
     @property

@@ -23,7 +23,7 @@ from environments.coupled_surfaces import EnvironmentMatrices
 from environments.integrators import Integrator
 from environments.truth import Truth
 
-ROUNDING = 1e-7  # of the radius of an undamped oscillator, which is 1
+ROUNDING = 1e-7  # of the radius of an undamped element, which is 1
 
 
 class Mobility(NamedTuple):
@@ -68,9 +68,9 @@ def _least_factor(I: np.ndarray, of: np.ndarray) -> float:
     return 1.0 / float(np.linalg.eigvalsh(root.T @ of @ root)[-1])
 
 
-class Oscillator(NamedTuple):
-    """Oscillator x_ddot = -stiffness x - damping x_dot (1/s^2, 1/s), and the field, with value and unit, that makes it
-    stiff."""
+class StiffElement(NamedTuple):
+    """Stiff element of the simulation: the oscillator x_ddot = -stiffness x - damping x_dot (1/s^2, 1/s), and the field,
+    with value and unit, that makes it stiff."""
 
     field: str
     value: float
@@ -79,7 +79,7 @@ class Oscillator(NamedTuple):
     damping: float
 
 
-def oscillators(
+def stiff_elements(
     kind: ContactKind,
     contacts: Sequence[Contact],
     environment: EnvironmentMatrices,
@@ -88,7 +88,7 @@ def oscillators(
     K_t: float = 0.0,
     joints: int = 0,
     paths: Sequence[str] = ("", "second.", "third."),
-) -> Iterator[Oscillator]:
+) -> Iterator[StiffElement]:
     """Oscillators of the arm's springs and dampers, one for each cause. Each of k surfaces counts k times, which bounds
     their joint effect; force and moments of a flat face, with K_t N m/rad, each count twice. An arm turns the face by
     at most the number of its joints times the mobility of a joint. Coupled surfaces count with the largest eigenvalues
@@ -96,30 +96,30 @@ def oscillators(
     k = 2 if K_t else len(contacts)
     if K_t and kind.springs:
         turning, B_t = k * joints * mobility.joints, contacts[0].B_e * K_t / max(contacts[0].K_e, 1e-3)
-        yield Oscillator("face.K_t", K_t, "N·m/rad", turning * K_t, turning * B_t)
+        yield StiffElement("face.K_t", K_t, "N·m/rad", turning * K_t, turning * B_t)
     for path, c in zip(paths, contacts, strict=False):
         Y = mobility.normal
         if kind.springs and not environment.coupled:
             Y = k * Y / (1.0 + c.M_e * Y) if kind.massive else k * Y
-            yield Oscillator(f"{path}contact.B_e", c.B_e, "N·s/m", 0.0, Y * c.B_e)
-            yield Oscillator(f"{path}contact.K_e", c.K_e, "N/m", Y * c.K_e, Y * c.B_e)
+            yield StiffElement(f"{path}contact.B_e", c.B_e, "N·s/m", 0.0, Y * c.B_e)
+            yield StiffElement(f"{path}contact.K_e", c.K_e, "N/m", Y * c.K_e, Y * c.B_e)
         if kind.touches:
             viscous = c.friction_viscous
             across = k * mobility.tangential
-            yield Oscillator(f"{path}contact.friction_viscous", viscous, "N·s/m", 0.0, across * viscous)
+            yield StiffElement(f"{path}contact.friction_viscous", viscous, "N·s/m", 0.0, across * viscous)
     if environment.coupled:
         yield from _coupled(environment, k, mobility.normal)
-    yield Oscillator("truth.viscous", truth.viscous, "N·m·s/rad", 0.0, mobility.joints * truth.viscous)
+    yield StiffElement("truth.viscous", truth.viscous, "N·m·s/rad", 0.0, mobility.joints * truth.viscous)
 
 
-def _coupled(environment: EnvironmentMatrices, k: int, Y: float) -> Iterator[Oscillator]:
+def _coupled(environment: EnvironmentMatrices, k: int, Y: float) -> Iterator[StiffElement]:
     """Oscillators of k coupled surfaces on an arm with the mobility Y (1/kg), for each set of them that is touched."""
     for touched in chain.from_iterable(combinations(range(k), number) for number in range(1, k + 1)):
         M_e, B_e, K_e = (np.linalg.eigvalsh(matrix) for matrix in environment.acting(touched))
         yielding = k * Y / (1.0 + M_e[0].clip(min=0.0) * Y)
         stiffness, damping = float(yielding * K_e[-1]), float(yielding * B_e[-1])
-        yield Oscillator("coupling.B_e", float(B_e[-1]), "N·s/m", 0.0, damping)
-        yield Oscillator("coupling.K_e", float(K_e[-1]), "N/m", stiffness, damping)
+        yield StiffElement("coupling.B_e", float(B_e[-1]), "N·s/m", 0.0, damping)
+        yield StiffElement("coupling.K_e", float(K_e[-1]), "N/m", stiffness, damping)
 
 
 Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -164,11 +164,11 @@ def spectral_radius(integrator: Integrator, stiffness: float, damping: float, h:
     return float(np.abs(np.linalg.eigvals(step)).max())
 
 
-def resolved(integrator: Integrator, oscillator: Oscillator, h: float) -> bool:
+def resolved(integrator: Integrator, element: StiffElement, h: float) -> bool:
     """Whether deviations do not grow under steps of h s."""
-    return spectral_radius(integrator, oscillator.stiffness, oscillator.damping, h) <= 1.0 + ROUNDING
+    return spectral_radius(integrator, element.stiffness, element.damping, h) <= 1.0 + ROUNDING
 
 
-def substeps_needed(integrator: Integrator, oscillator: Oscillator, period: float, most: int) -> int | None:
-    """Smallest number of steps per period (s) that resolves the oscillator, None where even `most` do not."""
-    return next((n for n in range(1, most + 1) if resolved(integrator, oscillator, period / n)), None)
+def substeps_needed(integrator: Integrator, element: StiffElement, period: float, most: int) -> int | None:
+    """Smallest number of steps per period (s) that resolves the element, None where even `most` do not."""
+    return next((n for n in range(1, most + 1) if resolved(integrator, element, period / n)), None)

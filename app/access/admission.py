@@ -166,6 +166,11 @@ def token_cookie(port: int) -> str:
     return f"vsmrc-token-{port}"
 
 
+def session_cookie(port: int) -> str:
+    """Name of the cookie that holds the name of the visitor's own session."""
+    return f"vsmrc-session-{port}"
+
+
 def session_token_cookie(port: int) -> str:
     """Name of the cookie that holds the token of one session; a browser keeps one for the path of each session."""
     return f"vsmrc-steer-{port}"

@@ -54,9 +54,11 @@ class _Option:
 
 
 def require_options(name: str, command: Command, typed: list[str], others: Mapping[str, Command]) -> None:
-    """Raise ScenarioError where an option that was typed behind a command is none of its own, or has no value or one of
-    another kind, for an empty text, where it is typed twice, and where a name or an option that it needs is missing.
-    others: commands that are named where they have the option."""
+    """Raise ScenarioError for what was typed behind a command:
+    - an option that the command does not have; the message names commands of `others` that have it,
+    - an option without a value, or with one of another kind,
+    - an option that is typed twice, or an empty text,
+    - a missing name or option that the command needs."""
     if {"--", "-h", "--help"} & set(typed):
         return
     options, waiting, most, names = _options(command), list(typed), _most_names(command), 0

@@ -43,7 +43,7 @@ def figure_of(loop: RespondingLoop, response: PushResponse, points: Sequence[Mea
     charts = [
         _chart(
             f"impedance {axis.words}",
-            axis.kind.impedance,
+            axis.kind.impedance_unit,
             [
                 _line("target model (8)", ORANGE, frequency, z_target[:, k], dashed=True),
                 _line("sampled loop", BLUE, frequency, z_sampled[:, k]),
@@ -57,7 +57,7 @@ def figure_of(loop: RespondingLoop, response: PushResponse, points: Sequence[Mea
         charts.append(
             _chart(
                 f"impedance to {push.name}s, over all directions",
-                push.impedance,
+                push.impedance_unit,
                 [
                     *_pair("target model (8)", ORANGE, frequency, wanted, dashed=True),
                     *_pair("sampled loop", BLUE, frequency, extremes),
@@ -87,7 +87,7 @@ def _of_steps(response: PushResponse) -> list[FigureChart]:
                 Curve("sampled loop", BLUE, times, 1e3 * way),
             )
             title = f"{axis.kind.motion} {axis.words} under a step of 1 {axis.kind.unit}"
-            charts.append(FigureChart(title, f"m{axis.kind.way}", curves))
+            charts.append(FigureChart(title, f"m{axis.kind.motion_unit}", curves))
     return charts
 
 
@@ -192,9 +192,9 @@ def table_of(response: PushResponse, points: Sequence[Measured]) -> str:
     alongs = [
         f"{what} {axis.words}"
         for axis in response.axes
-        for what in (f"impedance [{axis.kind.impedance}]", "phase [deg]")
+        for what in (f"impedance [{axis.kind.impedance_unit}]", "phase [deg]")
     ]
-    extremes = [f"{which} [{push.impedance}]" for push in response.kinds for which in ("largest", "smallest")]
+    extremes = [f"{which} [{push.impedance_unit}]" for push in response.kinds for which in ("largest", "smallest")]
     rows.writerow(["kind", "frequency [Hz]", *alongs, *extremes, "passive"])
     of_points = (np.array([p.frequency for p in points]), np.array([p.admittance for p in points]))
     kinds = {
@@ -245,7 +245,7 @@ def _followed(axis: PushAxis, frequency: np.ndarray, sampled: np.ndarray, target
     push = axis.kind
     if not np.abs(target).max() > NOTHING:
         largest = np.abs(sampled / (2 * np.pi * frequency)).max()
-        yields = f"yields by {1e6 * largest:.3g} µ{push.way} per {push.unit} at most"
+        yields = f"yields by {1e6 * largest:.3g} µ{push.motion_unit} per {push.unit} at most"
         return f"the target model feels no {push.name}, and the arm {yields if largest > RIGID else 'does not yield'}"
     near = np.abs(target / sampled - 1.0) <= NEAR
     return f"within {NEAR:.0%} of the target's impedance {_ranges(frequency, near)}"

@@ -76,8 +76,8 @@ class ClassPages:
         except AnswerRefusal as error:
             self._refusals["answers of a class"] += 1
             return web.json_response({"refused": str(error)}, status=409)
-        if not session.gathers:
-            session.gathers = True
+        if not session.hands_over_soon:
+            session.hands_over_soon = True
             asyncio.get_running_loop().call_later(GATHERED, _hand_over, session)
         return web.json_response({"own": classroom.own(visitor.browser)})
 
@@ -90,6 +90,6 @@ class ClassPages:
 
 def _hand_over(session: Session) -> None:
     """Hand the answers of a session's class to its process."""
-    session.gathers = False
+    session.hands_over_soon = False
     if session.process is not None and session.classroom.question is not None:
         session.process.answer(Answers(session.classroom.number, session.classroom.given))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Coroutine, Iterator
 
 from app.access.session_messages import KeptFolder
 from app.gateway.session import Session
-from app.gateway.session_store import MOST, SessionStore, StoredSession
+from app.gateway.session_store import MOST_STORED, SessionStore, StoredSession
 from app.gateway.visitors import Visitor
 from app.process.redaction import new_secret
 
@@ -31,7 +31,14 @@ class KnownSessions:
         self._by_watch: dict[str, Session] = {}
         self._noting = asyncio.Lock()  # one at a time: the links on disk are those noted last
         for left in store.known() if store is not None else ():
-            session = Session(left.scenario, left.name, left.watch, left.pinned, left.folder, owner=Visitor(left.owner))
+            session = Session(
+                scenario=left.scenario,
+                name=left.name,
+                watch=left.watch,
+                pinned=left.pinned,
+                folder=left.folder,
+                owner=Visitor(left.owner),
+            )
             session.kept = session.looked_at = True
             session.seen = now
             self.add(session)
@@ -90,14 +97,14 @@ class KnownSessions:
         now: s of the pool's clock.
         """
         others = [other for other in self if other is not session and other.kept == kept]
-        if len(others) < (MOST if kept else MOST_UNKEPT):
+        if len(others) < (MOST_STORED if kept else MOST_UNKEPT):
             return True
         stays = set(waiting)
-        resting = [o for o in others if o.life is None and o not in stays and o.standing(now) <= session.standing(now)]
+        resting = [o for o in others if o.life is None and o not in stays and o.rank(now) <= session.rank(now)]
         if not resting:
             return False
         count = Counter(other.owner.address or other.owner.browser for other in others)
-        self._forget(min(resting, key=lambda o: (o.standing(now), -count[o.owner.address or o.owner.browser], o.seen)))
+        self._forget(min(resting, key=lambda o: (o.rank(now), -count[o.owner.address or o.owner.browser], o.seen)))
         return True
 
     def _forget(self, session: Session) -> None:

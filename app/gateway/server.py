@@ -28,7 +28,7 @@ import aiohttp
 import structlog
 from aiohttp import WSCloseCode, web
 
-from app.access.admission import KEY_HEADER, PortTaken
+from app.access.admission import KEY_HEADER, PortTaken, session_cookie
 from app.access.rate_limits import ConnectionRateLimiter, harmless
 from app.gateway import pages
 from app.gateway.access_control import AccessControl, AccessSettings
@@ -157,7 +157,7 @@ class Gateway:
             return notice("No session of your own", "For one, ask for the link with the token to steer.", 403)
         if request.headers.get("Sec-Fetch-Dest", "document") != "document":  # a picture on a foreign page, say
             return notice("This request is refused", "Sec-Fetch-Dest is not a page; allowed: document", 403)
-        cookie = f"vsmrc-session-{port_of(request)}"
+        cookie = session_cookie(port_of(request))
         visitor = self._access.greeted(request)
         session = (
             self._access_settings.everyone
@@ -263,7 +263,7 @@ class Gateway:
         return web.Response(status=204)
 
     async def _renew(self, request: web.Request) -> web.StreamResponse:
-        session, cookie = session_of(request, self._pool), f"vsmrc-session-{port_of(request)}"
+        session, cookie = session_of(request, self._pool), session_cookie(port_of(request))
         if not self._access.may_renew(request, session):
             self._refusals["new links"] += 1
             log.info("request refused", reason="new links asked for with the link of one session")
@@ -291,7 +291,7 @@ class Gateway:
             log.info("request refused", reason=str(error))
             return notice("No private copy now", f"{str(error)[0].upper()}{str(error)[1:]}.", 429)
         response = web.Response(status=303, headers={"Location": f"../../s/{session.name}/"})
-        self._access.remember(response, request, f"vsmrc-session-{port_of(request)}", session.name)
+        self._access.remember(response, request, session_cookie(port_of(request)), session.name)
         return response
 
     async def _asset(self, request: web.Request) -> web.StreamResponse:

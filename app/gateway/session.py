@@ -51,14 +51,14 @@ class Session:
     looked_at: whether a page has been open once.
     kept: whether it has a folder.
     classroom: the class that its lecturer asks.
-    gathers: whether answers of the class are about to be handed to its process.
+    hands_over_soon: whether answers of the class are about to be handed to its process.
     requested: when a visitor last requested it; seen: when it was last requested, started, or left by a page; s of the
     pool's clock.
     life: task of the pool that looks after it as long as it has a place, None while it has none.
     opened: whether a page has been open in this life.
     runs: event that is set while its process runs.
     retried: whether it was begun anew with its own scenario, and has not run since.
-    falls: when its processes of the last minute ended unexpectedly, s of the pool's clock.
+    crash_times: when its processes of the last minute ended unexpectedly, s of the pool's clock.
     closing: whether its process is to end, and no other one to begin.
     """
 
@@ -79,20 +79,20 @@ class Session:
     looked_at: bool = False
     kept: bool = False
     classroom: Classroom = field(default_factory=Classroom)
-    gathers: bool = False
+    hands_over_soon: bool = False
     retried: bool = False
     requested: float = 0.0
     seen: float = 0.0
     life: asyncio.Task[None] | None = None
     opened: bool = False
     runs: asyncio.Event = field(default_factory=asyncio.Event)
-    falls: list[float] = field(default_factory=list)
+    crash_times: list[float] = field(default_factory=list)
     closing: bool = False
 
     def __post_init__(self) -> None:
         self.folder = self.folder or self.watch
 
-    def standing(self, now: float) -> int:
+    def rank(self, now: float) -> int:
         """Rank of the session when others must be removed: highest with pinned runs, and higher when somebody has
         looked at it. Without a folder it has none after `STALE` without a visitor: what nobody comes back to is not in
         the way of newcomers. now: s of the pool's clock."""
@@ -105,6 +105,6 @@ class Session:
         return [page.visitor for page in self.pages if page.kind in kinds]
 
     @property
-    def called(self) -> str:
+    def log_name(self) -> str:
         """Name of the session in the log, whatever its links are: neither link can be made from this name."""
         return self.folder[:6]

@@ -13,7 +13,7 @@ import structlog
 from app.access.session_messages import Answers, Asks, Begin
 from app.gateway.known_sessions import KnownSessions
 from app.gateway.session import Process, Session
-from app.gateway.session_store import MOST, SessionStore
+from app.gateway.session_store import MOST_STORED, SessionStore
 from app.gateway.visitors import NOBODY, Viewer, Visitor, VisitorLimits, visitor_limit
 from app.gateway.worker import WorkerError
 
@@ -25,7 +25,7 @@ UNSEEN = 60.0  # s: a process that nobody ever looked at is closed
 HURRIED = 120.0  # s: while others wait, a session that nobody looks at loses its place after so long
 CRASHES, WITHIN = 3, 60.0  # after that many crashes of its process within that many s a session is given up
 SPARE_AFTER = 2.0  # s from the start of a process to that of the spare: a page that is being loaded comes first
-UNKEPT = f"this session is not kept on disk: {MOST} others are, and none of them may go for it"
+UNKEPT = f"this session is not kept on disk: {MOST_STORED} others are, and none of them may go for it"
 
 
 class Excess(Exception):
@@ -163,10 +163,10 @@ class SessionPool:
         """Begin a failed session anew: with its own scenario where that is not the reason, else with the usual one."""
         if session.phase == "failed":
             session.phase, session.notice = "resting", ""
-            if session.falls or session.retried:
+            if session.crash_times or session.retried:
                 session.scenario, session.offers = self._scenario, session.kept
-            session.retried = not session.falls
-            session.falls.clear()
+            session.retried = not session.crash_times
+            session.crash_times.clear()
             self.want(session)
 
     async def renew(self, session: Session) -> None:
@@ -181,7 +181,7 @@ class SessionPool:
         if await self._known.renew(session):
             taken_back, session.taken_back = session.taken_back, asyncio.Event()
             taken_back.set()
-            log.info("new links", session=session.called, pages=len(session.pages))
+            log.info("new links", session=session.log_name, pages=len(session.pages))
 
     @contextlib.contextmanager
     def viewing(self, session: Session, viewer: Viewer) -> Iterator[None]:
@@ -201,7 +201,7 @@ class SessionPool:
         process."""
         for session in self._known:
             if session.phase == "running" and not session.pages and self._unseen(session) and session.process:
-                log.info("session closed", session=session.called, reason="nobody looks at it")
+                log.info("session closed", session=session.log_name, reason="nobody looks at it")
                 session.closing = True
                 session.phase, session.notice = "resting", ""  # a crash is no news any more
                 session.process, process = None, session.process
@@ -270,10 +270,10 @@ class SessionPool:
                 session.process, session.phase, session.seen = process, "running", self._clock()
                 session.retried = False
                 session.runs.set()
-                log.info("session opened", session=session.called, sessions=self.taken)
+                log.info("session opened", session=session.log_name, sessions=self.taken)
                 async for changed in process.changes():
                     if isinstance(changed, Asks):
-                        if session.gathers and session.classroom.given:  # a new question would delete them
+                        if session.hands_over_soon and session.classroom.given:  # a new question would delete them
                             process.answer(Answers(session.classroom.number, session.classroom.given))
                         session.classroom.ask(changed.question)
                         if session.classroom.given:
@@ -289,10 +289,10 @@ class SessionPool:
                     self._fallen(session, how)
         except WorkerError as error:
             session.phase, session.notice = "failed", str(error)
-            log.warning("session given up", session=session.called, reason=str(error))
+            log.warning("session given up", session=session.log_name, reason=str(error))
         except Exception as error:  # a fault of this program ends the session, and is reported
             session.phase, session.notice = "failed", f"the server could not look after it ({type(error).__name__})"
-            log.error("fault", stage="a session", session=session.called, exc_info=error)
+            log.error("fault", stage="a session", session=session.log_name, exc_info=error)
             if session.process is not None:
                 self._do(session.process.end())
                 session.process = None
@@ -304,11 +304,11 @@ class SessionPool:
 
     def _fallen(self, session: Session, how: str) -> None:
         now = self._clock()
-        session.falls = [fall for fall in session.falls if now - fall < WITHIN] + [now]
+        session.crash_times = [fall for fall in session.crash_times if now - fall < WITHIN] + [now]
         session.crashes += 1
         self.crashes += 1
-        log.warning("session crashed", session=session.called, how=how)
-        if len(session.falls) >= CRASHES:
+        log.warning("session crashed", session=session.log_name, how=how)
+        if len(session.crash_times) >= CRASHES:
             raise WorkerError(f"its process has ended unexpectedly {CRASHES} times within a minute ({how})")
         session.notice = f"its process ended unexpectedly ({how}); another one has begun its last scenario anew"
 

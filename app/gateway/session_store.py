@@ -20,7 +20,7 @@ from environments.regular_file import read_regular
 
 log = structlog.get_logger()
 
-MOST = 100  # sessions on disk: three pinned runs of a minute take 243 MB
+MOST_STORED = 100  # sessions on disk: three pinned runs of a minute take 243 MB
 LINK = "link.json"
 _PRIVATE = 0o600
 _GONE = ".gone-"  # begins the name of a folder that is being removed

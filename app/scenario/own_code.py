@@ -29,7 +29,7 @@ from msgspec import Struct
 from app.scenario.errors import ScenarioError
 from controllers.control_law import TOLD, ControlLaw, TorqueTerms
 from controllers.laws.table import LAWS
-from environments.own_function import MOST
+from environments.own_function import MOST_PARAMETERS
 from environments.surfaces import own as own_surfaces
 from environments.surfaces.chart import Shape
 from environments.surfaces.own import OwnSurface
@@ -202,8 +202,8 @@ def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
             f"--use {path}: {getattr(function, '__name__', function)} is not compiled; allowed: one decorated with "
             "kernels.inline"
         )
-    if function is not None and len(own.parameters) > MOST:
-        raise OwnCodeError(f"--use {path}: {len(own.parameters)} parameters; allowed: {MOST}")
+    if function is not None and len(own.parameters) > MOST_PARAMETERS:
+        raise OwnCodeError(f"--use {path}: {len(own.parameters)} parameters; allowed: {MOST_PARAMETERS}")
     for p in own.parameters:
         _check_parameter(p, path)
     if twice := [name for name, count in Counter(p.name for p in own.parameters).items() if count > 1]:

@@ -62,6 +62,19 @@ class Units(NamedTuple):
         """Unit of a quantity of r. unit: where r is in metres."""
         return self.of_joints(ANGULAR.get(unit, unit)) if self.task == "joint" else unit
 
+    def of_kind(self, kind: Literal["", "joints", "r", "J_q"], unit: str) -> str:
+        """Unit of a quantity of this kind, "" for one whose unit is the same for all arms. unit: of an arm of revolute
+        joints, where r is in metres."""
+        match kind:
+            case "joints":
+                return self.of_joints(unit)
+            case "r":
+                return self.of_r(unit)
+            case "J_q":
+                return self.jacobian
+            case "":
+                return unit
+
     def with_unit(self, number: float, unit: str) -> str:
         """Number of all joints with its unit. unit: of revolute joints."""
         return f"{number:.4g} {self.of_joints(unit)}".rstrip()

@@ -285,7 +285,7 @@ def default_folder() -> Path:
 
 
 def _subject(snapshot: Snapshot) -> _Subject:
-    return snapshot.own_push.back(snapshot.latest.scenario), snapshot.pinned
+    return snapshot.own_push.restored_in(snapshot.latest.scenario), snapshot.pinned
 
 
 def _same(subject: _Subject, other: _Subject | None) -> bool:
@@ -304,8 +304,8 @@ def _read(path: Path) -> Index:
 
 
 def _named_aside(aside: Path, runs: Sequence[Path]) -> set[str]:
-    """Names of the runs that belong to an index that was set aside, none where there is no such index. Of one that is
-    not whole that is every run not newer than it, since an index is written after the files that it names."""
+    """Names of the runs of an index that was set aside; empty without one. For a damaged index: every run that is not
+    newer than it, because an index is written after its files."""
     try:
         written = aside.stat().st_mtime
     except FileNotFoundError:

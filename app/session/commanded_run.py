@@ -289,7 +289,7 @@ class CommandedRun:
             case PushNow():
                 own = self._own_push
                 self._edit(changes.pushed(scenario_now, timeline.loop.system.robot, self._now), as_it_is=True)
-                self._own_push = own.behind(scenario_now, timeline.loop.system.scenario)
+                self._own_push = own.after_button(scenario_now, timeline.loop.system.scenario)
             case Edit():
                 self._carry_out_edit(command, scenario_now)
 
@@ -339,7 +339,7 @@ class CommandedRun:
         before = self.loop.system.robot
         over = self.loop.stopped is not None or begins_anew(self.loop.system.scenario, scenario)
         if over and not as_it_is:
-            scenario = self._own_push.back(scenario)
+            scenario = self._own_push.restored_in(scenario)
         try:
             # a change may have converted a number, or taken one of the run, beyond what a scenario's file may have
             if self.timeline.edit(from_plain(to_plain(scenario))):
@@ -367,7 +367,7 @@ class CommandedRun:
         self.runs += 1
         if self._way_out is not None and self._way_out.fork_at is not None:  # an instant of the run before
             self._way_out = None
-        own, self._own_push = self._own_push.back(self.timeline.latest.scenario), OwnPush()
+        own, self._own_push = self._own_push.restored_in(self.timeline.latest.scenario), OwnPush()
         if own != self.timeline.latest.scenario:
             self._way_out = None  # made of the scenario with that push
             self.timeline.edit(own)

@@ -180,7 +180,7 @@ class TakeWayOut:
 
 @dataclass(frozen=True)
 class DropWayOut:
-    """Forget the way out of the last refusal: another one, of the page, has come after it."""
+    """Forget the way out of the last refusal, because the page shows a newer refusal."""
 
 
 @dataclass(frozen=True)

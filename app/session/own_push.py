@@ -1,4 +1,4 @@
-"""Scenario's own push, kept while one by the button, which is of the present run only, stands in its place."""
+"""Own push of a scenario, kept while the push of the button replaces it in the present run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class OwnPush:
 
     fields: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
 
-    def behind(self, before: Scenario, after: Scenario) -> OwnPush:
+    def after_button(self, before: Scenario, after: Scenario) -> OwnPush:
         """Own push once the button has changed one scenario to the other, maybe not for the first time."""
         found = {}
         for name in FIELDS:
@@ -28,7 +28,7 @@ class OwnPush:
             found[name] = (own if old == given else old, new)  # else it has been edited since the button was pressed
         return OwnPush(found)
 
-    def back(self, scenario: Scenario) -> Scenario:
+    def restored_in(self, scenario: Scenario) -> Scenario:
         """The scenario with its own push; a field that has been edited since the button was pressed stays."""
         if not self.fields:
             return scenario

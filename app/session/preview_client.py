@@ -89,7 +89,17 @@ class Previewer:
         """Ask for a preview, see `PreviewRequest`."""
         with self._lock:
             self._number += 1
-            self._put(PreviewRequest(self._number, state, scenario, horizon, partial, push, compared, arms))
+            request = PreviewRequest(
+                number=self._number,
+                state=state,
+                scenario=scenario,
+                horizon=horizon,
+                partial=partial,
+                push=push,
+                compared=compared,
+                arms=arms,
+            )
+            self._put(request)
 
     def drop(self) -> None:
         """Forget the answer; the requests asked so far do not count any more."""

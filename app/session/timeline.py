@@ -23,7 +23,7 @@ from environments.push import Grip
 
 SPACING = 0.25  # s, between two states that are kept, and at most
 PERIODS = 250  # control periods: with short ones a look back would compute for seconds
-MOST = 6000  # states that are kept; a run with a full recording has 4800, and one for every change
+MOST_STATES = 6000  # states that are kept; a run with a full recording has 4800, and one for every change
 PINNED = 60.0  # s of a run that a pin keeps
 BEFORE = 10.0  # s of them that lie before the instant looked at, from which another run goes on
 NAME = 24  # letters of the name of a pinned run
@@ -303,7 +303,7 @@ class Timeline:
             self._keyframes.pop()  # of several changes of one instant only the last counts
         self._keyframes.append(key)
         first = self.recording.first
-        while len(self._keyframes) > MOST or (len(self._keyframes) > 1 and self._keyframes[1].state.t <= first):
+        while len(self._keyframes) > MOST_STATES or (len(self._keyframes) > 1 and self._keyframes[1].state.t <= first):
             del self._keyframes[0]
         # a state holds the delay line of the force sensor: one a period would take gigabytes
         periods = max(PERIODS, len(key.state.reader.memory))

@@ -228,7 +228,7 @@ def with_truth(system: System, truth: TruthSection, previous: System | None) -> 
         scenario=scenario,
         nominal=nominal,
         plant=plant,
-        mobility=_mobility(scenario, plant, system.constants, system.nominal, system.memory, previous),
+        mobility=_mobility(scenario, plant, system.constants, nominal, system.memory, previous),
         push=push_of(scenario),
         sampled_loops=_sampled_loops(scenario, system.stations, system.controller, previous),
     )

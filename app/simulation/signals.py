@@ -26,15 +26,7 @@ class Signal:
 
     def unit_in(self, units: Units) -> str:
         """Unit of all of its numbers; both units where some are of revolute and some of prismatic joints."""
-        match self.of:
-            case "joints":
-                return units.of_joints(self.unit)
-            case "r":
-                return units.of_r(self.unit)
-            case "J_q":
-                return units.jacobian
-            case "":
-                return self.unit
+        return units.of_kind(self.of, self.unit)
 
     def units_in(self, units: Units, slides: Sequence[bool]) -> list[str]:
         """Unit of each of its numbers. slides: whether each joint is prismatic."""

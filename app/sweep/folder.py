@@ -20,10 +20,11 @@ from app.sweep.run_store import LOCK, RunStore
 def zipped(sweep: Sweep, rows: Sequence[RunMetrics]) -> bytes:
     """ZIP file of the folder of this sweep; the same command goes on in it. Raises OSError."""
     sweep = msgspec.structs.replace(sweep, program=fingerprint(sweep))
-    return packed(f"{sweep.scenario.name}-sweep", lambda folder: _written(folder, sweep, rows))
+    return packed(f"{sweep.scenario.name}-sweep", lambda folder: write_rows(folder, sweep, rows))
 
 
-def _written(folder: Path, sweep: Sweep, rows: Sequence[RunMetrics]) -> None:
+def write_rows(folder: Path, sweep: Sweep, rows: Sequence[RunMetrics]) -> None:
+    """Write a sweep and its rows into a folder. Raises OSError."""
     with RunStore(folder, sweep) as store:
         for row in rows:
             store.add(row)

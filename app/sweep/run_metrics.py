@@ -47,7 +47,7 @@ class Column(NamedTuple):
 
     def unit_in(self, units: Units) -> str:
         """Unit in a task space with these units, "" for a word or a plain number."""
-        unit = {"": str, "joints": units.of_joints, "r": units.of_r}[self.of](self.unit)
+        unit = units.of_kind(self.of, self.unit)
         return "" if unit == "1" else unit
 
     def badness(self, values: object) -> np.ndarray:

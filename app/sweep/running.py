@@ -81,8 +81,8 @@ def estimated(sweep: Sweep, left: np.ndarray, on: int | Cluster | None = None) -
 def last_wall_time(
     make: Callable[[SweepT], Callable[[Any], list[RunMetrics]]], sweep: SweepT, runs: tuple[Any, ...]
 ) -> float | None:
-    """Computing time of the last one of some runs, s, of those that go to their end where there are any. They are
-    computed one after the other in a process of their own; None where they end it. make: see `worker_pool.results`."""
+    """Computing time (s) of the last of some runs, of the last one that goes to its end if one does. They are computed
+    one after the other in a process of their own; None if that ends early. make: see `worker_pool.results`."""
     ((_, metrics),) = worker_pool.results(make, (sweep,), (runs,), 1)
     if isinstance(metrics, worker_pool.Fallen):
         return None

@@ -22,10 +22,10 @@ from app.scenario.schema import Scenario
 from app.simulation.builders.environment_builder import robot_of, truth_of
 from app.storage.joint_kinds import units_of
 from app.sweep.charts import sheet, wide
-from app.sweep.folder import packed
+from app.sweep.folder import packed, write_rows
 from app.sweep.plan import LONGEST_NAME, SweepPlan, SweepRow
 from app.sweep.run_metrics import COLUMNS, RunMetrics, metric_title
-from app.sweep.run_store import RunStore, column
+from app.sweep.run_store import column
 from app.sweep.titles import unit_of
 from app.tune.candidates import Candidate, aim_of
 from app.tune.offers import badged, front_left, offered, reason_against
@@ -101,10 +101,7 @@ def zipped(tuning: Tuning, rows: Sequence[RunMetrics], found: Found) -> bytes:
     tuning = msgspec.structs.replace(tuning, program=program(tuning))
 
     def fill(folder: Path) -> None:
-        with RunStore(folder, tuning) as store:
-            for row in rows:
-                store.add(row)
-            store.flush()
+        write_rows(folder, tuning, rows)
         write(tuning, found, folder)
 
     return packed(f"{tuning.scenario.name}-tune", fill)

@@ -211,7 +211,7 @@ def _report(gateway: GatewayConnection, runner: Runner, reported: Scenario) -> N
     with contextlib.suppress(OSError):
         while not pause.wait(LOOK):
             now = runner.unrefreshed
-            scenario = now.own_push.back(now.latest.scenario)  # also while somebody looks back
+            scenario = now.own_push.restored_in(now.latest.scenario)  # also while somebody looks back
             if time.monotonic() > due:
                 uploaded_urdfs.note_use(scenario.robot.urdf)
                 due = time.monotonic() + IN_USE

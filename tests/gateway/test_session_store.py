@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from app.gateway.session import Session
-from app.gateway.session_store import LINK, MOST, SessionStore, StoredSession
+from app.gateway.session_store import LINK, MOST_STORED, SessionStore, StoredSession
 from app.gateway.visitors import Visitor
 from app.scenario.data import from_toml, load, to_toml
 from app.session.autosave import StateFolder
@@ -72,12 +72,12 @@ def test_reopened_session_store_restores_sessions_and_links(tmp_path: Path) -> N
             assert [process.begun for process in town.made] == [USUAL, USUAL, "another"]
             await town.pool.close()
 
-            for _ in range(MOST):
+            for _ in range(MOST_STORED):
                 pool.new()
             assert [pool.named(name) for name, _ in links] == known  # nobody loses anything by calls at the door
-            crowded = Town(capacity=MOST, store=store)
+            crowded = Town(capacity=MOST_STORED, store=store)
             ran = [s for name, _ in links if (s := crowded.pool.named(name))]
-            for _ in range(MOST - len(ran)):
+            for _ in range(MOST_STORED - len(ran)):
                 crowded.pool._known.add(Session(USUAL, kept=True, looked_at=True, seen=2000.0))
             new = crowded.pool.new()
             await crowded.wanted(new)
@@ -108,7 +108,7 @@ def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> Non
     async def check(store: SessionStore) -> None:
         town = Town(capacity=4, store=store)
         pool, mine, theirs = town.pool, Visitor("b" * 22, "203.0.113.1"), Visitor("c" * 22, "203.0.113.2")
-        for owner in (mine, *(theirs,) * (MOST - 1)):
+        for owner in (mine, *(theirs,) * (MOST_STORED - 1)):
             pool._known.add(Session(USUAL, owner=owner, pinned=1, kept=True, looked_at=True, seen=pool._clock()))
             town.now += 1.0
         oldest = next(iter(pool._known))
@@ -121,7 +121,7 @@ def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> Non
         assert new.kept  # with pinned runs of its own it takes the room of one of who has most, not of the oldest
         assert town.made[0].kept is not None
         assert pool.named(oldest.name) is oldest
-        assert len([session for session in pool._known if session.kept]) == MOST
+        assert len([session for session in pool._known if session.kept]) == MOST_STORED
         await pool.close()
 
     with closing(SessionStore(tmp_path)) as store:

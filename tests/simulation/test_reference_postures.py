@@ -11,7 +11,7 @@ import pytest
 from app.scenario.data import edited, shipped
 from app.scenario.errors import PathOutOfReach, ScenarioError
 from app.simulation.assembly import assemble
-from app.simulation.omega.reference_postures import FAR, MOST, NEAR, Observe, postures_along
+from app.simulation.omega.reference_postures import FAR, LARGEST_STEP, MOST, Observe, postures_along
 from app.simulation.omega.search_memory import Memory
 from app.simulation.period.planned_reference import Planned
 
@@ -104,7 +104,7 @@ def test_a_wide_motion_in_a_run_of_ten_hours_is_followed() -> None:
     swing = {"kind": "line", "displacement": [0.0, 0.5, 0.0], "period": 137.0}
     scenario = edited(edited(shipped()["ur5-motion"], "motion", swing), "simulation.duration", 36000.0)
     system = assemble(scenario, memory=Memory())
-    assert np.linalg.norm(np.diff(system.constants.centres, axis=0), axis=1).max() < NEAR
+    assert np.linalg.norm(np.diff(system.constants.centres, axis=0), axis=1).max() < LARGEST_STEP
 
 
 @pytest.mark.parametrize("beyond", [-1e-3, *np.geomspace(1e-5, 3e-2, 12)])  # m

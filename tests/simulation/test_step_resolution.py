@@ -23,11 +23,11 @@ from environments.plant import Plant
 from environments.step_resolution import (
     STEPS,
     Mobility,
-    Oscillator,
+    StiffElement,
     mobilities,
-    oscillators,
     resolved,
     spectral_radius,
+    stiff_elements,
     substeps_needed,
 )
 from tests.support.arms import arm
@@ -44,7 +44,7 @@ def edge(integrator: Integrator, damping_ratio: float) -> float:
     low, high = 1e-3, 10.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        settles = resolved(integrator, Oscillator("", 0.0, "", middle**2, 2 * damping_ratio * middle), 1.0)
+        settles = resolved(integrator, StiffElement("", 0.0, "", middle**2, 2 * damping_ratio * middle), 1.0)
         low, high = (middle, high) if settles else (low, middle)
     return low
 
@@ -66,7 +66,7 @@ def test_edges_of_the_integrators_are_the_known_ones(damping_ratio: float) -> No
 @pytest.mark.parametrize("stiffness", [0.0, 1.0, 1e4, 1e6, 1e9])
 @pytest.mark.parametrize("damping", [0.0, 10.0, 1e5])
 def test_substeps_needed_are_the_fewest(integrator: Integrator, stiffness: float, damping: float) -> None:
-    stiff = Oscillator("", 0.0, "", stiffness, damping)
+    stiff = StiffElement("", 0.0, "", stiffness, damping)
     enough = substeps_needed(integrator, stiff, 0.005, most=1000)
     assert enough is not None
     assert spectral_radius(integrator, stiffness, damping, 0.005 / enough) <= 1.0 + 1e-6
@@ -113,7 +113,7 @@ def test_plant_explodes_where_its_step_is_said_to(robot: str, cause: str, integr
     def settles(value: float) -> bool:
         plant = plant_with(value)
         parts = (plant.contacts, plant.environment, plant.truth)
-        rows = oscillators(CONTACTS[kind], *parts, mobility(system, plant))
+        rows = stiff_elements(CONTACTS[kind], *parts, mobility(system, plant))
         return resolved(integrator, next(o for o in rows if o.field == field), H)
 
     low, high = 0.0, 1e9

@@ -7,7 +7,7 @@ import numpy as np
 from app.scenario.errors import IrregularCorner, ScenarioError, SurfaceOutOfReach
 from app.scenario.schema import Scenario
 from app.simulation.builders.environment_builder import task_surface, tool_at_start
-from app.simulation.omega.reference_postures import NEAR, posture_at
+from app.simulation.omega.reference_postures import LARGEST_STEP, posture_at
 from app.simulation.period.observation import Observer
 from controllers.control_law import Reference
 from controllers.modes import Mode
@@ -43,7 +43,7 @@ def require_within_reach(
     scenario: Scenario, mode: Mode, observer: Observer, reference: Reference, q_0: np.ndarray
 ) -> None:
     """Raise SurfaceOutOfReach where Newton's method does not bring the tool from q_0 (n,) rad to its starting place on
-    the surfaces, or only to a posture that is not near q_0; of several it names the one that is farthest from the
+    the surfaces, or only to a posture that is not near q_0. The message names the surface that is farthest from the
     tool."""
     estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
     try:
@@ -54,7 +54,7 @@ def require_within_reach(
         turn = float(np.linalg.norm(q - q_0))
     except ValueError:  # J_q exactly singular on the way
         away = turn = np.inf
-    if not (away < ON_SURFACE and turn < NEAR):
+    if not (away < ON_SURFACE and turn < LARGEST_STEP):
         farthest = int(np.abs(task.r[: mode.normals]).argmax())
         path, depth = scenario.surfaces[farthest].path, float(task.r[farthest])
         side, tool = "behind" if depth > 0.0 else "ahead of", np.round(estimate.p, 3).tolist()

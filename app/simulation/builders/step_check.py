@@ -6,7 +6,7 @@ from app.scenario.errors import TooStiff
 from app.scenario.field_info import field_info
 from app.scenario.schema import Scenario
 from environments.plant import Plant
-from environments.step_resolution import Mobility, Oscillator, oscillators, resolved, substeps_needed
+from environments.step_resolution import Mobility, StiffElement, resolved, stiff_elements, substeps_needed
 
 EASE = 1.5  # factor on the period for which substeps are proposed, so that with those the plant also settles
 
@@ -26,11 +26,11 @@ def require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> No
         )
 
 
-def unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[Oscillator]:
+def unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[StiffElement]:
     """Oscillators of the plant that its step does not follow."""
     step = scenario.controller.period / plant.substeps
     K_t = scenario.face.K_t if scenario.face.flat else 0.0
     parts = (plant.kind, plant.contacts, plant.environment, plant.truth)
     paths = [each.path for each in scenario.surfaces]
-    known = oscillators(*parts, mobility, K_t, plant.model.nv, paths)
+    known = stiff_elements(*parts, mobility, K_t, plant.model.nv, paths)
     return [o for o in known if not resolved(scenario.simulation.integrator, o, step)]

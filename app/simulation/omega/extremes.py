@@ -14,9 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 SOME = 24  # of the centres, about
-MOST = 12  # searches, each from a sample of its own
+MOST_SEARCHES = 12  # searches, each from a sample of its own
 APART = 0.7  # radii between two samples to search from, at least
-NEAR = 3.0  # times the limit on sigma_min: one search begins at the sample nearest to that limit, if it is below this
+NEAR_CUT = (
+    3.0  # times the limit on sigma_min: one search begins at the sample nearest to that limit, if it is below this
+)
 ITERATIONS = 25  # of one search
 ENOUGH = 3e-4  # relative gain below which a search ends
 GAIN = 1e-2  # relative gain over the best by which a search counts as worth while
@@ -150,14 +152,14 @@ def _climbed(omega: Omega, objective: Objective, samples: list[_Sample], patienc
 def _starts(omega: Omega, samples: list[_Sample]) -> Iterator[_Sample]:
     """Samples to search from: the best ones, some way from each other, and one near the cut of Omega."""
     edge = min(samples, key=lambda s: s.room, default=None)
-    if edge is not None and edge.room < NEAR - 1.0:
+    if edge is not None and edge.room < NEAR_CUT - 1.0:
         yield edge
     begun: list[_Sample] = []
     for sample in sorted(samples, key=lambda s: -s.value):
         if all(np.linalg.norm(sample.q - other.q) > APART * omega.radius for other in begun):
             begun.append(sample)
             yield sample
-        if len(begun) == MOST:
+        if len(begun) == MOST_SEARCHES:
             break
 
 

@@ -23,7 +23,7 @@ LOOKED_INTO = 0.1  # s: within a longer interval the arm may go away and come ba
 WITHIN = 0.38  # where in an interval that is looked for; no path is likely to have a rhythm with it
 FAR = 0.5  # radii of Omega, between two that follow each other at most
 SHORT = 0.01  # s, an interval that is not divided any more
-NEAR = 1.0  # rad (m), between two that follow each other: farther away the arm has not followed the reference
+LARGEST_STEP = 1.0  # rad (m), between two that follow each other: farther away the arm has not followed the reference
 REACHED = 1e-6  # m (rad), from r_d
 SWEEPS = 4  # number of times that they go from the reference to the shifted one and back
 
@@ -106,7 +106,7 @@ def postures_along(
         then = waiting[-1]
         there, between = on_path(q[-1], then), (then - fraction) * duration
         way = apart(there)
-        near = way < NEAR
+        near = way < LARGEST_STEP
         if between > SHORT and (len(q) + len(waiting) < MOST or not near):
             if not way <= FAR * radius:
                 waiting.append(0.5 * (fraction + then))

@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-MOST = 4096  # answers in memory, each of a few numbers
+MOST_ANSWERS = 4096  # answers in memory, each of a few numbers
 MOST_RESULTS = 64  # in memory
 
 Numbers = tuple[float, ...]
@@ -45,7 +45,7 @@ class Memory:
                 known = tuple(float(number) for number in find())  # repr of numpy's numbers is different
                 if self._store is not None:
                     self._store.write(key, known)
-            if len(self._known) >= MOST:
+            if len(self._known) >= MOST_ANSWERS:
                 self._known.clear()
             self._known[key] = known
         return known

@@ -10,7 +10,7 @@ import numpy as np
 
 from app.scenario.errors import UnboundedGain
 from app.simulation.omega.domain import covered, without_inertia
-from app.simulation.omega.stations import APART, NEAR
+from app.simulation.omega.stations import APART, SAME_STATION
 from app.simulation.period.alarms import Alarm
 from app.simulation.period.controlled_arm import ControlledArm
 from app.simulation.promise.failure_sentences import infinity, last_loss, saturation, surface_named
@@ -63,7 +63,7 @@ class PremiseWatch:
         self.share = 0.0
         stated_in_time = isinstance(system.scenario.declared.delta_f, str)
         self._changing = stated_in_time or any(each.turning for each in system.surfaces)
-        self.near = APART if all(each.form.normal_fixed for each in system.surfaces) else NEAR
+        self.near = APART if all(each.form.normal_fixed for each in system.surfaces) else SAME_STATION
         always = not system.mode.on_surface or covered(system.surfaces)  # the surfaces that r is about
         self.known_until = np.inf if always else system.constants.omega.span
 
@@ -227,7 +227,7 @@ class PremiseWatch:
         return self._loops
 
     def _known(self, judged: JudgedPosture, loop: Loop) -> Loop:
-        """Keep the sampled loop of the posture that was judged last, for all runs where it is of a station."""
+        """Keep the sampled loop of the posture that was judged last; that of a station is kept for other runs, too."""
         self._sampled = loop
         if judged.station is not None:
             self.system.sampled_loops[judged.station] = loop

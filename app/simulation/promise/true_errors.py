@@ -35,7 +35,7 @@ UNKNOWN = TrueErrors(*5 * (np.nan,))
 
 
 class TrueArm(NamedTuple):
-    """The true arm, as its errors are judged.
+    """Data of the true arm for the check of its errors against the stated bounds.
     judged: whether any bound is stated; where none is, nothing else is read.
     outsiders: number of the inequalities between truth and declaration that are violated whatever the state.
     links, chain, resistance: of the true arm; motion, estimate: memory for its terms."""

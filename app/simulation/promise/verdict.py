@@ -48,8 +48,14 @@ class PromiseVerdict(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Standing:
-    """Data of a verdict on a run up to now; `stopped` and `outsiders` are sentences, `losses` says which rigid surfaces
-    were lost, and when. waiting: whether the run has changed, and no control period been computed since."""
+    """Standing of the theorem's promise in a run up to now.
+    table: values, limits and failures of the premises.
+    promise_record: how the promise has been kept.
+    stopped: why the run has stopped, as a sentence; None where it goes on.
+    outsiders: sentences on the declared bounds that the true arm violates.
+    units: of the task space.
+    losses: which rigid surfaces were lost, and when.
+    waiting: whether the run has changed and no control period has been computed since."""
 
     table: PremiseTable
     promise_record: PromiseRecord
@@ -162,15 +168,8 @@ class Standing:
 
 def unit_of(premise: Premise, units: Units) -> str:
     """Unit of a premise in this task space."""
-    match STATEMENTS[premise].of:
-        case "r":
-            return units.force
-        case "joints":
-            return units.of_joints("rad")
-        case "J_q":
-            return units.jacobian.removesuffix("1")
-        case "":
-            return ""
+    of = STATEMENTS[premise].of
+    return units.of_kind(of, {"r": "N", "joints": "rad", "J_q": "m", "": ""}[of]).removesuffix("1")
 
 
 def sentence(premise: Premise, value: float, limit: float, units: Units) -> str:

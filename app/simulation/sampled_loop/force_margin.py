@@ -17,10 +17,10 @@ import numpy as np
 
 from app.simulation.sampled_loop.sampled_frequencies import LOWEST, SampledFrequencies
 
-MOST = 1e3  # gain, beyond which there is no limit to speak of
+LARGEST_GAIN = 1e3  # gain, beyond which there is no limit to speak of
 GAINS, FREQUENCIES = 121, 1500  # at which a margin is looked for, before it is found exactly
 ROUNDING = 1e-7  # of the spectral radius: a coordinate that is free to move without its force has a pole at 1
-NOTHING = 1e-6  # a loop gain below which an eigenvalue counts as zero
+SMALLEST_GAIN = 1e-6  # a loop gain below which an eigenvalue counts as zero
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class ForceLoop(SampledFrequencies):
     def _count(self) -> int:
         """Number of eigenvalues of L that are not zero everywhere."""
         largest = np.abs(self._eigenvalues(self.frequencies(40))).max(axis=0)
-        return max(1, int((largest > NOTHING).sum()))
+        return max(1, int((largest > SMALLEST_GAIN).sum()))
 
     def growth(self, gain: float) -> float:
         """Growth of a deviation per control period when the law is given `gain` times the reading."""
@@ -73,7 +73,7 @@ class ForceLoop(SampledFrequencies):
         """Margins; None where the loop is not stable as it is."""
         if self._unstable(1.0) > 0.0:
             return None
-        high = self._limit(np.geomspace(1.0, MOST, GAINS))
+        high = self._limit(np.geomspace(1.0, LARGEST_GAIN, GAINS))
         low = self._limit(np.linspace(1.0, 0.0, GAINS))
         phase, delay, crossing = math.inf, math.inf, math.nan
         for frequency, value in self._crossings():

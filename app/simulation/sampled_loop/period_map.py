@@ -25,7 +25,7 @@ from kernels.records import Record
 
 STEP, FORCE_STEP = 1e-3, 1e-3  # steps of the differences: in boundary layers, and N
 NO_PUSH = TimedPush(np.zeros(3), 0.0, 0.0)
-NOTHING = np.zeros(6)
+NO_WRENCH = np.zeros(6)
 
 
 class PeriodResult(NamedTuple):
@@ -196,7 +196,7 @@ class PeriodMap:
         """Readings in the sensor's memory, (k, 3) or (k, 6)."""
         return self._state.reader.memory[:, : self._felt]
 
-    def _after(self, vector: np.ndarray, added: np.ndarray = NOTHING, push: TimedPush | None = None) -> PeriodResult:
+    def _after(self, vector: np.ndarray, added: np.ndarray = NO_WRENCH, push: TimedPush | None = None) -> PeriodResult:
         """Result of a period that begins in this state. An elastic surface pushes as soon as it is met.
         added: (6,) N and N m, added to the reading of the force sensor.
         push: on the tool, None for none."""

@@ -15,21 +15,22 @@ import numpy as np
 
 from app.simulation.sampled_loop.sampled_frequencies import SampledFrequencies
 
-NOTHING = 1e-12  # m/s per N, or rad/s per N m: an admittance that is rounding
+ROUNDING_ADMITTANCE = 1e-12  # m/s per N, or rad/s per N m: an admittance that is rounding
 RIGID = 1e-9  # m per N, or rad per N m: a compliance below this counts as none
 ROUNDING = 1e-9  # share of the admittance's largest entry by which an eigenvalue may be below zero, for rounding
 
 
 class PushKind(NamedTuple):
     """Kind of a push.
-    unit: of the push; way: unit of the tool's motion, which is called `motion`; impedance: unit of what the push meets.
-    """
+    unit: of the push.
+    motion: name of the tool's motion.
+    motion_unit, impedance_unit: units of that motion, and of the impedance that the push meets."""
 
     name: str
     unit: str
     motion: str
-    way: str
-    impedance: str
+    motion_unit: str
+    impedance_unit: str
 
 
 FORCE = PushKind("force", "N", "way", "m", "N·s/m")
@@ -155,4 +156,4 @@ def passive(admittance: np.ndarray) -> np.ndarray:
     """Mask (N,) of the frequencies at which no sinusoidal push gets energy from the arm. admittance: (N, p, p)."""
     hermitian = 0.5 * (admittance + np.conj(np.swapaxes(admittance, 1, 2)))
     least = np.linalg.eigvalsh(hermitian)[:, 0]
-    return least >= -ROUNDING * np.abs(admittance).max() - NOTHING
+    return least >= -ROUNDING * np.abs(admittance).max() - ROUNDING_ADMITTANCE

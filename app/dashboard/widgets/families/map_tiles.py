@@ -23,7 +23,7 @@ COURSE_HEIGHT = 224  # px, of a picture over one field, which has no colour bar
 GAP = 0.8  # px, around a tile, which can be pressed, too; neighbours do not cover the outline that tells the focus
 STOPS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))  # evenly spaced colours of viridis
 SHADES = 24  # of the colour bar
-NOTHING = "rgba(128, 128, 128, 0.18)"
+NO_DATA_COLOR = "rgba(128, 128, 128, 0.18)"
 FIELD = "vs-tile-field"
 Present = Mapping[str, float | None]
 
@@ -151,7 +151,7 @@ def _tiles(
         for holds, of_points in ((declared, points.declared), (theorem, points.theorem)):
             if not math.isnan(of_points[k]):
                 holds[i, j] = bool(of_points[k])
-        color = NOTHING if scale is None or math.isnan(number) else _color(scale.position(number))
+        color = NO_DATA_COLOR if scale is None or math.isnan(number) else _color(scale.position(number))
         x_at, y_at = LEFT + i * frame.wide, BOTTOM - (j + 1) * frame.tall
         cross = f'<path d="{_cross(i, j, frame)}" stroke="currentColor"/>' if points.stopped[k] else ""
         label = escape(_label(plan, points, k, number, naming))

@@ -58,7 +58,7 @@ def around(snapshot: Snapshot, edit: FieldEdit) -> tuple[Scenario, Scenario]:
     anew. Raises ScenarioError."""
     after = changed(snapshot.scenario, edit)
     if snapshot.phase == "stopped" or begins_anew(snapshot.scenario, after):
-        return snapshot.own_push.back(snapshot.scenario), snapshot.own_push.back(after)
+        return snapshot.own_push.restored_in(snapshot.scenario), snapshot.own_push.restored_in(after)
     return snapshot.scenario, after
 
 

@@ -89,7 +89,7 @@ def _map(drawn: _Drawn, push: PushKind, axes: Sequence[int]) -> str:
             for what, style, place, path in paths
         ),
         *_dots(drawn, axes, alike, low, high),
-        f'<text x="{_LEFT}" y="11">impedance [{push.impedance}]</text>',
+        f'<text x="{_LEFT}" y="11">impedance [{push.impedance_unit}]</text>',
         f'<text x="{_RIGHT}" y="{_SIZE[1] - 4}" text-anchor="end">f [Hz]</text>',
     ]
     names = {place: " = ".join(response.axes[axis].words for axis in alike[place]) for place in alike}
@@ -149,7 +149,7 @@ def _dots(drawn: _Drawn, axes: Sequence[int], alike: Mapping[int, list[int]], lo
     return [
         f'<circle class="measured" cx="{_x(points[k].frequency, response):.1f}" '
         f'cy="{_y(float(impedance[k, place]), low, high):.1f}" r="2.6" fill="none" stroke="{colours[axes[place]]}">'
-        f"<title>measured {escape(axis.words)}: {impedance[k, place]:.3g} {axis.kind.impedance} at "
+        f"<title>measured {escape(axis.words)}: {impedance[k, place]:.3g} {axis.kind.impedance_unit} at "
         f"{points[k].frequency:.3g} Hz</title></circle>"
         for k, place in np.argwhere(inside)
         for axis in [response.axes[axes[place]]]
