@@ -69,8 +69,8 @@ def _least_factor(I: np.ndarray, of: np.ndarray) -> float:
 
 
 class StiffElement(NamedTuple):
-    """Stiff element of the simulation: the oscillator x_ddot = -stiffness x - damping x_dot (1/s^2, 1/s), and the field,
-    with value and unit, that makes it stiff."""
+    """Stiff element of the simulation: the oscillator x_ddot = -stiffness x - damping x_dot (1/s^2, 1/s), and the
+    field, with value and unit, that makes it stiff."""
 
     field: str
     value: float

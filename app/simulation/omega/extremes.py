@@ -16,9 +16,7 @@ import numpy as np
 SOME = 24  # of the centres, about
 MOST_SEARCHES = 12  # searches, each from a sample of its own
 APART = 0.7  # radii between two samples to search from, at least
-NEAR_CUT = (
-    3.0  # times the limit on sigma_min: one search begins at the sample nearest to that limit, if it is below this
-)
+NEAR_CUT = 3.0  # times the limit on sigma_min, below which a search begins at the sample that is nearest to that limit
 ITERATIONS = 25  # of one search
 ENOUGH = 3e-4  # relative gain below which a search ends
 GAIN = 1e-2  # relative gain over the best by which a search counts as worth while

@@ -13,9 +13,7 @@ from environments.surfaces.table import Surface
 
 APART = 0.1  # rad, largest change of a joint from one station to the next
 TURNED = 0.1  # rad, the same of a surface's normal at the tool
-SAME_STATION = (
-    0.02  # rad, largest change of a joint from a station, beside which a curved surface has much the same normal
-)
+SAME_STATION = 0.02  # rad, largest change of a joint from a station where a curved surface has much the same normal
 
 
 @dataclass(frozen=True)
