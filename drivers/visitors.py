@@ -150,7 +150,13 @@ def visiting(url: str, **options: Any) -> Iterator[VisitingPage]:
 def connected(url: str, **options: Any) -> Iterator[Connection]:
     """Context with a web socket that is open at a page's address. options: of the web socket."""
     address = url.replace("http", "ws", 1).rstrip("/")
-    usual = {"subprotocols": [PROTOCOL], "compression": None, "max_size": None, "open_timeout": PATIENCE}
+    usual = {
+        "subprotocols": [PROTOCOL],
+        "compression": None,
+        "max_size": None,
+        "open_timeout": PATIENCE,
+        "ping_interval": None,
+    }
     with connect(address, **usual | options) as socket:
         assert socket.subprotocol == PROTOCOL
         yield socket

@@ -35,7 +35,7 @@ class Printer:
     def msg(self, message: str) -> None:
         """Print a line, unless the test that captured the output has ended."""
         out = sys.stdout
-        with contextlib.suppress(ValueError):  # closed
+        with contextlib.suppress(ValueError, OSError):  # closed, or a test has made the disk full
             out.write(f"{message}\n")
             out.flush()
 

@@ -9,10 +9,11 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
 
 from app.dashboard.page import Dashboard
-from app.session.commands import Pause
+from app.session.commands import Load, Pause, Play, Reset, SetSpeed, ToEnd, Unpin
 from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
 from drivers.pages import NO_HINTS, PATIENCE, SENT, UNDRAWN, VIEWPORT, PageSession, wait_without_notice
+from drivers.waiting import until
 from tests.browser.shared_page import SCENARIO, SharedPage
 from tests.support.drawn import serving
 
@@ -51,7 +52,9 @@ def browser() -> Iterator[Browser]:
     executable = find_or_install()
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(
-            executable_path=executable, args=[*LAUNCH_ARGS, f"--disable-features={','.join(UNSEEN)}"]
+            executable_path=executable,
+            timeout=PATIENCE * 1e3,
+            args=[*LAUNCH_ARGS, f"--disable-features={','.join(UNSEEN)}"],
         )
         expect.set_options(timeout=PATIENCE * 1e3)
         yield chromium
@@ -141,6 +144,22 @@ def own_session(browser: Browser) -> Iterator[PageSession]:
         yield PageSession(opened(pages, dashboard), runner)
         pages.close()
     pages.require_no_errors()
+
+
+@pytest.fixture
+def from_the_start(served: tuple[Dashboard, Runner]) -> None:
+    """For a test that opens its own page: the loop runs the shipped scenario from its start, whatever was before."""
+    _, runner = served
+    pinned = [Unpin(run.number) for run in runner.snapshot.pinned]
+    for command in (ToEnd(), *pinned, Load(SCENARIO), SetSpeed(1.0), Reset(), Play()):
+        runner.post(command)
+    until(
+        lambda: (
+            runner.snapshot.executed >= runner.posted
+            and runner.snapshot.scenario == SCENARIO
+            and runner.snapshot.phase == "running"
+        )
+    )
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from coloraide import Color
 from coloraide.everything import ColorAll
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from app.dashboard.page import Dashboard
 from app.dashboard.plots.charts import ChartLine, Drawing, Setup
@@ -51,6 +51,7 @@ FOCUSED = """() => {
 }"""
 
 
+@pytest.mark.usefixtures("from_the_start")
 def test_axe_finds_nothing_on_a_phone_and_every_target_is_as_large_as_a_finger(
     served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
 ):
@@ -106,6 +107,12 @@ def test_lines_and_folders_answer_to_keys_and_sliders_tell_their_value(session: 
     expect(slider).to_have_attribute("aria-valuetext", "20 N")
 
 
+def have_names_of_their_own(controls: Locator) -> bool:
+    """Whether each control of a tab has a name that no other one has; the page gives them twice a second."""
+    names = controls.evaluate_all("(all) => all.map((each) => each.getAttribute('aria-label') ?? '')")
+    return bool(names) and "" not in names and len(set(names)) == len(names)
+
+
 def test_controls_of_a_tab_have_names_of_their_own(session: PageSession):
     """What the true arm and the declared set have both is named with its folder."""
     page = session.page
@@ -114,9 +121,7 @@ def test_controls_of_a_tab_have_names_of_their_own(session: PageSession):
         session.tab(tab)
         for role in ("slider", "textbox"):
             controls = page.get_by_role(role).locator("visible=true").and_(in_tab)
-            names = controls.evaluate_all("(all) => all.map((each) => each.getAttribute('aria-label') ?? '')")
-            assert names
-            assert not [name for name in set(names) if names.count(name) > 1], tab
+            session.wait(lambda _, controls=controls: have_names_of_their_own(controls))
     session.tab("Robot")
     page.get_by_role("slider", name="payload [kg], The true arm", exact=True).wait_for()
     page.get_by_role("slider", name="payload [kg], Bounds declared to the controller", exact=True).wait_for()
@@ -169,7 +174,7 @@ def test_the_keyboard_leads_from_event_to_event(session: PageSession):
     session.wait(lambda now: not now.looking_back)
 
 
-@pytest.mark.usefixtures("new_page")
+@pytest.mark.usefixtures("new_page", "from_the_start", "messages_stay")
 def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
 ):
@@ -214,6 +219,7 @@ def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
     expect(page.locator(".vs-undo")).to_have_count(0)
 
 
+@pytest.mark.usefixtures("from_the_start")
 def test_a_long_touch_opens_a_row_s_menu_and_lists_stay_closed(
     served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
 ):

@@ -71,6 +71,7 @@ def test_no_control_is_covered_at_any_size_and_dock_width(session: PageSession):
         require_nothing_covered(session, f"docks to {left} and {right} of 1280")
 
 
+@pytest.mark.usefixtures("from_the_start")
 @pytest.mark.parametrize(("width", "height"), [(1024, 768), (844, 390), (390, 844)])
 def test_no_control_is_covered_under_a_finger(
     width: int, height: int, served: tuple[Dashboard, Runner], open_page: Callable[..., Page]

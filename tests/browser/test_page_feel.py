@@ -137,9 +137,9 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: PageSession):
     expect(page.get_by_placeholder("Search commands")).to_have_count(0)
 
 
+@pytest.mark.usefixtures("from_the_start")
 def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):
-    dashboard, runner = served
-    runner.post(Play())
+    dashboard, _ = served
     page = open_page(
         dashboard.url, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True, device_scale_factor=2
     )
@@ -177,9 +177,9 @@ def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):
     page.locator(".vs-chip", has_text="paused").wait_for()
 
 
+@pytest.mark.usefixtures("from_the_start")
 def test_first_steps_come_once_and_a_reload_in_the_middle_of_a_run_is_harmless(served, open_page):
     dashboard, runner = served
-    runner.post(Play())
     page = open_page(dashboard.url, first_visit=True, viewport={"width": 1280, "height": 720})
     page.get_by_text("real time").wait_for()
     page.locator(".vs-hints").wait_for()
@@ -210,6 +210,7 @@ def test_a_field_gives_the_keys_back_on_enter_and_on_escape(session: PageSession
         session.wait(lambda now, phase=phase: now.phase == phase)
 
 
+@pytest.mark.usefixtures("messages_stay")
 def test_a_message_moves_nothing(session: PageSession):
     page = session.page
     buttons = page.get_by_role("button", name="play / pause")

@@ -54,7 +54,7 @@ def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: PageSess
     session.wait(lambda _: page.evaluate(DRAWN, 1500) == [len(TABS["Residual"].plots), 0])
 
 
-@pytest.mark.usefixtures("new_page")
+@pytest.mark.usefixtures("new_page", "from_the_start")
 def test_plots_fill_the_height_of_the_page_whatever_pixels_the_scene_has(
     served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
 ) -> None:
@@ -62,8 +62,13 @@ def test_plots_fill_the_height_of_the_page_whatever_pixels_the_scene_has(
     page = open_page(served[0].url, viewport={"width": 1600, "height": 1000}, device_scale_factor=2)
     page.get_by_text("real time").wait_for()
     page.wait_for_function(FULL)
-    box = resting_box(page.locator(".uplot-container:visible").last)
-    assert 850 < box["y"] + box["height"] < 1000
+    page.wait_for_function(
+        """() => {
+          const shown = [...document.querySelectorAll(".uplot-container")].filter((each) => each.checkVisibility());
+          const bottom = shown.at(-1)?.getBoundingClientRect().bottom;
+          return bottom > 850 && bottom < 1000;
+        }"""
+    )
 
 
 @pytest.mark.usefixtures("spent_page")

@@ -121,7 +121,7 @@ def test_a_page_that_vanishes_with_a_slider_held_ends_the_preview(server: Server
     view = server.dashboard._content
     assert view is not None
     handles = view._server.gui._gui_input_handle_from_uuid
-    label = next(h for h in handles.values() if getattr(h, "label", "") == "F_d [N]")
+    label = next(h for h in list(handles.values()) if getattr(h, "label", "") == "F_d [N]")
     slider = list(handles.values())[list(handles.values()).index(label) + 1]
     page, other = server.open(), server.open()
     positions = itertools.cycle((0.7, 0.6))
@@ -194,7 +194,7 @@ def test_drawing_that_hangs_for_seconds_costs_the_run_nothing(server: Server, mo
         t = now.recording.signals(("t",))["t"]
         assert np.allclose(np.diff(t), now.scenario.controller.period)  # no control step is missing
         handles = view._server.gui._gui_input_handle_from_uuid
-        speed = next(h for h in handles.values() if getattr(h, "label", "") == "Speed")
+        speed = next(h for h in list(handles.values()) if getattr(h, "label", "") == "Speed")
         client.send({"type": "GuiUpdateMessage", "uuid": speed._impl.uuid, "updates": {"value": "1/2×"}})
         until(lambda: server.runner.snapshot.speed == 0.5)  # it is heard meanwhile
         goes_on.set()
@@ -215,7 +215,7 @@ def test_a_callback_that_fails_is_said_on_the_page(server: Server, monkeypatch: 
             lambda: "could not carry that out (KeyError: &#x27;boom&#x27;)" in server.status_text(), server.status_text
         )
     handles = view._server.gui._gui_input_handle_from_uuid
-    speed = next(h for h in handles.values() if getattr(h, "label", "") == "Speed")
+    speed = next(h for h in list(handles.values()) if getattr(h, "label", "") == "Speed")
     choice = {"type": "GuiUpdateMessage", "uuid": speed._impl.uuid, "updates": {"value": "2×"}}
     with monkeypatch.context() as patched:
         patched.setattr(playback, "SetSpeed", warp)

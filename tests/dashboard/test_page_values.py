@@ -30,6 +30,7 @@ def test_a_value_that_the_program_sets_calls_nothing_back_also_when_the_server_h
             until(lambda: received, "not heard")
     finally:
         server.stop()
+    gc.collect()  # what other tests have left
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         field.value = "3"

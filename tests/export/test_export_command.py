@@ -44,7 +44,7 @@ def test_uploads_that_are_no_scenario_are_refused() -> None:
 
 
 def vsmrc(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "app", *arguments], capture_output=True, text=True, timeout=300)
+    return subprocess.run([sys.executable, "-m", "app", *arguments], capture_output=True, text=True, timeout=900)
 
 
 def test_export_command_writes_every_kind_and_goes_on_from_a_recording(

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +27,19 @@ def name(process: int) -> str:
 
 
 def fork_server(server: Server) -> int:
-    """The process that forks sessions: sessions have its command line, and names of their own."""
-    [found] = (
-        child
-        for child in server.children()
-        if b"app.workers.fork_server" in Path(f"/proc/{child}/cmdline").read_bytes() and name(child) != SESSION
-    )
-    return found
+    """The process that forks sessions: sessions have its command line, and names of their own as soon as they begin."""
+
+    def forks(child: int) -> bool:
+        with suppress(OSError):  # it has ended
+            command = Path(f"/proc/{child}/cmdline").read_bytes()
+            return b"app.workers.fork_server" in command and name(child) != SESSION
+        return False
+
+    def alone() -> int | None:
+        found = [child for child in server.children() if forks(child)]
+        return found[0] if len(found) == 1 else None
+
+    return until(alone)
 
 
 def sessions(server: Server) -> list[int]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import http.client
+import random
 import re
 import socket
 import ssl
 import subprocess
 import time
 from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -174,8 +175,11 @@ async def _at(handler: Any) -> AsyncIterator[int]:
 
 
 def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return probe.getsockname()[1]
+    """Port on which nothing listens, outside the range from which other tests get theirs meanwhile."""
+    for port in random.sample(range(20_000, 32_000), 100):
+        with suppress(OSError), socket.create_server(("127.0.0.1", port)):
+            return port
+    raise OSError("no free port among a hundred")
 
 
 def _port_of(server: Server) -> int:

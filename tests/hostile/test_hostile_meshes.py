@@ -57,7 +57,7 @@ def test_meshes_that_would_take_the_machine_are_not_shown(
     arm = tmp_path / "arm.urdf"
     mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
     arm.write_text(BENT.replace(UPPER, UPPER + mesh))
-    assert link_meshes.link_meshes(robots.load("", urdf=str(arm))).result(90.0) == ()
+    assert link_meshes.link_meshes(robots.load("", urdf=str(arm))).result(200.0) == ()
 
 
 def test_the_process_that_reads_meshes_ends_with_the_one_that_began_it(tmp_path: Path) -> None:
@@ -76,9 +76,9 @@ print(*found, flush=True)
 time.sleep(1.0)
 os._exit(0)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=90, check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True)
     (reader,) = map(int, done.stdout.split())
-    assert gone(reader, 10.0)
+    assert gone(reader)
 
 
 def test_a_mesh_of_ones_own_is_shown(tmp_path: Path) -> None:
@@ -93,7 +93,7 @@ def test_a_mesh_of_ones_own_is_shown(tmp_path: Path) -> None:
     view = RobotView(scene, robot, "/arm")
     bones = list(view._shapes)
     assert {Path(bone.path).name[:5] for bone in bones} == {"bone_"}  # nobody waits for the process that reads
-    (mesh,) = link_meshes.link_meshes(robot).result(90.0)
+    (mesh,) = link_meshes.link_meshes(robot).result(200.0)
     assert mesh.link == "upper"
     np.testing.assert_allclose(mesh.vertices.max(axis=0), [1, 1, 2])
     for _ in range(2):

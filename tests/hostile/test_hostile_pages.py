@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import logging
 import resource
 import struct
@@ -21,6 +22,7 @@ import websockets
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from viser._messages import Message
+from websockets.asyncio import server as asyncio_server
 from websockets.asyncio.client import ClientConnection
 
 from app.dashboard.page import Dashboard
@@ -235,6 +237,8 @@ def test_a_page_that_sends_too_much_waits_and_an_honest_one_never_does() -> None
 def unmetered(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Dashboard, Runner]]:
     """A dashboard whose pages may send as fast as they can: harder than any that is served."""
     monkeypatch.setattr(PageRateLimiter, "wait", lambda *_: 0.0)
+    # a sign of life waits behind thousands of messages
+    monkeypatch.setattr(asyncio_server, "serve", functools.partial(asyncio_server.serve, ping_interval=None))
     runner = Runner(shipped()["ur5-hybrid"])
     dashboard = Dashboard(runner, port=0, fps=8.0)
     runner.start()
@@ -247,7 +251,11 @@ async def page(dashboard: Dashboard) -> tuple[ClientConnection, asyncio.Task[Non
     """A page that reads what it is sent, as the task, and has told where it looks from."""
     known = set(dashboard.clients)
     connection = await websockets.connect(
-        f"ws://127.0.0.1:{dashboard.port}/", subprotocols=[PROTOCOL], max_size=None, open_timeout=PATIENCE
+        f"ws://127.0.0.1:{dashboard.port}/",
+        subprotocols=[PROTOCOL],
+        max_size=None,
+        open_timeout=PATIENCE,
+        ping_interval=None,
     )
 
     async def read() -> None:
@@ -261,7 +269,7 @@ async def page(dashboard: Dashboard) -> tuple[ClientConnection, asyncio.Task[Non
     return connection, reading
 
 
-async def until(condition: Callable[[], bool], patience: float = 120.0) -> None:
+async def until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
     last = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < last
@@ -320,11 +328,11 @@ def test_a_hundred_thousand_messages_do_no_harm(
 
     def widget(label: str) -> str:
         """The name of the one with this label."""
-        return next(uuid for uuid, handle in widgets.items() if getattr(handle, "label", "") == label)
+        return next(uuid for uuid, handle in list(widgets.items()) if getattr(handle, "label", "") == label)
 
     def pressed(key: str) -> dict[str, Any]:
         """The message of a key that is a command of the page."""
-        uuid = next(uuid for uuid, handle in commands.items() if handle.hotkey == key)
+        uuid = next(uuid for uuid, handle in list(commands.items()) if handle.hotkey == key)
         return {"type": "CommandTriggerMessage", "uuid": uuid}
 
     async def flood(first: int) -> None:

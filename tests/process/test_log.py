@@ -82,7 +82,7 @@ while int(time.time()) == first:
 events.info("refused", i="last")
 """
     file, _ = logged(tmp_path / "log", body)
-    assert len(file) < 100
+    assert len(file) < 1000  # twenty of a kind in a second
     assert any("client left" in line for line in file)  # which it does not hide
     assert re.search(r"i=last by=__main__ process=\d+ left_out=\d+$", file[-1])
 
@@ -137,7 +137,7 @@ def test_a_library_that_never_says_the_same_is_cut_as_well(tmp_path: Path) -> No
     file, _ = logged(
         tmp_path / "log", "for i in range(5000): logging.getLogger('aiohttp.server').warning(f'bad request {i}')"
     )
-    assert 20 <= len(file) < 100
+    assert 20 <= len(file) < 1000
 
 
 def test_a_file_that_is_full_gets_a_number_whoever_of_its_writers_finds_it(

@@ -153,13 +153,13 @@ def test_a_hand_lets_go_when_one_looks_back(runner: Runner):
 def test_a_stretch_is_shown_again_slowly_and_then_the_run_goes_on_as_before(runner: Runner):
     wait(runner, lambda now: now.t > 0.5)
     runner.post(SetSpeed(2.0))
-    runner.post(ShowAgain(0.1, 0.11, 0.02))
-    now = wait(runner, lambda now: now.speed == 0.02)
-    assert 0.1 <= now.t <= 0.11
+    runner.post(ShowAgain(0.1, 0.13, 0.01))  # for three seconds
+    now = wait(runner, lambda now: now.speed == 0.01)
+    assert 0.1 <= now.t <= 0.13
     assert (now.phase, now.looking_back) == ("running", True)
-    now = wait(runner, lambda now: now.speed != 0.02)
+    now = wait(runner, lambda now: now.speed != 0.01)
     assert now.speed == 2.0
-    assert now.t >= 0.11
+    assert now.t >= 0.13
     runner.post(ShowAgain(-1.0, 0.1, 0.02))
     now = wait(runner, lambda now: now.refusal_number > 0)
     assert now.refusal is not None

@@ -41,11 +41,6 @@ def previewer(one_previewer: Previewer) -> Previewer:
     return one_previewer
 
 
-def listeners() -> int:
-    """Number of threads that wait for answers of a process."""
-    return sum(thread.name == "previews" for thread in threading.enumerate())
-
-
 def whole(previewer: Previewer) -> Preview | None:
     newest = previewer.newest
     return newest if isinstance(newest, Preview) and newest.whole else None
@@ -146,7 +141,7 @@ def test_a_killed_process_is_said_and_started_anew(previewer: Previewer) -> None
 
 
 def test_closing_leaves_no_process_behind() -> None:
-    before = listeners()
+    before = set(threading.enumerate())
     previewer = Previewer()
     state = running(shipped()["ur5-hybrid"], 5).state.copy()
     previewer.ask(state, state.scenario, 20.0)
@@ -156,7 +151,7 @@ def test_closing_leaves_no_process_behind() -> None:
     previewer.close()
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
-    until(lambda: listeners() == before)
+    until(lambda: not [each for each in threading.enumerate() if each.name == "previews" and each not in before])
 
 
 def test_the_process_ends_when_its_asker_is_killed() -> None:

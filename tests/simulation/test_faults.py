@@ -33,9 +33,10 @@ def assert_kept_and_reset_works(runner: Runner, stopped: Snapshot) -> None:
     assert np.isfinite(stopped.tool).all()
     runner.post(Seek(0.05))
     until(lambda: runner.snapshot.looking_back)
+    before = runner.snapshot.run
     for command in (Reset(), Play()):
         runner.post(command)
-    until(lambda: runner.snapshot.phase == "running" and runner.snapshot.t < stopped.t)
+    until(lambda: runner.snapshot.run > before and runner.snapshot.phase == "running")
     until(lambda: runner.snapshot.t > 0.05)
 
 

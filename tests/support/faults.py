@@ -19,7 +19,7 @@ from app.session.commands import Load, Play, Reset
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from drivers.viser_protocol import CAMERA, PROTOCOL
-from drivers.waiting import until
+from drivers.waiting import PATIENCE, until
 
 
 @contextmanager
@@ -59,6 +59,7 @@ class Client:
             max_queue=1,
             max_size=None,
             ping_interval=None,
+            open_timeout=PATIENCE,
         )
         self.send(CAMERA)
         (self.number,) = until(lambda: numbers() - known)

@@ -8,7 +8,8 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-SETTLED = 20.0  # s, for a machine that has other things to do
+SETTLED = 60.0  # s, for a machine that has other things to do
+LOOKS = 5  # at least, however long each takes
 
 _SCRIPT = """
 () => {
@@ -110,8 +111,11 @@ def faults(page: Page) -> list[str]:
 
 def lasting(page: Page, look: Callable[[Page], list[str]]) -> list[str]:
     """What a look still finds after a while: a page that is being laid out has faults that go by themselves."""
-    until = time.monotonic() + SETTLED
-    while (found := look(page)) and time.monotonic() < until:
+    until, looks = time.monotonic() + SETTLED, 0
+    while found := look(page):
+        looks += 1
+        if looks >= LOOKS and time.monotonic() > until:
+            break
         page.wait_for_timeout(200)
     return found
 
