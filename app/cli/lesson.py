@@ -75,7 +75,6 @@ def _run(lessons: Sequence[Lesson], figures: Path | None) -> int:
     Returns the exit status."""
     from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure
     from app.lessons.answers import Notebook
-    from app.lessons.blocks import LessonRun
     from app.lessons.course import LessonCourse
     from app.lessons.playing import play, runs
     from app.storage.constants_store import kept_memory
@@ -88,9 +87,9 @@ def _run(lessons: Sequence[Lesson], figures: Path | None) -> int:
             outcome = play(step, memory)
             course.take(step, outcome)
             text = ", ".join(f"{name} = {value}" for name, value in outcome.measurements.items())
-            if isinstance(step.block, LessonRun):  # a lesson may mean it
-                stopped |= bool(outcome.stopped and not step.block.stops)
-                stopped |= bool(outcome.refusal and not step.block.refused)
+            if run := step.run:  # a lesson may mean it
+                stopped |= bool(outcome.stopped and not run.stops)
+                stopped |= bool(outcome.refusal and not run.refused)
             ended = " ".join(filter(None, (outcome.refusal, outcome.stopped)))
             print(f"  {printable(getattr(step.block, 'title', ''))}: {text}  {printable(ended)}".rstrip())
             if figures is not None:

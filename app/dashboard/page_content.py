@@ -11,7 +11,7 @@ import viser
 from app.dashboard.panels.tabs import ControlTabs
 from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.plots.pinned_runs import PinnedChart
-from app.dashboard.scene.tool_drag import Hand
+from app.dashboard.scene.tool_drag import ToolDrag
 from app.dashboard.scene.view import SceneView
 from app.dashboard.transport.repeated_inputs import RepeatedInputs
 from app.dashboard.transport.visible_parts import VisibleParts
@@ -93,7 +93,7 @@ class PageContent:
             scene_of=self._visible_parts.scene_of,
         )
         self._background_jobs = background_jobs
-        self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
+        self._hand = ToolDrag(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
         self._scene_buttons = SceneButtons(desk)

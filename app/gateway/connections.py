@@ -11,7 +11,7 @@ DEADLINE = 10.0  # s that a connection may be silent, or take for a request, bef
 ARRIVING = 128  # connections on which nothing is being answered, or not yet
 
 
-class Door:
+class ConnectionLimiter:
     """Factory of the protocols of a server's connections, at most `most` at once. When there are more, the oldest one
     that is not being answered is closed, so that connections without a request keep nobody out; where all are being
     answered, the one whose answer has been read for longest, if for longer than the deadline; otherwise the new one.

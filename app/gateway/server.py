@@ -33,7 +33,7 @@ from app.access.rate_limits import ConnectionRateLimiter, harmless
 from app.gateway import pages
 from app.gateway.access_control import AccessControl, AccessSettings
 from app.gateway.class_pages import ClassPages
-from app.gateway.connections import ARRIVING, DEADLINE, Door
+from app.gateway.connections import ARRIVING, DEADLINE, ConnectionLimiter
 from app.gateway.metrics import TYPE, metrics
 from app.gateway.relay import ANSWER, closed, relay
 from app.gateway.responses import ApplicationRunner, html, notice, session_page, with_headers
@@ -55,7 +55,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Gateway:
-    """Gateway: the web application for `aiohttp.web`. answered, read: see `Door`."""
+    """Gateway: the web application for `aiohttp.web`. answered, read: see `ConnectionLimiter`."""
 
     def __init__(self, pool: SessionPool, access_settings: AccessSettings) -> None:
         self._pool, self._access_settings = pool, access_settings
@@ -337,9 +337,9 @@ async def serving(
     try:
         assert runner.server is not None
         most = connections or gateway.most_pages + ARRIVING
-        door = Door(runner.server, gateway.answered, gateway.read, most, deadline)
+        limiter = ConnectionLimiter(runner.server, gateway.answered, gateway.read, most, deadline)
         try:
-            listening = await asyncio.get_running_loop().create_server(door, host, port)
+            listening = await asyncio.get_running_loop().create_server(limiter, host, port)
         except (OSError, UnicodeError) as error:  # the latter for a host that is no name
             reason = getattr(error, "strerror", None) or error
             raise PortTaken(f"port {port} of {host} cannot be used: {reason}") from error

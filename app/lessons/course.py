@@ -78,7 +78,7 @@ class LessonCourse:
     def last_run(self) -> LessonStep | None:
         """Step of the last run up to the shown step, None where an explanation came after it."""
         for step in reversed(self.lesson.steps[: self.step.number]):
-            if isinstance(step.block, LessonRun):
+            if step.run:
                 return step
             if isinstance(step.block, Explain) and step.number < self.step.number:
                 return None
@@ -88,7 +88,7 @@ class LessonCourse:
     def missing(self) -> list[LessonStep]:
         """Steps of the runs before the shown step that have no outcome, such as after a restart."""
         earlier = self.lesson.steps[: self.step.number - 1]
-        return [step for step in earlier if isinstance(step.block, LessonRun) and step.number not in self.outcomes]
+        return [step for step in earlier if step.run and step.number not in self.outcomes]
 
     @property
     def ready(self) -> bool:
@@ -119,7 +119,7 @@ class LessonCourse:
         titles = {
             step.block.title: step.number
             for step in self.lesson.steps[: run.number - 1]
-            if isinstance(step.block, LessonRun) and step.number in self.outcomes
+            if step.run and step.number in self.outcomes
         }
         beside = [
             trace

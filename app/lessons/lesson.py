@@ -62,11 +62,26 @@ class LessonStep:
         return self.block if isinstance(self.block, ChoiceQuestion | NumberQuestion | CurveQuestion) else None
 
     @property
+    def run(self) -> LessonRun | None:
+        """Run of the step, None for none."""
+        return self.block if isinstance(self.block, LessonRun) else None
+
+    @property
+    def goal(self) -> Goal | None:
+        """Goal of the step, None for none."""
+        return self.block if isinstance(self.block, Goal) else None
+
+    @property
+    def ask(self) -> str:
+        """What the step asks of a student, "" for nothing."""
+        asking = self.question or self.goal
+        return "" if asking is None else asking.ask
+
+    @property
     def names_numbers(self) -> bool:
         """Whether the texts of the step contain measured numbers of runs before it."""
-        asked = self.block.ask if isinstance(self.block, ChoiceQuestion | NumberQuestion | CurveQuestion | Goal) else ""
         options = self.block.options if isinstance(self.block, ChoiceQuestion) else ()
-        return any(NAMED.search(text) for text in (self.text, asked, *options))
+        return any(NAMED.search(text) for text in (self.text, self.ask, *options))
 
 
 @dataclass(frozen=True)
@@ -82,7 +97,7 @@ class Lesson:
 
     def asks_before_run(self, step: LessonStep) -> bool:
         """Whether a question comes between this step and the next run, which a playing loop would answer."""
-        later = takewhile(lambda each: not isinstance(each.block, LessonRun | Goal), self.steps[step.number - 1 :])
+        later = takewhile(lambda each: not (each.run or each.goal), self.steps[step.number - 1 :])
         return any(each.question for each in later)
 
     def refusal(self, step: LessonStep, reason: str) -> LessonError:

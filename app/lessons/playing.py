@@ -133,9 +133,9 @@ def reached(step: LessonStep, values: dict[str, float], memory: Memory | None = 
 
 
 def _run_of(step: LessonStep) -> tuple[LessonRun, Scenario]:
-    assert isinstance(step.block, LessonRun)
+    assert step.run is not None
     assert step.scenario is not None
-    return step.block, step.scenario
+    return step.run, step.scenario
 
 
 def _plain(scenario: Scenario, field: str) -> object:
@@ -147,4 +147,4 @@ def _plain(scenario: Scenario, field: str) -> object:
 
 def runs(lesson: Lesson) -> list[LessonStep]:
     """Steps of a lesson that are runs."""
-    return [step for step in lesson.steps if isinstance(step.block, LessonRun)]
+    return [step for step in lesson.steps if step.run]

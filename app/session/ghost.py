@@ -28,9 +28,9 @@ FAR = 1.0  # rad: a posture farther than this from the last one is another solut
 
 
 @dataclass(frozen=True)
-class Shade:
-    """Shade: the ghost at time t (s), with its posture q (n,) rad, its tool point (3,) m, and the distance (m) of the
-    arm's own tool point from that."""
+class GhostPose:
+    """Pose of the ghost at time t (s): its posture q (n,) rad, its tool point (3,) m, and the distance (m) of the arm's
+    own tool point from that."""
 
     t: float
     q: np.ndarray
@@ -38,7 +38,7 @@ class Shade:
     distance: float
 
 
-class NoShade(StrEnum):
+class NoGhost(StrEnum):
     """Reason in words why there is no ghost at an instant."""
 
     NO_ROWS = "begins when the run goes on"
@@ -67,22 +67,22 @@ class Ghost:
     def __init__(self) -> None:
         self._run: _Run | None = None
 
-    def follow(self, snapshot: Snapshot) -> Shade | NoShade:
+    def follow(self, snapshot: Snapshot) -> GhostPose | NoGhost:
         """The ghost at the last recorded instant of a snapshot, or why there is none: nothing is recorded since the
         last change, too little of what was, or its arm cannot reach the position given by (8)."""
         run, period = self._run, snapshot.scenario.controller.period
         if run is None or run.key != self._key(snapshot) or not run.t <= snapshot.t <= run.t + REACH_BACK:
             run = self._run = self._begun(snapshot)
         if run is None:
-            return NoShade.NO_ROWS
+            return NoGhost.NO_ROWS
         rows = _rows(snapshot.recording, run.t - 0.5 * period, snapshot.t)
         if not len(rows["t"]):
-            return NoShade.NO_ROWS
+            return NoGhost.NO_ROWS
         if np.ptp(rows["t"]) > 1.5 * period * len(rows["t"]):
-            return NoShade.THINNED
+            return NoGhost.THINNED
         run.x = self._onward(run, rows["t"], rows["F_c"] - rows["F_cd"])
         run.t = t = float(rows["t"][-1])
-        return self._shade(run, rows["r_d"][-1] + run.x[: len(run.q)], t, rows["tool"][-1])
+        return self._pose(run, rows["r_d"][-1] + run.x[: len(run.q)], t, rows["tool"][-1])
 
     def _onward(self, run: _Run, t: np.ndarray, e_Fc: np.ndarray) -> np.ndarray:
         """x at the last of the instants t (N, 1) s; during a blend by the model in the middle of each piece."""
@@ -116,23 +116,23 @@ class Ghost:
             q=rows["q"][0],
         )
 
-    def _shade(self, run: _Run, r: np.ndarray, t: float, tool: np.ndarray) -> Shade | NoShade:
+    def _pose(self, run: _Run, r: np.ndarray, t: float, tool: np.ndarray) -> GhostPose | NoGhost:
         """The ghost in the posture with these coordinates, if there is one, by Newton's method from the last one."""
         q, rest = run.q, np.zeros_like(run.q)
         for _ in range(NEWTON_STEPS):
             try:
                 estimate, task = run.observer.at(q, rest, t)
             except ValueError:  # J_q exactly singular
-                return NoShade.NO_POSTURE
+                return NoGhost.NO_POSTURE
             turn_towards.py_func(r, task)
             step = task.J_q_inv @ (r - task.r)
             if not np.linalg.norm(q - run.q) < FAR:
-                return NoShade.NO_POSTURE
+                return NoGhost.NO_POSTURE
             if np.abs(r - task.r).max() < CLOSE:
                 run.q = q
-                return Shade(t, q, estimate.p.copy(), float(np.linalg.norm(tool - estimate.p)))
+                return GhostPose(t, q, estimate.p.copy(), float(np.linalg.norm(tool - estimate.p)))
             q = q + step
-        return NoShade.NO_POSTURE
+        return NoGhost.NO_POSTURE
 
 
 def _rows(recording: Recording, t_from: float, t_to: float) -> dict[str, np.ndarray]:

@@ -20,7 +20,7 @@ LINGER = 10.0  # s that a process has to end
 
 
 @dataclass(frozen=True)
-class Work:
+class ComputeRequest:
     """Message to the process: compute this.
     request: a sweep, or a tuning.
     workers: processes of the pool. at_once: see `app.process.slots`."""
@@ -64,7 +64,7 @@ class Background:
     def __init__(self, request: Sweep, workers: int, at_once: int | None = None) -> None:
         self.plan = SweepPlan(request)
         self.problem, self.waiting = "", False
-        self._work = Work(request, workers, at_once)
+        self._work = ComputeRequest(request, workers, at_once)
         self._done, self._cancelled = threading.Event(), threading.Event()
         # launcher: its process ends with the thread that starts it
         self._thread = threading.Thread(target=self._run, name=self.noun, daemon=True)

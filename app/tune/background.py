@@ -10,9 +10,9 @@ from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate, front
 from app.tune.offers import badged, front_left
 from app.tune.plan import Tuning
-from app.tune.running import Found, TuningSchedule, computing, most_runs
+from app.tune.running import TuningResult, TuningSchedule, computing, most_runs
 
-Result = RunMetrics | Candidate | Found
+Result = RunMetrics | Candidate | TuningResult
 
 
 class BackgroundTuning(Background):
@@ -25,7 +25,7 @@ class BackgroundTuning(Background):
 
     def __init__(self, tuning: Tuning, workers: int, at_once: int | None = None) -> None:
         self.tuning, self.most = tuning, most_runs(tuning)
-        self.found: Found | None = None
+        self.found: TuningResult | None = None
         self._rows: list[RunMetrics] = []
         self._candidates: list[Candidate] = []
         super().__init__(tuning, workers, at_once)
@@ -54,7 +54,7 @@ class BackgroundTuning(Background):
     def take(self, result: Result) -> None:
         if isinstance(result, Candidate):
             self._candidates.append(result)
-        elif isinstance(result, Found):
+        elif isinstance(result, TuningResult):
             self.found = result
         else:
             self._rows.append(result)

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from app.tune.candidates import Candidate, aim_of, front
 from app.tune.plan import Tuning
-from app.tune.running import Found
+from app.tune.running import TuningResult
 
 WITHOUT_EFFECT = "it changes nothing on any arm that was not seen"
 
 
-def reason_against(tuning: Tuning, found: Found, number: int) -> str:
+def reason_against(tuning: Tuning, found: TuningResult, number: int) -> str:
     """Why a candidate that was tried is not offered, "" where it may be used: it has a badge on the arms that were not
     seen, too, or leaves every metric there as it is with the own gains, as gains without effect do."""
     if badge := found.tried[number].badge:
@@ -20,7 +20,7 @@ def reason_against(tuning: Tuning, found: Found, number: int) -> str:
     return WITHOUT_EFFECT if _changes_nothing(tuning, found, number) else ""
 
 
-def _changes_nothing(tuning: Tuning, found: Found, number: int) -> bool:
+def _changes_nothing(tuning: Tuning, found: TuningResult, number: int) -> bool:
     """Whether a candidate has the own gains' metrics on every arm that was not seen."""
     return all(
         aim_of(mine, aim) == aim_of(own, aim)
@@ -29,12 +29,12 @@ def _changes_nothing(tuning: Tuning, found: Found, number: int) -> bool:
     )
 
 
-def offered(tuning: Tuning, found: Found) -> list[Candidate]:
+def offered(tuning: Tuning, found: TuningResult) -> list[Candidate]:
     """Candidates that may be used, as judged on the arms that were not seen."""
     return [each for number, each in found.tried.items() if number and not reason_against(tuning, found, number)]
 
 
-def front_left(tuning: Tuning, found: Found) -> list[Candidate]:
+def front_left(tuning: Tuning, found: TuningResult) -> list[Candidate]:
     """Front of the candidates, as judged on the arms that were seen, without those that are not offered. No other one
     takes the place of these, since it was not tried."""
     return [
@@ -44,7 +44,7 @@ def front_left(tuning: Tuning, found: Found) -> list[Candidate]:
     ]
 
 
-def badged(tuning: Tuning, found: Found) -> list[Candidate]:
+def badged(tuning: Tuning, found: TuningResult) -> list[Candidate]:
     """All candidates, as judged on the arms that were seen; those that were tried and are not offered have the reason
     as their badge."""
     against = {number: reason_against(tuning, found, number) for number in found.tried if number}

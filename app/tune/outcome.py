@@ -30,7 +30,7 @@ from app.sweep.titles import unit_of
 from app.tune.candidates import Candidate, aim_of
 from app.tune.offers import badged, front_left, offered, reason_against
 from app.tune.plan import Tuning, in_words, program
-from app.tune.running import Found
+from app.tune.running import TuningResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,7 +57,7 @@ class Comparison(NamedTuple):
     better: int
 
 
-def comparisons(tuning: Tuning, found: Found, number: int) -> list[Comparison]:
+def comparisons(tuning: Tuning, found: TuningResult, number: int) -> list[Comparison]:
     """Comparisons of a candidate that was tried, one for each aim."""
     own, mine = found.tried[0], found.tried[number]
     return [
@@ -70,11 +70,11 @@ def _change(value: float, before: float) -> float:
     return value / before - 1.0 if math.isfinite(value) and math.isfinite(before) and before > 0.0 else math.nan
 
 
-def _smaller(aim: str, found: Found, number: int) -> list[bool]:
+def _smaller(aim: str, found: TuningResult, number: int) -> list[bool]:
     return [aim_of(mine, aim) < aim_of(own, aim) for mine, own in zip(found.runs[number], found.runs[0], strict=True)]
 
 
-def files_of(tuning: Tuning, found: Found) -> dict[int, str]:
+def files_of(tuning: Tuning, found: TuningResult) -> dict[int, str]:
     """Files of the scenarios that are offered, by candidate: best.toml, or front/1.toml and on."""
     numbers = [each.number for each in offered(tuning, found)]
     if len(tuning.aims) == 1:
@@ -82,7 +82,7 @@ def files_of(tuning: Tuning, found: Found) -> dict[int, str]:
     return {number: f"front/{place}.toml" for place, number in enumerate(numbers, start=1)}
 
 
-def write(tuning: Tuning, found: Found, folder: Path) -> None:
+def write(tuning: Tuning, found: TuningResult, folder: Path) -> None:
     """Write candidates.parquet, the figure, and the scenarios that are offered. Raises OSError."""
     table = _table(tuning, found)
     drawn = file_of(lambda: _drawn(tuning, found), "svg")
@@ -96,7 +96,7 @@ def write(tuning: Tuning, found: Found, folder: Path) -> None:
         write_whole(folder / name, lambda file, text=text: file.write(text))
 
 
-def zipped(tuning: Tuning, rows: Sequence[RunMetrics], found: Found) -> bytes:
+def zipped(tuning: Tuning, rows: Sequence[RunMetrics], found: TuningResult) -> bytes:
     """ZIP file of the folder that `vsmrc tune` writes. Raises OSError."""
     tuning = msgspec.structs.replace(tuning, program=program(tuning))
 
@@ -107,7 +107,7 @@ def zipped(tuning: Tuning, rows: Sequence[RunMetrics], found: Found) -> bytes:
     return packed(f"{tuning.scenario.name}-tune", fill)
 
 
-def _table(tuning: Tuning, found: Found) -> pa.Table:
+def _table(tuning: Tuning, found: TuningResult) -> pa.Table:
     """Table of all candidates, with units and meanings."""
     unit_of_aim = {aim: COLUMNS[aim].unit_in(units_of(tuning.scenario)) for aim in tuning.aims}
     worst = [column(aim, pa.float64(), unit, "worst of the arms seen; inf: none") for aim, unit in unit_of_aim.items()]
@@ -140,7 +140,7 @@ def _table(tuning: Tuning, found: Found) -> pa.Table:
     return pa.Table.from_pylist(rows, schema=schema)
 
 
-def _drawn(tuning: Tuning, found: Found) -> Canvas:
+def _drawn(tuning: Tuning, found: TuningResult) -> Canvas:
     arms = "its own arm" if not tuning.draw else f"the worst of {tuning.seen} true arms"
     caption = f"{tuning.scenario.name}, {len(found.candidates) - 1} candidates, {arms}. "
     candidates = badged(tuning, found)
@@ -191,7 +191,7 @@ def _draw_course(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> Non
     plot.set_ylabel(in_words(tuning.aims[0], units_of(tuning.scenario)))
 
 
-def summary_rows(tuning: Tuning, found: Found) -> list[list[str]]:
+def summary_rows(tuning: Tuning, found: TuningResult) -> list[list[str]]:
     """Rows of the table that is printed, its head first: gains, and the worst on the arms that were not seen with its
     change and the number of arms that are better. A candidate that another one beats there is marked: the front is that
     of the arms that were seen."""
@@ -234,7 +234,7 @@ def _percent(change: float) -> str:
     return "—" if math.isnan(change) else f"{100 * change:+.3g} %"
 
 
-def conclusions(tuning: Tuning, found: Found, names: Mapping[int, str] | None = None) -> list[str]:
+def conclusions(tuning: Tuning, found: TuningResult, names: Mapping[int, str] | None = None) -> list[str]:
     """Sentences on whether the own gains are beaten on the arms that were not seen, and on what is not offered.
     names: of the candidates that are offered, by number; None for those of their files."""
     names, sentences = files_of(tuning, found) if names is None else names, []
@@ -290,7 +290,7 @@ def _tests_anything(tuning: Tuning) -> bool:
     return not np.array_equal(numbers(seen), numbers(unseen))
 
 
-def _short(tuning: Tuning, found: Found) -> str:
+def _short(tuning: Tuning, found: TuningResult) -> str:
     """Sentence on runs that are too short for metrics of their end, "" where they are not: what is best there may be
     worse in the long run."""
     aims = [metric_title(aim) for aim in tuning.aims if COLUMNS[aim].at_the_end]

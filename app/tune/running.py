@@ -29,7 +29,7 @@ Task = tuple[SweepRow, ...]
 
 
 @dataclass(frozen=True)
-class Found:
+class TuningResult:
     """Result of a tuning.
 
     candidates: all, judged on the arms that the search sees; the scenario's own gains first.
@@ -55,7 +55,7 @@ def most_runs(tuning: Tuning) -> int:
     return tuning.points * tuning.seen + (1 + offered) * tuning.unseen
 
 
-def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_progress: bool = False) -> Found:
+def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_progress: bool = False) -> TuningResult:
     """Compute the runs that are not done, in `workers` processes (None: one for each core), and judge all candidates.
 
     Raises ScenarioError where the folder has other candidates, and OSError where a run cannot be written; what was
@@ -133,11 +133,11 @@ class TuningSchedule:
         for each in (self.candidates[0], *self._offered):
             yield from self._missing(each.number, each.values, unseen)
 
-    def found(self) -> Found:
+    def found(self) -> TuningResult:
         """Result, when all tasks are done."""
         tried = [self.candidates[0], *self._offered]
         unseen = range(self._tuning.seen, self._tuning.arms)
-        return Found(
+        return TuningResult(
             self.candidates,
             {each.number: self._candidate(each.number, each.values, unseen) for each in tried},
             {each.number: self._runs(each.number, unseen) for each in tried},

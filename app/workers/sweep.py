@@ -14,7 +14,7 @@ from app.process.log import configure_as_parent
 from app.process.priority import lower_priority
 from app.scenario.errors import ScenarioError
 from app.sweep import background
-from app.sweep.background import Begun, SweepDone, SweepFailed, Waiting, Work
+from app.sweep.background import Begun, ComputeRequest, SweepDone, SweepFailed, Waiting
 from app.tune import background as tuning_background
 from app.tune.plan import Tuning
 
@@ -25,7 +25,7 @@ NICENESS = 19  # the loop comes first
 
 def serve(asker: Connection) -> None:
     """Compute what is asked for. Raises EOFError or ConnectionError when the asker has gone."""
-    work: Work = asker.recv()
+    work: ComputeRequest = asker.recv()
     with slots.held(work.at_once, lambda: _wait(asker)):
         asker.send(Begun())
         request, workers = work.request, work.workers

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from app.analysis.ideal_response import IdealResponse
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
-from app.session.ghost import Ghost, NoShade, Shade
+from app.session.ghost import Ghost, GhostPose, NoGhost
 from app.session.runner import Runner
 
 PUSH = np.array([0.0, 12.0, -6.0])
@@ -29,10 +29,10 @@ def followed(runner: Runner, ghost: Ghost, seconds: float, glances: int = 10) ->
         for _ in range(round(seconds / loop.system.scenario.controller.period / glances)):
             loop.step()
         assert loop.stopped is None
-        shade = ghost.follow(runner._publish())
-        assert isinstance(shade, Shade)
-        assert shade.t == pytest.approx(loop.t - loop.system.scenario.controller.period)
-        found.append(shade.distance)
+        pose = ghost.follow(runner._publish())
+        assert isinstance(pose, GhostPose)
+        assert pose.t == pytest.approx(loop.t - loop.system.scenario.controller.period)
+        found.append(pose.distance)
     return np.array(found)
 
 
@@ -65,12 +65,12 @@ def test_pushed_the_ghost_yields_as_the_model_says_whatever_the_arm_does() -> No
     runner, ghost = Runner(changed("ur5-impedance", **heavy, **push)), Ghost()
     distance = followed(runner, ghost, 1.5)[-1]
     snapshot = runner._publish()
-    shade = ghost.follow(snapshot)
-    assert isinstance(shade, Shade)
+    pose = ghost.follow(snapshot)
+    assert isinstance(pose, GhostPose)
     home = runner._loop.system.observer.at(snapshot.robot.posture, np.zeros(6), 0.0)[0].p
     stiffness = snapshot.matrices["K_m"][:3, :3]
-    np.testing.assert_allclose(shade.tool - home, np.linalg.solve(stiffness, PUSH), atol=2e-6)
-    assert distance == pytest.approx(float(np.linalg.norm(snapshot.tool - shade.tool)), abs=1e-6)
+    np.testing.assert_allclose(pose.tool - home, np.linalg.solve(stiffness, PUSH), atol=2e-6)
+    assert distance == pytest.approx(float(np.linalg.norm(snapshot.tool - pose.tool)), abs=1e-6)
     assert distance > 3e-3
 
 
@@ -83,19 +83,19 @@ def test_the_ghost_begins_anew_where_the_scenario_changes() -> None:
     late = Ghost()  # switched on later, it looks back to the change
     followed(runner, ghost, 0.3)
     early, fresh = ghost.follow(runner._publish()), late.follow(runner._publish())
-    assert isinstance(early, Shade)
-    assert isinstance(fresh, Shade)
+    assert isinstance(early, GhostPose)
+    assert isinstance(fresh, GhostPose)
     np.testing.assert_allclose(fresh.q, early.q, atol=1e-9)
 
 
 def test_where_there_is_no_ghost_it_says_why() -> None:
     """Before the first row and after an edit of a paused run it only begins; pushed too far, it has no posture."""
     ghost, runner = Ghost(), Runner(changed("ur5-impedance"))
-    assert ghost.follow(runner._publish()) is NoShade.NO_ROWS
+    assert ghost.follow(runner._publish()) is NoGhost.NO_ROWS
     followed(runner, ghost, 0.01)
     runner._commanded._edit(edited(runner._loop.system.scenario, "controller.layer", 0.02))
-    assert ghost.follow(runner._publish()) is NoShade.NO_ROWS
+    assert ghost.follow(runner._publish()) is NoGhost.NO_ROWS
     followed(runner, ghost, 0.01)
     assert ghost._run is not None
     ghost._run.x[:3] = 10.0  # m
-    assert ghost.follow(runner._publish()) is NoShade.NO_POSTURE
+    assert ghost.follow(runner._publish()) is NoGhost.NO_POSTURE

@@ -35,7 +35,7 @@ from app.sweep.run_metrics import RunMetrics
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate, candidate_of, front
 from app.tune.plan import Tuning, moved
-from app.tune.running import Found
+from app.tune.running import TuningResult
 from drivers.waiting import until
 from tests.support.desks import BareDesk
 from tests.support.pages import ROOT
@@ -203,7 +203,7 @@ def ended(monkeypatch: pytest.MonkeyPatch) -> BackgroundTuning:
     for each in candidates:
         search.take(each)
     assert [each.number for each in search.front] == [1, 2, 4]
-    search.take(Found(candidates, tried, {number: [each] * 2 for number, each in unseen.items()}))
+    search.take(TuningResult(candidates, tried, {number: [each] * 2 for number, each in unseen.items()}))
     return search
 
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from app.dashboard.scene.arrows import LONGEST, UNIT, ForceScale, task_directions
 from app.dashboard.scene.spring_damper import BESIDE, HALF_WIDTH, segments
-from app.dashboard.scene.tool_drag import LEVER, RADIUS, Hand, HeldHandle
+from app.dashboard.scene.tool_drag import LEVER, RADIUS, HeldHandle, ToolDrag
 from app.dashboard.scene.trails import error_colors
 from app.dashboard.scene.view import SceneView
 from app.dashboard.theme.colors import ERROR_COLORS
@@ -121,7 +121,7 @@ def test_a_tool_that_a_page_pulls_is_held_by_no_other_one_until_it_is_let_go_or_
     desk.snapshot, desk.viewing = lambda: snapshot, Viewing()
     desk.post = lambda command: posted.append(command) or True
     desk.lock.refuses = lambda _: ""
-    hand = Hand(MagicMock(), desk, connected.__contains__)
+    hand = ToolDrag(MagicMock(), desk, connected.__contains__)
 
     def drag(client: int, phase: str, kind: str, by: float = 0.0) -> None:
         at = tuple(snapshot.tool)
@@ -157,7 +157,7 @@ def test_a_hand_that_was_let_go_takes_hold_again_only_by_another_drag(kind: str,
     desk.snapshot, desk.viewing = lambda: now[0], Viewing()
     desk.post = lambda command: posted.append(command) or True
     desk.lock.refuses = lambda _: ""
-    hand = Hand(MagicMock(), desk, {1}.__contains__)
+    hand = ToolDrag(MagicMock(), desk, {1}.__contains__)
 
     def drag(phase: str, by: float = 0.0) -> None:
         at = tuple(start.tool)

@@ -14,7 +14,7 @@ from app.scenario.schema import Scenario
 from app.sweep.run_metrics import RunMetrics
 from app.tune.candidates import Candidate, candidate_of, front
 from app.tune.outcome import FIGURE, TABLE, conclusions, summary_rows, write
-from app.tune.running import Found
+from app.tune.running import TuningResult
 from environments.trajectories.point_to_point import Hold
 from tests.tune.test_plan import TUNING
 
@@ -53,7 +53,7 @@ def test_one_arm_that_breaks_a_limit_or_stops_gives_a_badge(run: RunMetrics, bad
 def test_the_reason_why_candidates_are_not_offered_is_told_whole() -> None:
     over = candidate_of(BOTH, 1, {}, [SOUND | {"failed": "gain"}])
     own = candidate_of(BOTH, 0, {}, [SOUND])
-    found = Found([own, over], {0: own}, {0: [SOUND]})
+    found = TuningResult([own, over], {0: own}, {0: [SOUND]})
     assert any("because of this: over its limit: d covers (17)" in each for each in conclusions(BOTH, found))
 
 
@@ -61,7 +61,7 @@ def test_a_candidate_that_fails_on_new_arms_is_a_cross_in_the_files_too(tmp_path
     own, good, better = (candidate_of(BOTH, n, {}, [SOUND | {"force_error": 1.0 / (n + 1.0)}]) for n in range(3))
     over = candidate_of(BOTH, 2, {}, [SOUND | {"failed": "gain"}])
     runs = {0: [SOUND], 1: [SOUND | {"force_error": 0.5}], 2: [SOUND | {"failed": "gain"}]}
-    write(BOTH, Found([own, good, better], {0: own, 1: good, 2: over}, runs), tmp_path)
+    write(BOTH, TuningResult([own, good, better], {0: own, 1: good, 2: over}, runs), tmp_path)
     rows = pq.read_table(tmp_path / TABLE).to_pylist()
     assert [(row["badge"], row["file"]) for row in rows[:2]] == [("", None), ("", "front/1.toml")]
     assert rows[2]["badge"].startswith("on arms that were not seen, over its limit: d covers (17)")
@@ -82,7 +82,7 @@ def test_equal_reasons_are_counted_together_and_no_others() -> None:
     ]
     assert [each.badge for each in lost] == ["contact lost (2 of 4 arms, 3 for any reason)"] * 2
     own = candidate_of(BOTH, 0, {}, [SOUND])
-    sentences = conclusions(BOTH, Found([own, three, *lost], {0: own}, {0: [SOUND]}))
+    sentences = conclusions(BOTH, TuningResult([own, three, *lost], {0: own}, {0: [SOUND]}))
     assert "3 of 3 candidates are not offered, 2 of them because of this: contact lost" in sentences
 
 
@@ -104,7 +104,7 @@ def test_own_gains_are_beaten_where_the_worst_arm_and_most_arms_are_better() -> 
         tuning = msgspec.structs.replace(TUNING, unseen=3)
         runs = {0: [SOUND, SOUND, SOUND | {"force_error": 4.0}], 1: [SOUND | {"force_error": each} for each in errors]}
         tried = {number: candidate_of(tuning, number, {}, each) for number, each in runs.items()}
-        return conclusions(tuning, Found([tried[0], candidate(1, 0.5)], tried, runs))[-1]
+        return conclusions(tuning, TuningResult([tried[0], candidate(1, 0.5)], tried, runs))[-1]
 
     assert "best.toml better than the own gains" in last_sentence(0.5, 0.5, 3.0)
     assert "the own gains are NOT beaten" in last_sentence(1.0, 1.0, 3.0)  # one arm is no more than chance
@@ -120,7 +120,11 @@ def test_runs_that_are_too_short_for_metrics_of_their_end_are_said() -> None:
         own = [SOUND | {"settling_time": None if each is None else each * length} for each in times]
         runs = {0: own, 1: [SOUND for _ in times]}
         tried = {number: candidate_of(tuning, number, {}, each) for number, each in runs.items()}
-        return [each for each in conclusions(tuning, Found([tried[0], tried[1]], tried, runs)) if "last fifth" in each]
+        return [
+            each
+            for each in conclusions(tuning, TuningResult([tried[0], tried[1]], tried, runs))
+            if "last fifth" in each
+        ]
 
     assert sentences(("force_error",), 0.1, 0.3) == []
     (slow,) = sentences(("force_error", "torque_variation"), 0.1, 0.6)
@@ -143,7 +147,7 @@ def test_a_row_of_the_front_that_another_one_beats_on_the_arms_not_seen_is_marke
     aims = {0: (1.0, 5.0), 1: (0.5, 6.0), 2: (0.6, 5.5), 3: (0.6, 5.7)}  # worst of the arms that were not seen
     runs = {n: [SOUND | {"force_error": a, "torque_variation": b}] for n, (a, b) in aims.items()}
     tried = {number: candidate_of(tuning, number, {}, each) for number, each in runs.items()}
-    head, *rows = summary_rows(tuning, Found(list(tried.values()), tried, runs))
+    head, *rows = summary_rows(tuning, TuningResult(list(tried.values()), tried, runs))
     assert head[0] == "worst of 32 arms\nnot seen"
     assert [row[0] for row in rows] == [
         "own gains", "front/1.toml", "front/2.toml", "front/3.toml\nbeaten by front/2.toml"
@@ -154,9 +158,9 @@ def test_own_gains_that_never_come_to_a_metric_are_beaten_by_gains_that_do() -> 
     timed = msgspec.structs.replace(TUNING, aims=("settling_time",), unseen=2)
     runs = {0: [SOUND | {"settling_time": each} for each in (None, 0.3)], 1: [SOUND | {"settling_time": 0.2}] * 2}
     tried = {number: candidate_of(timed, number, {}, each) for number, each in runs.items()}
-    found = Found(list(tried.values()), tried, runs)
+    found = TuningResult(list(tried.values()), tried, runs)
     assert conclusions(timed, found)[-1].startswith("settling time: best.toml better than the own gains")
-    neither = Found(list(tried.values()), {0: tried[0], 1: tried[0]}, {0: runs[0], 1: runs[0]})
+    neither = TuningResult(list(tried.values()), {0: tried[0], 1: tried[0]}, {0: runs[0], 1: runs[0]})
     assert "NOT beaten" in conclusions(timed, neither)[-1]
 
 
@@ -180,4 +184,4 @@ def test_a_test_on_the_arm_of_the_search_is_called_none() -> None:
         (edited(believed, "sensor.noise", 0.1), False),
     ):
         tuning = msgspec.structs.replace(TUNING, scenario=scenario, draw=0, unseen=1)
-        assert (nothing in conclusions(tuning, Found([own], {0: own}, {0: [SOUND]}))) == told
+        assert (nothing in conclusions(tuning, TuningResult([own], {0: own}, {0: [SOUND]}))) == told

@@ -24,7 +24,7 @@ from app.sweep.run_store import JOURNAL, RunStore
 from app.tune import background, offers, outcome, running
 from app.tune.candidates import Candidate
 from app.tune.plan import Tuning, moved, program
-from app.tune.running import Found
+from app.tune.running import TuningResult
 
 DETUNED = with_values(
     shipped()["planar2r-semicircle"],
@@ -59,7 +59,7 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worker_pool, "results", in_this_process)
 
 
-def tuned(folder: Path, tuning: Tuning = TUNING, workers: int = 1) -> Found:
+def tuned(folder: Path, tuning: Tuning = TUNING, workers: int = 1) -> TuningResult:
     with RunStore(folder, tuning) as store:
         return running.run(store, tuning, workers)
 
@@ -70,19 +70,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(folder: Path) -> Found:
+def found(folder: Path) -> TuningResult:
     """What two processes have found."""
     return tuned(folder, workers=2)
 
 
-def test_what_is_offered_beats_poor_gains_on_arms_that_were_not_seen(found: Found) -> None:
+def test_what_is_offered_beats_poor_gains_on_arms_that_were_not_seen(found: TuningResult) -> None:
     best = outcome.comparisons(TUNING, found, offers.offered(TUNING, found)[0].number)[0]
     assert best.aim == "residual"
     assert best.change < -0.5
     assert best.better == TUNING.unseen
 
 
-def test_a_candidate_that_changes_nothing_is_not_offered_and_one_that_changes_one_arm_is(found: Found) -> None:
+def test_a_candidate_that_changes_nothing_is_not_offered_and_one_that_changes_one_arm_is(found: TuningResult) -> None:
     first, own = offers.offered(TUNING, found)[0].number, found.runs[0]
     alike = replace(found, runs=found.runs | {first: own})
     assert first not in [each.number for each in offers.offered(TUNING, alike)]
@@ -91,7 +91,7 @@ def test_a_candidate_that_changes_nothing_is_not_offered_and_one_that_changes_on
     assert first in [each.number for each in offers.offered(TUNING, another)]
 
 
-def test_a_candidate_over_a_limit_is_kept_with_its_badge_and_not_offered(found: Found) -> None:
+def test_a_candidate_over_a_limit_is_kept_with_its_badge_and_not_offered(found: TuningResult) -> None:
     badges = {each.number: each.badge for each in found.candidates if each.badge}
     assert len(found.candidates) == TUNING.points
     assert any("robust terms, sampled" in badge for badge in badges.values())
@@ -99,7 +99,7 @@ def test_a_candidate_over_a_limit_is_kept_with_its_badge_and_not_offered(found: 
 
 
 def test_a_tuning_that_goes_on_has_the_same_answer_and_computes_nothing_twice(
-    found: Found, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    found: TuningResult, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def few(*arguments: Any) -> Iterator[Any]:
         yield from islice(in_this_process(*arguments), 9)
@@ -154,9 +154,9 @@ def test_runs_that_a_fault_has_ended_are_tried_again_unless_candidates_were_chos
         assert running.ended(store) == len(fallen) - len(added)
 
 
-def test_the_pages_search_has_the_answer_of_the_command(found: Found, tmp_path: Path) -> None:
+def test_the_pages_search_has_the_answer_of_the_command(found: TuningResult, tmp_path: Path) -> None:
     results = list(background.results(TUNING, 2))
-    (theirs,) = (each for each in results if isinstance(each, Found))
+    (theirs,) = (each for each in results if isinstance(each, TuningResult))
     assert theirs.candidates == found.candidates
     assert theirs.tried == found.tried
     assert [each for each in results if isinstance(each, Candidate)] == found.candidates

@@ -205,14 +205,13 @@ class LessonsPanel:
             return
         step, lock = course.step, self._desk.lock
         lock.fields = None
-        runs = isinstance(step.block, blocks.LessonRun)
-        begins = runs or again or isinstance(step.block, blocks.StartScenario | blocks.Goal)
+        begins = step.run or step.goal or again or isinstance(step.block, blocks.StartScenario)
         if begins and step.scenario is not None:
             lock.post(Load(step.scenario))
             lock.post(Reset())
-            lock.post(Pause() if runs or course.lesson.asks_before_run(step) else Play())
-        if isinstance(step.block, blocks.Goal):
-            lock.fields = frozenset(field_of(control.path) for control in step.block.controls)
+            lock.post(Pause() if step.run or course.lesson.asks_before_run(step) else Play())
+        if goal := step.goal:
+            lock.fields = frozenset(field_of(control.path) for control in goal.controls)
         self._entered += 1
 
     # what the page shows
@@ -228,7 +227,7 @@ class LessonsPanel:
             return
         step, answer = course.step, course.answer
         self._goal.show(step, course, snapshot, self._entered)
-        performing = snapshot.performing and isinstance(step.block, blocks.LessonRun)
+        performing = snapshot.performing and step.run
         playing = f"{snapshot.phase} …" if performing else ""
         of = (course.lesson.name, step.number, answer, course.progress, len(course.outcomes), self._busy, playing)
         if of == self._shown:
@@ -259,12 +258,12 @@ class LessonsPanel:
         self._back.disabled = busy or step.number == 1
 
     def _show_run(self, step: LessonStep, course: LessonCourse, *, busy: bool, playing: str) -> None:
-        runs = isinstance(step.block, blocks.LessonRun)
-        self._run.visible = runs
-        if isinstance(step.block, blocks.LessonRun):
+        run = step.run
+        self._run.visible = run is not None
+        if run is not None:
             again = step.number in course.outcomes
-            seconds = f"{step.block.seconds:g} s"
-            label = f"Run{' again' if again else ''}: {step.block.title} ({seconds})"
+            seconds = f"{run.seconds:g} s"
+            label = f"Run{' again' if again else ''}: {run.title} ({seconds})"
             self._run.label = playing if playing and again else label
             self._run.disabled = busy
 
@@ -295,8 +294,8 @@ def _text(course: LessonCourse, *, computing: bool) -> str:
         parts.append('<p class="vs-dim" lang="en">The numbers that are missing are being computed.</p>')
     if isinstance(step.block, blocks.Explain) and step.block.equation:
         parts.append(f'<p class="vs-dim" lang="en">equation {escape(step.block.equation)} of the paper</p>')
-    if isinstance(step.block, blocks.ChoiceQuestion | blocks.NumberQuestion | blocks.CurveQuestion | blocks.Goal):
-        parts.append(f'<p class="vs-question">{inline_html(step.block.ask, measured)}</p>')
+    if step.ask:
+        parts.append(f'<p class="vs-question">{inline_html(step.ask, measured)}</p>')
     return f'<div class="vs-lesson vs-prose" lang="{escape(course.lesson.head.language)}">{"".join(parts)}</div>'
 
 
@@ -334,4 +333,4 @@ def _name_of(run: LessonStep) -> str:
 
 
 def _ends(run: LessonStep) -> float:
-    return run.block.seconds if isinstance(run.block, blocks.LessonRun) else 0.0
+    return run.run.seconds if run.run else 0.0

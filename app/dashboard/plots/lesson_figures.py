@@ -20,7 +20,7 @@ _FREE = (SERIES[0], *SERIES[2:])  # without SERIES[1], whose orange is too near 
 
 def run_colors(lesson: Lesson) -> dict[str, Rgb]:
     """Colours of the lesson's runs by title, the same in all its pictures."""
-    titles = dict.fromkeys(step.block.title for step in lesson.steps if isinstance(step.block, LessonRun))
+    titles = dict.fromkeys(run.title for step in lesson.steps if (run := step.run))
     return {title: _FREE[number % len(_FREE)] for number, title in enumerate(titles)}
 
 
@@ -32,8 +32,8 @@ def figure_of_run(
     answers: Sequence[tuple[LessonStep, Answer]],
 ) -> Figure:
     """Figure of a run, with a chart for each line that it shows, and its measured numbers in the caption."""
-    block = run.block
-    assert isinstance(block, LessonRun)
+    block = run.run
+    assert block is not None
     colors = run_colors(lesson)
     charts = tuple(
         _chart(block, line, [each for each in traces if each.line.shows(line)], answers, colors) for line in block.show
@@ -45,8 +45,8 @@ def figure_of_run(
 
 def name_of_figure(lesson: Lesson, run: LessonStep, extension: str) -> str:
     """File name of the figure of a run: letters, digits, dots and dashes only."""
-    assert isinstance(run.block, LessonRun)
-    return f"{plain_name(f'{lesson.name}-{run.number}-{run.block.title}')}.{extension}"
+    assert run.run is not None
+    return f"{plain_name(f'{lesson.name}-{run.number}-{run.run.title}')}.{extension}"
 
 
 def _chart(

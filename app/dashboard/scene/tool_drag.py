@@ -84,7 +84,7 @@ def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
     return Edit("shift.by", np.round(by + moved[free], RESOLUTION).tolist())
 
 
-class Hand:
+class ToolDrag:
     """Hand on the tool: a ball that the mouse drags, and the drawing of a push by any page. A hint beside the ball says
     that it can be dragged, until somebody has dragged it. One page drags at a time.
 

@@ -20,7 +20,7 @@ from app.dashboard.scene.trails import Trail
 from app.dashboard.theme.colors import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Theme
 from app.dashboard.view_options import Legend, SceneOptions
 from app.scenario.schema import Scenario
-from app.session.ghost import Ghost, Shade
+from app.session.ghost import Ghost, GhostPose
 from app.session.snapshot import Snapshot
 from environments.robots import Robot
 
@@ -88,15 +88,15 @@ class SceneView:
     def show(self, snapshot: Snapshot, options: SceneOptions) -> Legend:
         """Draw a snapshot; returns the present legend of lengths and colours."""
         ghost = self._ghost.follow(snapshot) if options.ghost else None
-        shade = ghost if isinstance(ghost, Shade) else None
-        self._rebuild(snapshot, options, shade)
+        pose = ghost if isinstance(ghost, GhostPose) else None
+        self._rebuild(snapshot, options, pose)
         newtons = self._scale.fit((snapshot.force, snapshot.force_desired, snapshot.push), options.newtons)
         if self._robot_view is not None:
             self._robot_view.show(snapshot.q)
         if self._ghost_view is not None:
-            self._ghost_view.set_visible(visible=shade is not None)
-            if shade is not None:
-                self._ghost_view.show(shade.q)
+            self._ghost_view.set_visible(visible=pose is not None)
+            if pose is not None:
+                self._ghost_view.show(pose.q)
         self._pinned.show(snapshot, wanted=options.pinned_arms)
         for surface in self._surfaces:
             surface.place(snapshot, visible=options.surface)
@@ -117,7 +117,7 @@ class SceneView:
         self._grid.visible = options.grid
         if not snapshot.looking_back:  # then the paths of the whole run are drawn already
             self._extend_paths(snapshot)
-        return Legend(self._tool_path.scale, newtons, ghost.distance if isinstance(ghost, Shade) else ghost)
+        return Legend(self._tool_path.scale, newtons, ghost.distance if isinstance(ghost, GhostPose) else ghost)
 
     def draw_paths(self, options: SceneOptions) -> None:
         """Send the paths; they are long, so this happens less often than `show`."""
@@ -135,7 +135,7 @@ class SceneView:
                 self._desired_path.extend(point.desired)
         self._traced = snapshot.t
 
-    def _rebuild(self, snapshot: Snapshot, options: SceneOptions, shade: Shade | None) -> None:
+    def _rebuild(self, snapshot: Snapshot, options: SceneOptions, pose: GhostPose | None) -> None:
         if snapshot.run != self._run:
             self._run, self._traced = snapshot.run, snapshot.t - _BACK
             self._tool_path.clear()
@@ -151,7 +151,7 @@ class SceneView:
             self._robot_key = robot, options.cell
             self._robot_view = self._arm(snapshot, self._robot_view, options.cell, None)
             self._robot_view.show(snapshot.q)
-        if shade is not None and robot != self._ghost_key:
+        if pose is not None and robot != self._ghost_key:
             self._ghost_key = robot
             self._ghost_view = self._arm(snapshot, self._ghost_view, _GHOST_CELL, _GHOST_PAINT)
         if robot != self._seen_robot:

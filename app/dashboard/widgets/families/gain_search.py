@@ -8,7 +8,7 @@ from html import escape
 import viser
 
 from app.dashboard.transport.callback_errors import guarded
-from app.dashboard.widgets.families.beside_loop import BesideLoop, earlier_html, lasting, task_of
+from app.dashboard.widgets.families.background_work import BackgroundWork, earlier_html, task_of, with_least_duration
 from app.dashboard.widgets.families.candidate_chart import FIELD, candidates_html, gains_in_words, name_of
 from app.dashboard.widgets.families.robustness_map import ARMS
 from app.dashboard.widgets.families.swept_fields import (
@@ -36,7 +36,7 @@ from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate
 from app.tune.offers import offered
 from app.tune.plan import Tuning, is_gain, known_aims, require_sound
-from app.tune.running import Found, most_runs
+from app.tune.running import TuningResult, most_runs
 from controllers.laws import KINDS
 
 MOST = 4  # gains that a search may vary
@@ -53,7 +53,7 @@ LEAVE = "not offered · Esc: leave it"
 AGAIN = "click again: apply · Esc: leave it"
 
 
-class GainSearch(BesideLoop[BackgroundTuning]):
+class GainSearch(BackgroundWork[BackgroundTuning]):
     """Controls of the search and its picture, in the current container."""
 
     def __init__(self, desk: Desk) -> None:
@@ -62,7 +62,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._names: dict[str, str] = {}
         self._fields: list[Field] = []
         self._chosen: int | None = None
-        self._told: Found | None = None  # what the sentences at the end are about
+        self._told: TuningResult | None = None  # what the sentences at the end are about
         gui.add_html(
             '<div class="vs-note">Which gains may move, within which ranges, and what is to be '
             "small? The answer is that of <code>vsmrc tune</code>. A candidate over a limit is never offered.</div>"
@@ -123,7 +123,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         for field, axis in zip(fields, ranges, strict=True):
             require_ends(scenario, field.name, axis)
         request = Tuning(
-            lasting(scenario, seconds),
+            with_least_duration(scenario, seconds),
             ranges,
             points=BUDGETS[self._budget.value] + 1,
             draw=ARMS[self._arms.value],
@@ -246,7 +246,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         return ("" if present else earlier_html("The search")) + candidates_html(work, self._names, self._chosen)
 
 
-def _conclusions_html(tuning: Tuning, found: Found) -> str:
+def _conclusions_html(tuning: Tuning, found: TuningResult) -> str:
     """Sentences on what a search has found, as HTML."""
     from app.tune import outcome  # here: pyarrow is large, and few sessions need it
 

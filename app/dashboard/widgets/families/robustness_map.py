@@ -10,7 +10,7 @@ import msgspec
 import viser
 
 from app.dashboard.transport.callback_errors import guarded
-from app.dashboard.widgets.families.beside_loop import BesideLoop, earlier_html, lasting, task_of
+from app.dashboard.widgets.families.background_work import BackgroundWork, earlier_html, task_of, with_least_duration
 from app.dashboard.widgets.families.map_tiles import FIELD, Naming, map_html
 from app.dashboard.widgets.families.swept_fields import (
     FIELDS,
@@ -56,7 +56,7 @@ METRICS = {  # columns by title, and by which factor they are shown
 FOLDER = "sweep folder"
 
 
-class RobustnessMap(BesideLoop[BackgroundSweep]):
+class RobustnessMap(BackgroundWork[BackgroundSweep]):
     """Robustness map with its controls, in the current container.
 
     The map's runs and those of the page's loop are equal to the last bit, so that a tile opens the run that it shows.
@@ -145,7 +145,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         vary = tuple(side.axis(scenario, count) for side in sides)
         for field, axis in zip(fields, vary, strict=True):
             require_ends(scenario, field.name, axis)
-        request = Sweep(lasting(scenario, seconds), vary, draw=arms, until=seconds, engine="pinocchio")
+        request = Sweep(with_least_duration(scenario, seconds), vary, draw=arms, until=seconds, engine="pinocchio")
         require_arms(request, f"True arms: {self._arms.value}", "the scenario's own")
         self._fields |= {field.path: field for field in fields}
         return request

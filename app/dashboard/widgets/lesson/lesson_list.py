@@ -10,7 +10,6 @@ import viser
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.fields.controls import Desk
 from app.lessons.answers import LessonProgress, csv_of, json_of
-from app.lessons.blocks import Goal
 from app.lessons.lesson import Lesson
 from app.lessons.markup import inline_html
 
@@ -108,14 +107,14 @@ def _ended(lesson: Lesson, progress: LessonProgress) -> bool:
 
 def _missed(lesson: Lesson, progress: LessonProgress) -> set[int]:
     """Numbers of the goals that were not met."""
-    return {step.number for step in lesson.steps if isinstance(step.block, Goal)} - set(progress.goals)
+    return {step.number for step in lesson.steps if step.goal} - set(progress.goals)
 
 
 def _state(lesson: Lesson, progress: LessonProgress) -> str:
     """Whether the lesson has been gone through, and whether its goals were met, as a chip."""
     if not progress.finished:
         return chip("begun", "vs-warn")
-    goals = [step.number for step in lesson.steps if isinstance(step.block, Goal)]
+    goals = [step.number for step in lesson.steps if step.goal]
     missed = len(_missed(lesson, progress))
     if not missed:
         return chip("done", "vs-good")

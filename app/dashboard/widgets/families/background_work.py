@@ -21,7 +21,7 @@ EVERY = 0.7  # s, between two updates of the picture
 W = TypeVar("W", bound=Background)
 
 
-class BesideLoop(ABC, Generic[W]):
+class BackgroundWork(ABC, Generic[W]):
     """Base of the controls of a computation beside the loop: a button, the length of the runs, and a picture with marks
     that can be chosen. A subclass adds them among its own controls.
 
@@ -97,7 +97,7 @@ class BesideLoop(ABC, Generic[W]):
         """Picture of the results so far, as HTML."""
 
 
-def lasting(scenario: Scenario, seconds: float) -> Scenario:
+def with_least_duration(scenario: Scenario, seconds: float) -> Scenario:
     """The scenario with a duration, s, that is at least this long. A shorter one would have another Omega, and with it
     other constants than the loop on the page."""
     simulation = msgspec.structs.replace(scenario.simulation, duration=max(scenario.simulation.duration, seconds))
