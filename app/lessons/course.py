@@ -117,9 +117,9 @@ class LessonCourse:
         if run.number not in self.outcomes:
             return []
         titles = {
-            step.block.title: step.number
+            earlier.title: step.number
             for step in self.lesson.steps[: run.number - 1]
-            if step.run and step.number in self.outcomes
+            if (earlier := step.run) and step.number in self.outcomes
         }
         beside = [
             trace

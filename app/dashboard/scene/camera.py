@@ -26,7 +26,7 @@ class Viewpoint:
 
 
 def viewpoint(view: str, snapshot: Snapshot) -> Viewpoint:
-    """Viewpoint of one of `VIEWS` for the snapshot's arm. Front is the side on which the tool is."""
+    """Viewpoint of one of `VIEWS` for the snapshot's arm. Front is the side on which the tool is. Raises ValueError."""
     tool, up = snapshot.tool, np.array([0.0, 0.0, 1.0])
     reach = max(float(np.linalg.norm(tool)), _extent(snapshot))
     out = np.array([tool[0], tool[1], 0.0])
@@ -46,8 +46,10 @@ def viewpoint(view: str, snapshot: Snapshot) -> Viewpoint:
             away = 0.55 * out + 0.7 * aside + 0.45 * free + 0.15 * up
             target = tool - 0.06 * up  # where the forces are drawn
             return Viewpoint(target + CLOSE * away / np.linalg.norm(away), target)
-        case _:
+        case "whole arm":
             return Viewpoint(target + reach * np.array([0.85, -1.45, 0.8]), target)
+        case _:
+            raise ValueError(f"view: {view!r}; allowed: {', '.join(VIEWS)}")
 
 
 def _extent(snapshot: Snapshot) -> float:
