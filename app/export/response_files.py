@@ -15,8 +15,8 @@ from app.export.figures import FREQUENCY, Curve, Figure, FigureChart, Rgb
 from app.session.push_measurement import Measured
 from app.simulation.sampled_loop.force_margin import ForceLoop
 from app.simulation.sampled_loop.push_response import (
-    NOTHING,
     RIGID,
+    ROUNDING_ADMITTANCE,
     PushAxis,
     PushResponse,
     along_axes,
@@ -243,7 +243,7 @@ def _passive(response: PushResponse, frequency: np.ndarray, sampled: np.ndarray)
 
 def _followed(axis: PushAxis, frequency: np.ndarray, sampled: np.ndarray, target: np.ndarray) -> str:
     push = axis.kind
-    if not np.abs(target).max() > NOTHING:
+    if not np.abs(target).max() > ROUNDING_ADMITTANCE:
         largest = np.abs(sampled / (2 * np.pi * frequency)).max()
         yields = f"yields by {1e6 * largest:.3g} µ{push.motion_unit} per {push.unit} at most"
         return f"the target model feels no {push.name}, and the arm {yields if largest > RIGID else 'does not yield'}"
