@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -207,7 +207,7 @@ class ControlLaw:
     about: str
     torque: Callable[..., None]
     told: tuple[str, ...] = tuple(TOLD)
-    terms: Mapping[str, str] | None = None
+    terms: Mapping[str, str] | None = field(default=None, hash=False)
     robust: bool = False
     states: Callable[[int], int] | None = None
     parameters: tuple[Parameter, ...] = ()

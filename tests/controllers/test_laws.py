@@ -44,7 +44,7 @@ def torques_where_one_input_differs(kind: str) -> tuple[ControlOutput, dict[str,
     law = replace(random_law(random, n, SWITCHING["tanh"], np.ones(n), kind=kind), d=None)
     q, q_dot, t = random_state(system, random)
     z, F, push = (random.standard_normal(size) for size in (n, 6, 6))
-    reference, _ = random_reference(system.observe(q, q_dot, t)[1].r, random)
+    reference = random_reference(system.observe(q, q_dot, t)[1].r, random)
 
     def output(
         law: Controller, rates: float = 1.0, model: float = 1.0, gravity: float = 1.0, F: np.ndarray = F
