@@ -200,7 +200,8 @@ class DerivedSignals(Mapping[str, np.ndarray]):
 
     def _steady_force(self) -> np.ndarray:
         """Steady normal forces (N, k) N on the k surfaces that are pressed: by (37) for the present desired forces
-        where a mode controls them, else that of an impedance (42), with the part that the present s leaves (14)."""
+        where a mode controls them, else that of an impedance, (27) to (29), with the part that the present s leaves,
+        (14)."""
         system, m, s = self._analysis.system, self._analysis.system.m, self._rows["s"]
         if not m:
             return self["yielding_force"][:, None]

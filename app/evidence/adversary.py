@@ -18,7 +18,7 @@ from app.simulation.closed_loop import ClosedLoop
 from controllers.switching import SWITCHING
 
 SEED = 1000  # of the situations, other ones than those of the random arms
-POPULATION, GENERATIONS = 25, 11  # of each hunt: 275 tries, or 25 where all of the first generation are refused
+POPULATION, GENERATIONS = 25, 11  # of each hunt: 275 tries, or 50 where all are refused
 DURATION = 0.15  # s
 START = 0.03  # rad, largest displacement of each joint from the start of the path; 0 on a rigid surface
 SHARED = 18  # numbers of a try besides nine for each joint

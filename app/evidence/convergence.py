@@ -157,6 +157,4 @@ def _chart(subject: Subject, declines: Sequence[Decline]) -> FigureChart:
     return FigureChart(title, unit, (*theory, *measured), x_label=x_label, logarithmic=True, logarithmic_x=True)
 
 
-SECTION = EvidenceSection(
-    "convergence", jobs, conclude, {"tests": "a checkout of the sources (`python -m app figures` there)"}
-)
+SECTION = EvidenceSection("convergence", jobs, conclude)

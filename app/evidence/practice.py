@@ -69,8 +69,9 @@ class MapSweep:
     y_tick: Callable[[float], str]
 
     def thinned(self, thin: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Values of both fields that are computed: one in `thin` of them."""
-        return self.xs[::thin], self.ys[::thin]
+        """Values of both fields that are computed: one in `thin` of them, and the last of y, which is "none"."""
+        ys = self.ys[::thin]
+        return self.xs[::thin], ys if ys[-1] == self.ys[-1] else (*ys, self.ys[-1])
 
 
 FORCE_WAVE = {"kind": "sinusoid", "value": 20.0, "amplitude": 5.0, "frequency": 0.5}
@@ -166,11 +167,9 @@ def jobs(thin: int) -> list[Job]:
 class MapCells:
     """Cells of one map."""
 
-    def __init__(self, sweep: MapSweep, rows: Sequence[Sequence[Cell]]) -> None:
+    def __init__(self, sweep: MapSweep, rows: Sequence[Sequence[Cell]], thin: int) -> None:
         self._sweep, self._rows = sweep, rows
-        # of a thinned map, only some values were computed
-        self.xs = sweep.xs[:: -(-len(sweep.xs) // len(rows[0]))]
-        self.ys = sweep.ys[:: -(-len(sweep.ys) // len(rows))]
+        self.xs, self.ys = sweep.thinned(thin)
 
     def __getitem__(self, field: str) -> np.ndarray:
         """Values (l, k) of a figure in every cell."""
@@ -186,11 +185,17 @@ class MapCells:
         return HeatMap(title, unit, sweep.x_label, sweep.y_label, *ticks, values, ends, good, theory)
 
 
+def _cells(thin: int) -> int:
+    """Number of cells of all maps, one in `thin` of the values of each axis."""
+    return sum(len(xs) * len(ys) for xs, ys in (sweep.thinned(thin) for sweep in SWEEPS.values()))
+
+
 def conclude(results: Sequence[list[Cell]]) -> Findings:
     found, grids = iter(results), {}
-    thin = next(thin for thin in range(1, 100) if sum(len(s.ys[::thin]) for s in SWEEPS.values()) == len(results))
+    computed = sum(map(len, results))
+    thin = next(thin for thin in range(1, 100) if _cells(thin) == computed)
     for name, sweep in SWEEPS.items():
-        grids[name] = MapCells(sweep, [next(found) for _ in sweep.ys[::thin]])
+        grids[name] = MapCells(sweep, [next(found) for _ in sweep.thinned(thin)[1]], thin)
     delay, noise, period, drives = (grids[name] for name in SWEEPS)
     needed = np.broadcast_to(np.nanmax(drives["load"][-1:], axis=0), drives["load"].shape)
     limits = np.array([limit or np.inf for limit in drives.ys])[:, None]

@@ -109,13 +109,16 @@ def _seconds(t: float) -> str:
 
 def plain_name(text: str, longest: int = LONGEST_NAME) -> str:
     """Part of a file name from a text: letters, digits and dashes only, and not too long. Symbols are spelled, as they
-    can be typed: of ψ₁ and τ₁ nothing but dashes would be left."""
+    can be typed: of ψ₁ and τ₁ nothing but dashes would be left. Where letters are lost, digits follow that tell the
+    name from others."""
     spelled = "".join(map(_spelled, re.sub(r"(?:‖|\|\|)(.+?)(?:‖|\|\|)", r" norm \1 ", text)))
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", spelled).strip("-")
-    if len(name) <= longest:
+    lost = any(letter.isalnum() and not letter.isascii() for letter in spelled)
+    if len(name) <= longest and not lost:
         return name
-    # what is cut off may be all that tells two names apart
-    return f"{name[: longest - _DIGEST].strip('-')}-{hashlib.sha256(name.encode()).hexdigest()[: _DIGEST - 1]}"
+    # what is cut off or lost may be all that tells two names apart
+    digest = hashlib.sha256(spelled.encode() if lost else name.encode()).hexdigest()[: _DIGEST - 1]
+    return f"{name[: longest - _DIGEST].strip('-')}-{digest}".strip("-")
 
 
 def _spelled(letter: str) -> str:
@@ -126,7 +129,8 @@ def _spelled(letter: str) -> str:
         return word.lower() if greek[1] == "SMALL" else word.capitalize()
     if name.startswith("SUBSCRIPT") and letter.isdigit():
         return f"_{unicodedata.digit(letter)}"
-    return unicodedata.normalize("NFKC", letter)
+    plain = "".join(each for each in unicodedata.normalize("NFKD", letter) if not unicodedata.combining(each))
+    return plain if plain.isascii() else unicodedata.normalize("NFKC", letter)
 
 
 class ExportJobs:

@@ -172,11 +172,17 @@ def _goal(step: LessonStep, memory: Memory) -> Iterator[str]:
     goal = step.block
     assert isinstance(goal, Goal)
     at_reference = reached(step, {control.path: control.reference for control in goal.controls}, memory)
-    yield from (f"with the reference, {problem}" for problem in unmet(goal.conditions, at_reference))
-    if not unmet(goal.conditions, reached(step, {control.path: control.wrong for control in goal.controls}, memory)):
-        yield "the planted wrong values reach the goal"
-    if not unmet(goal.conditions, reached(step, {}, memory)):
-        yield "the goal is reached before anything is done"
+    if isinstance(at_reference, str):
+        yield f"with the reference, the run stops: {at_reference}"
+    else:
+        yield from (f"with the reference, {problem}" for problem in unmet(goal.conditions, at_reference))
+    for values, problem in (
+        ({control.path: control.wrong for control in goal.controls}, "the planted wrong values reach the goal"),
+        ({}, "the goal is reached before anything is done"),
+    ):
+        found = reached(step, values, memory)  # a run that stops does not reach it
+        if not isinstance(found, str) and not unmet(goal.conditions, found):
+            yield problem
     for control in goal.controls:
         if not all(control.low <= value <= control.high for value in (control.reference, control.wrong)):
             yield f"{control.path}: reference and wrong; allowed: {control.low:g} to {control.high:g}"

@@ -191,7 +191,9 @@ def _metric(loop: ClosedLoop, name: str, unit: str) -> MeasuredNumber:
 def taken(system: System, recording: Recording, now: float, each: Measure) -> MeasuredNumber:
     """Measured number of a signal, in a run that goes on. now: time of the run, s. Raises ScenarioError."""
     factor_of(each.unit)
-    name, half = str(each.signal), 0.5 * system.scenario.controller.period
+    if each.metric is not None or each.signal is None:
+        raise ScenarioError(f"metric: {each.metric!r}; allowed: a signal, since a goal measures a run that goes on")
+    name, half = each.signal, 0.5 * system.scenario.controller.period
     start, end = each.interval(now)
     record = recording.stretch(start - half, end + half)
     if len(record["t"]) < 2:

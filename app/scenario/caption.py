@@ -77,9 +77,17 @@ def caption(
         f"{titled(scenario)}: {scenario.mode} mode, {arm}, t = {t_from:.4g} to {t_to:.4g} s",
         _model(scenario, model, units, angles),
         _law(scenario, controller, units),
-        *(_section(scenario, name, units) for name in scenario.__struct_fields__ if name not in _ELSEWHERE),
+        *(_section(scenario, name, units) for name in _acting(scenario)),
     ]
     return " ".join(f"{sentence}." for sentence in sentences if sentence)
+
+
+def _acting(scenario: Scenario) -> list[str]:
+    """Names of the sections that the caption lists one by one: those that act in this run. No force is asked for where
+    none is controlled, and where nothing is touched a surface does not act."""
+    pressed = MODES[scenario.mode].force_directions > 0
+    idle = {"force": not pressed, "surface": not (pressed or scenario.contact.nature.touches)}
+    return [name for name in scenario.__struct_fields__ if name not in _ELSEWHERE and not idle.get(name, False)]
 
 
 def promised(signals: Mapping[str, np.ndarray]) -> str:
@@ -105,11 +113,10 @@ def percent(share: float) -> str:
 def _model(scenario: Scenario, model: Mapping[str, np.ndarray], units: Units, angles: Sequence[int]) -> str:
     """The target model with the units of its task coordinates, which hold angles times a length, and its torsional
     stiffness."""
-    joint, n = units.task == "joint", len(model["M_m"])  # two coordinates are places
     matrices = ", ".join(f"{name} = {_matrix(model[name])} {unit}".rstrip() for name, unit in units.of_model.items())
     l = scenario.task_space.characteristic_length
-    scaled = f", angles in r times ℓ = {l:g} m" if not joint and n > 2 else ""
-    if scaled and len(angles):
+    scaled = f", angles in r times ℓ = {l:g} m" if len(angles) else ""
+    if scaled:
         turning = model["K_m"][np.ix_(angles, angles)] * l**2
         scaled += f" (their K_m ℓ² = {_matrix(turning)} N·m/rad)"
     return f"Target model (8): {matrices}{scaled}"
