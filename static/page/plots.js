@@ -62,6 +62,7 @@ const relight = (chart) => {
 };
 // A number as text. From a million on with a power of ten, since neither a legend nor an axis has room for more digits.
 const LONG = 1e6, RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+const FINEST = 1e-6; // span of an axis, of one or of its numbers: less is rounding
 const power = (mantissa, exponent) => `${mantissa === 1 ? "" : `${mantissa}·`}10${[...`${exponent}`].map((digit) => RAISED[digit]).join("")}`;
 window.vsmrcNumber = (value, digits) => {
   const short = +value.toPrecision(digits), [mantissa, exponent] = short.toExponential().split("e");
@@ -123,7 +124,9 @@ const ranged = (scale) => {
   scale.range = (plot, least, most, key) => {
     const [low, high] = Number.isNaN(least) || Number.isNaN(most) ? extremes(plot) : [least, most];
     // without any line uPlot leaves out the whole axis, and the first number of the other one is cut
-    return low === null ? [scale.distr === 3 ? 0.01 : 0, 1] : own(plot, low, high, key);
+    if (low === null) return [scale.distr === 3 ? 0.01 : 0, 1];
+    const [from, to] = own(plot, low, high, key), lack = FINEST * Math.max(1, Math.abs(from), Math.abs(to)) - (to - from);
+    return scale.distr === 1 && lack > 0 ? [from - lack / 2, to + lack / 2] : [from, to]; // rounding does not fill a plot
   };
 };
 const stepless = ({ axes, root }) => root.offsetParent && axes[0]._found?.[1] === 0;

@@ -17,7 +17,7 @@ class RobustnessPanel:
         self._desk = desk
         desk.gui.add_html(
             '<div class="vs-note">To put a slider of any tab in here, press the right mouse button on its row, touch '
-            "its name for long, or press Shift+F10 while it has the focus. The menu there has <i>Sweep this</i>, for "
+            "and hold its name, or press Shift+F10 while it has the focus. The menu there has <i>Sweep this</i>, for "
             "the map, and <i>Let a search move this</i>.</div>"
         )
         with desk.gui.add_folder("Robustness map"):

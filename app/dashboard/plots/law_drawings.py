@@ -225,7 +225,7 @@ def reaching_note(snapshot: Snapshot) -> str:
     if not snapshot.system.controller.law.robust:
         return "this law does not use s: it has no bound and no reaching phase"
     if epoch.certificate.t_r < snapshot.scenario.controller.period:
-        return f"s(0) = 0: no reaching phase (Remark 2), since t = {epoch.t:.2f} s"
+        return f"no reaching phase since t = {epoch.t:.2f} s: s = 0 there (Remark 2)"
     stages = [("band", epoch.band_reached, epoch.band_reached_by)]
     if snapshot.system.controller.has_layer:
         stages.append(("layer", epoch.layer_reached, epoch.layer_reached_by))

@@ -138,9 +138,7 @@ def normal_force(setup: Setup) -> Drawing | None:
         if setup.normal:
             lines.append(ChartLine(f"measured{on}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD))
         else:
-            lines.append(
-                ChartLine(f"really there{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD)
-            )
+            lines.append(ChartLine(f"actual{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD))
     lines += _not_controlled(setup) if setup.normal else []
     return Drawing("normal force  [N]", lines, at_least=(0.0, 1.0))
 

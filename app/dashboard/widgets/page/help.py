@@ -34,7 +34,15 @@ KEYS: dict[str, str] = {
     "T": "dark or light",
     "H": "this help, also ?",
 }
-_WRITTEN = {"arrowright": "→", "arrowleft": "←", "arrowup": "↑", "arrowdown": "↓", "pageup": "PgUp", "pagedown": "PgDn"}
+_WRITTEN = {
+    "arrowright": "→",
+    "arrowleft": "←",
+    "arrowup": "↑",
+    "arrowdown": "↓",
+    "pageup": "PgUp",
+    "pagedown": "PgDn",
+    "end": "End",
+}
 
 START = (
     "<b>Task</b>: choose a scenario or a mode. It begins at once; nothing has to be started.",

@@ -16,6 +16,8 @@ from controllers.modes import MODES
 
 _LATELY = 0.2  # s before now in which a cut torque is still reported
 
+_GOES_ON = ". An edit or Reset (R) begins a new run; the timeline looks back."  # behind the reason of a stop
+
 
 def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None = None) -> str:
     """Status line as HTML: chips and numbers, and a strip over the scene, which moves no other widget, with the reason
@@ -38,7 +40,7 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
     ]
     messages = []
     if snapshot.phase == "stopped":
-        messages.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
+        messages.append(_message("vs-bad", f"Stopped: {snapshot.reason}{_GOES_ON}"))
     if pace and pace.slowed:
         messages.append(_message("vs-warn", _slowed(snapshot)))
     if complaint:
