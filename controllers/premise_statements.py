@@ -54,9 +54,9 @@ STATEMENTS: dict[Premise, Statement] = {
         "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it; for "
         "surfaces that never come back to their places or forms only until simulation.duration, for those that take "
         "more than 1000 s only for 1000 s",
-        unknown="k_r′ and k_r″ of (19) are not known for the present places or forms of the surfaces: these never "
-        "come back and the run has outlasted simulation.duration, or their period is longer than the 1000 s that were "
-        "searched, which are over",
+        unknown="k_r′ and k_r″ of (19) are not known for the surfaces as they are now: where a formula changes with "
+        "time, or a surface moves and never comes back, they are searched up to simulation.duration only, and nowhere "
+        "for more than 1000 s; choose a longer duration",
     ),
     Premise.REGULAR: Statement(
         "σ_min(J_q)",

@@ -161,7 +161,7 @@ def _rotors(entry: RobotEntry | None, given: tuple[float, ...] | None, names: li
         return np.array([known.get(joint, ROTOR_INERTIA) for joint in names]), source
     rotors = _vector("robot.rotor_inertia", given, len(names))
     if (rotors < 0).any():
-        raise RobotError(f"robot.rotor_inertia: {rotors.tolist()} has a negative entry; allowed: >= 0 kg m^2")
+        raise RobotError(f"robot.rotor_inertia: {rotors.tolist()} has a negative entry; allowed: >= 0 kg·m²")
     return rotors, "given by the user"
 
 
@@ -289,5 +289,5 @@ def _require_moving_bodies(model: pin.Model, root: ElementTree.Element, path: Pa
         if inertia.mass <= 0.0 or np.linalg.eigvalsh(inertia.inertia)[0] <= 0.0:
             raise RobotError(
                 f"{what} moves a body of mass {inertia.mass:.3g} kg whose inertia has the eigenvalue "
-                f"{np.linalg.eigvalsh(inertia.inertia)[0]:.3g} kg m^2; allowed: both > 0"
+                f"{np.linalg.eigvalsh(inertia.inertia)[0]:.3g} kg·m²; allowed: both > 0"
             )

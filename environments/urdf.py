@@ -259,7 +259,7 @@ def _require_body(inertial: Element, what: str) -> None:
     )
     least = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))[0]
     if least < -ROUNDED:
-        raise _Refusal(f"{what}: its inertia has the eigenvalue {least:.3g} kg m^2; allowed: positive definite")
+        raise _Refusal(f"{what}: its inertia has the eigenvalue {least:.3g} kg·m²; allowed: positive definite")
 
 
 def _placement(element: Element, what: str) -> None:

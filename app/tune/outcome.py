@@ -251,8 +251,8 @@ def conclusions(tuning: Tuning, found: TuningResult, names: Mapping[int, str] | 
     if badges:
         reason, count = badges.most_common(1)[0]
         sentences.append(
-            f"{badges.total()} of {len(found.candidates) - 1} candidates are rejected, {count} of them for this reason: "
-            f"{reason}"
+            f"{badges.total()} of {len(found.candidates) - 1} candidates are rejected, {count} of them for this "
+            f"reason: {reason}"
         )
     sentences += [
         f"candidate {number} is not offered: {why}"

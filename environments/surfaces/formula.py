@@ -123,9 +123,10 @@ class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula
         return vertices, faces[there[faces].all(axis=1)]
 
     def below(self, p: np.ndarray, phi: float) -> Form | None:
-        """A wave in the world's coordinates, below the tool."""
+        """A wave in the world's coordinates, below the tool. It stands still: for one that changes with time nothing
+        is promised after `simulation.duration`."""
         height = p[2] + phi - 0.015 * np.sin(15 * p[0])
-        return replace(self, text=f"z {-height:+.4f} - 0.015*sin(15*x - 2*t)")
+        return replace(self, text=f"z {-height:+.4f} - 0.015*sin(15*x)")
 
     def require_regular(self, surface: Surface, until: float) -> None:
         """Raise ValueError unless the chart is regular for a run of `until` s that begins at `surface.near`: there is a

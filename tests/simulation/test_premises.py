@@ -349,7 +349,7 @@ def test_an_edit_promises_nothing_on_surfaces_that_were_not_searched() -> None:
     for _ in range(3):
         loop.step()
     assert np.isnan(loop.recording.signals(("s_bound",))["s_bound"][-3:]).all()
-    assert "not known for the present places" in loop.standing.now.because
+    assert "not known for the surfaces as they are now" in loop.standing.now.because
 
 
 @pytest.mark.parametrize("compiled", [False, True])
