@@ -14,7 +14,7 @@ from kernels.records import Record
 from kernels.rigid_body import Chain
 
 
-class StatedBounds(NamedTuple):
+class StatedErrorBounds(NamedTuple):
     """Stated bounds of the errors of one state's estimates, (7); NaN where a bound follows from the links instead.
     delta_M: kg m^2, of M_hat.
     delta_C: kg m^2/s, of C_hat.
@@ -30,7 +30,7 @@ class StatedBounds(NamedTuple):
     rate_f: float
 
 
-UNSTATED_BOUNDS = StatedBounds(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan)
+UNSTATED_BOUNDS = StatedErrorBounds(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan)
 
 
 class Estimate(NamedTuple):
@@ -63,7 +63,7 @@ class Estimate(NamedTuple):
     J_w: np.ndarray
     J_v_dot: np.ndarray
     J_w_dot: np.ndarray
-    stated: StatedBounds
+    stated: StatedErrorBounds
 
     @classmethod
     def zeros(cls, n: int) -> Estimate:

@@ -185,15 +185,15 @@ class MapCells:
         return HeatMap(title, unit, sweep.x_label, sweep.y_label, *ticks, values, ends, good, theory)
 
 
-def _cells(thin: int) -> int:
-    """Number of cells of all maps, one in `thin` of the values of each axis."""
-    return sum(len(xs) * len(ys) for xs, ys in (sweep.thinned(thin) for sweep in SWEEPS.values()))
+def _shape(thin: int) -> list[int]:
+    """Length of each row of all maps, of one in `thin` of the values."""
+    return [len(xs) for xs, ys in (sweep.thinned(thin) for sweep in SWEEPS.values()) for _ in ys]
 
 
 def conclude(results: Sequence[list[Cell]]) -> Findings:
     found, grids = iter(results), {}
-    computed = sum(map(len, results))
-    thin = next(thin for thin in range(1, 100) if _cells(thin) == computed)
+    shape = [len(row) for row in results]
+    thin = next(thin for thin in range(1, 100) if _shape(thin) == shape)
     for name, sweep in SWEEPS.items():
         grids[name] = MapCells(sweep, [next(found) for _ in sweep.thinned(thin)[1]], thin)
     delay, noise, period, drives = (grids[name] for name in SWEEPS)

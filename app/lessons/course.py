@@ -157,9 +157,9 @@ class LessonCourse:
             if question is None:
                 raise ScenarioError("answer: there is no question; allowed: where one is asked")
             if self.answer is not None:
-                raise ScenarioError("answer: there is one already; allowed: one to each question")
+                raise ScenarioError("answer: it is locked, as one was given before; allowed: one to each question")
             if not self.open:
-                raise ScenarioError("answer: the run has been seen; allowed: before it")
+                raise ScenarioError("answer: it is locked, as the run has been seen; allowed: before it")
             self._answer(self.step, Answer(admitted(question, given)))
         self._notebook.save()
 

@@ -31,5 +31,5 @@ LAW = ControlLaw(
     "show what robustness buys.",
     torque=torque,
     told=("model", "gravity", "force", "rates"),
-    terms={"inertia": "M̂ q̈", "coriolis": "Ĉ q̇", "gravity": "Ĝ", "force": "Jᵀ F"},
+    terms={"inertia": "inertia", "coriolis": "Coriolis", "gravity": "gravity", "force": "Jᵀ F"},
 )

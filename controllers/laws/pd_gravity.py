@@ -30,5 +30,5 @@ LAW = ControlLaw(
     "inertia, no force sensor.",
     torque=torque,
     told=("gravity", "rates"),
-    terms={"gravity": "Ĝ", "force": "J_qᵀ F_cd", "linear": "K_m e_r + B_m ė_r"},
+    terms={"gravity": "gravity", "force": "J_qᵀ F_cd", "linear": "K_m e_r + B_m ė_r"},
 )

@@ -38,12 +38,12 @@ LAW = ControlLaw(
     about="The paper's law (25): sliding mode makes the arm follow the target model (8), whatever the declared errors.",
     torque=torque,
     terms={
-        "inertia": "M̂ q̈_eq",
-        "coriolis": "Ĉ q̇_eq",
-        "gravity": "Ĝ",
+        "inertia": "inertia",
+        "coriolis": "Coriolis",
+        "gravity": "gravity",
         "force": "Jᵀ F",
         "linear": "K_s s",
-        "switching": "d σ(s)",
+        "switching": "switching",
     },
     robust=True,
 )

@@ -23,7 +23,7 @@ LAW = ControlLaw(
     about="PID + gravity: K_m and B_m as gains, with the integral of the error so that no weight leaves one behind.",
     torque=torque,
     told=("gravity", "rates"),
-    terms={"linear": "K_m e_r + B_m ė_r + k_i x", "force": "J_qᵀ F_cd", "gravity": "Ĝ"},
+    terms={"linear": "K_m e_r + B_m ė_r + k_i x", "force": "J_qᵀ F_cd", "gravity": "gravity"},
     states=lambda n: n,
     parameters=(Parameter("k_i", 5000.0, 0.0, 50000.0, "N/(m·s)", "gain on the integral of e_r"),),
 )

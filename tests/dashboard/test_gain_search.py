@@ -234,7 +234,7 @@ def test_what_the_sentences_at_the_end_do_not_offer_cannot_be_applied(
     search._fields, search._names = [layer], {layer.path: layer.name}
     search._work = ended
     search.show(page.snapshot())
-    told = search._verdict.content
+    told = search._conclusions.content
     assert f"candidate 1 is not offered: {OVER}." in told
     assert f"candidate 2 is not offered: {IN_VAIN}." in told
     assert "residual and torque variation: candidate 4 better than the own gains" in told

@@ -15,7 +15,7 @@ from app.dashboard.page import Dashboard
 from app.dashboard.page_content import PageContent
 from app.dashboard.scene.tool_drag import HeldHandle
 from app.scenario.data import load
-from app.session.ghost import NoShade
+from app.session.ghost import NoGhost
 from app.session.runner import Runner
 from app.storage.link_meshes import Meshes
 
@@ -88,5 +88,5 @@ def test_the_ghost_of_a_run_that_has_not_begun_is_not_out_of_reach(page: tuple[P
     content, frame = page
     content._viewing.scene_options = replace(content._viewing.scene_options, ghost=True)
     frame()
-    assert content._viewing.legend.ghost == NoShade.NO_ROWS
-    assert f"ghost, {NoShade.NO_ROWS}" in content._scene_legend._html.content
+    assert content._viewing.legend.ghost == NoGhost.NO_ROWS
+    assert f"ghost, {NoGhost.NO_ROWS}" in content._scene_legend._html.content

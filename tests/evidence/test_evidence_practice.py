@@ -69,7 +69,7 @@ def test_baselines_lose_on_uncertain_arms_and_win_where_it_is_said() -> None:
 @pytest.mark.usefixtures("compiled")
 def test_the_loop_fails_where_theory_says() -> None:
     section = found(practice.SECTION, 4)
-    names = [name for name, sweep in practice.SWEEPS.items() for _ in sweep.ys[::4]]
+    names = [name for name, sweep in practice.SWEEPS.items() for _ in sweep.thinned(4)[1]]
     cells = [(name, cell) for name, row in zip(names, section, strict=True) for cell in row]
     delayed = [cell for name, cell in cells if name == "delay"]
     agreeing = sum((cell.growth > 1.0) == (not cell.force < 5.0 * practice.FORCE_GOOD) for cell in delayed)

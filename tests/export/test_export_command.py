@@ -22,7 +22,8 @@ def test_file_names_are_tame() -> None:
     assert file_name("ur5-hybrid", 2.0, "svg", "normal force tau_1") == "vsmrc-ur5-hybrid-normal-force-tau_1-2.00s.svg"
     assert file_name("../../etc/<pass wd>\n", 0.0, "csv") == "vsmrc-etc-pass-wd-0.00s.csv"
     assert file_name("ur5-hybrid", 2.0, "svg", start=0.5) == "vsmrc-ur5-hybrid-0.50-2.00s.svg"
-    assert file_name("Ä", 0.0, "csv") == "vsmrc-run-0.00s.csv"
+    assert file_name("Ä", 0.0, "csv") == "vsmrc-A-0.00s.csv"
+    assert len({file_name(name, 0.0, "csv") for name in ("Käse", "Köse", "日本", "中国", "ø", "")}) == 6
     assert len(file_name("x" * 500, 1.0, "npz")) < 80
     lines = ("α", "β", "ψ₁", "ψ₂", "τ₁", "ℓ·α", "‖residual‖", "residual", "x" * 200, "x" * 199 + "y")
     names = [file_name("ur5-hybrid", 2.0, "svg", line) for line in lines]

@@ -143,8 +143,9 @@ def test_caption_says_the_scenario_in_numbers() -> None:
     assert "B_m = 4 I N·m·s/rad, K_m = 4 I N·m/rad, K_f" in caption(
         joint, assemble(scenario).controller, six, JOINT, 0.0, 1.0
     )
-    turning = caption(moving, assemble(scenario).controller, six, CARTESIAN, 0.0, 1.0)
-    assert "K_m = 4 I N/m, K_f = 4 I, angles in r times ℓ = 0.15 m." in turning
+    free = caption(moving, assemble(scenario).controller, six, CARTESIAN, 0.0, 1.0)
+    assert "K_m = 4 I N/m, K_f = 4 I." in free  # r has no angle
+    assert "Force: " not in free  # none is asked for
     twisted = caption(moving, assemble(scenario).controller, six, CARTESIAN, 0.0, 1.0, angles=[3, 4, 5])
     assert "angles in r times ℓ = 0.15 m (their K_m ℓ² = 0.09 I N·m/rad)." in twisted
     assert "True arm: as believed" in caption(Scenario(), assemble(Scenario()).controller, model, CARTESIAN, 0.0, 1.0)

@@ -142,7 +142,7 @@ def test_a_pinned_run_has_a_name_and_a_colour_of_its_own(noisy: Timeline) -> Non
     before = noisy.pinned[1]
     noisy.rename(4, "stiff")
     assert noisy.pinned[1].title == "stiff"
-    assert (noisy.pinned[1].recording, noisy.pinned[1].place) == (before.recording, before.place)
+    assert (noisy.pinned[1].recording, noisy.pinned[1].slot) == (before.recording, before.slot)
     with pytest.raises(ScenarioError, match="name of run 4: 25 letters; allowed: at most 24"):
         noisy.rename(4, "x" * 25)
     with pytest.raises(ScenarioError, match="there is no such pinned run"):

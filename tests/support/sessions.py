@@ -58,7 +58,7 @@ class Town:
 
     def __init__(
         self,
-        places: int,
+        capacity: int,
         idle: float | None = 600.0,
         *,
         store: SessionStore | None = None,
@@ -68,7 +68,7 @@ class Town:
         self.now, self.made, self.broken = 1000.0, list[Fake](), False
         self._stored = store is not None
         self.pool = SessionPool(
-            USUAL, self._launch, places, idle, store=store, spare=spare, limits=limits, clock=lambda: self.now
+            USUAL, self._launch, capacity, idle, store=store, spare=spare, limits=limits, clock=lambda: self.now
         )
 
     async def _launch(self, scenario: str) -> Fake:

@@ -54,7 +54,7 @@ def test_the_reason_why_candidates_are_not_offered_is_told_whole() -> None:
     over = candidate_of(BOTH, 1, {}, [SOUND | {"failed": "gain"}])
     own = candidate_of(BOTH, 0, {}, [SOUND])
     found = TuningResult([own, over], {0: own}, {0: [SOUND]})
-    assert any("because of this: over its limit: d covers (17)" in each for each in conclusions(BOTH, found))
+    assert any("for this reason: over its limit: d covers (17)" in each for each in conclusions(BOTH, found))
 
 
 def test_a_candidate_that_fails_on_new_arms_is_a_cross_in_the_files_too(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from app.scenario.schema import STATED_IN, Declared
 from app.scenario.units import Units
-from controllers.nominal_model import Estimate, LinkConstants, NominalModel, StatedBounds, estimates
+from controllers.nominal_model import Estimate, LinkConstants, NominalModel, StatedErrorBounds, estimates
 from environments.plant import Plant
 from environments.robots import Robot
 from environments.truth import Resistance, resistance_torque
@@ -118,7 +118,7 @@ def _over(value, most):
     return 0 if value <= most * (1.0 + ROUNDING) + ROUNDING else 1
 
 
-def beyond(found: TrueErrors, stated: StatedBounds, least_inertia: float, units: Units) -> tuple[str, ...]:
+def beyond(found: TrueErrors, stated: StatedErrorBounds, least_inertia: float, units: Units) -> tuple[str, ...]:
     """Violated inequalities at one state, each with both numbers."""
     shares = np.nan if np.isnan(stated.delta_M) else least_inertia
     compared = (
