@@ -320,8 +320,8 @@ def main(
         results[verdict.result] += 1
         if record and tests == TESTS and verdict.result != UNJUDGED:
             keep(verdict)
-    caught, survived, unchecked = (results[each] for each in (CAUGHT, SURVIVED, UNJUDGED))
-    print(f"{caught} of {len(rows)} caught, {survived} survived, {unchecked} not judged")
+    caught, survived, unjudged = (results[each] for each in (CAUGHT, SURVIVED, UNJUDGED))
+    print(f"{caught} of {len(rows)} caught, {survived} survived, {unjudged} not judged")
     return 0 if caught == len(rows) else 1
 
 

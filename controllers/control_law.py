@@ -173,7 +173,7 @@ def no_parameters(gains):
     return gains
 
 
-# What a law may be told of, in words, by the name in `ControlLaw.told`; the rest of `LawInput` is every law's.
+# What the torque of a law may depend on, in words, by the name in `ControlLaw.told`, besides gains and reference.
 TOLD: Mapping[str, str] = MappingProxyType(
     {
         "model": "M̂ and Ĉ",
@@ -229,7 +229,7 @@ class ControlLaw:
     @property
     def told_in_words(self) -> str:
         """Sentence on what the law is told of and what not."""
-        known = ", ".join(words for name, words in TOLD.items() if name in self.told)
+        known = ", ".join(words for name, words in TOLD.items() if name in self.told) or "none of what is measured"
         unknown = ", ".join(words for name, words in TOLD.items() if name not in self.told)
         return f"Its torque depends on {known}" + (f"; not on {unknown}." if unknown else ".")
 

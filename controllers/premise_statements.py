@@ -56,7 +56,7 @@ STATEMENTS: dict[Premise, Statement] = {
         "more than 1000 s only for 1000 s",
         unknown="k_r′ and k_r″ of (19) are not known for the surfaces as they are now: where a formula changes with "
         "time, or a surface moves and never comes back, they are searched up to simulation.duration only, and nowhere "
-        "for more than 1000 s; choose a longer duration",
+        "for more than 1000 s; choose a longer duration, up to 1000 s",
     ),
     Premise.REGULAR: Statement(
         "σ_min(J_q)",

@@ -89,9 +89,9 @@ def stiff_elements(
     joints: int = 0,
     paths: Sequence[str] = ("", "second.", "third."),
 ) -> Iterator[StiffElement]:
-    """Oscillators of the arm's springs and dampers, one for each cause. Each of k surfaces counts k times, which bounds
-    their joint effect; force and moments of a flat face, with K_t N m/rad, each count twice. An arm turns the face by
-    at most the number of its joints times the mobility of a joint. Coupled surfaces count with the largest eigenvalues
+    """Stiff elements of the arm's springs and dampers, one for each cause. Each of k surfaces counts k times, which
+    bounds their joint effect; force and moments of a flat face, with K_t N m/rad, each count twice. An arm turns the
+    face by at most the number of its joints times the mobility of a joint. Coupled surfaces count with the largest eigenvalues
     of their matrices, whichever of them are touched. paths: where the contacts stand in the scenario."""
     k = 2 if K_t else len(contacts)
     if K_t and kind.springs:
@@ -113,7 +113,7 @@ def stiff_elements(
 
 
 def _coupled(environment: EnvironmentMatrices, k: int, Y: float) -> Iterator[StiffElement]:
-    """Oscillators of k coupled surfaces on an arm with the mobility Y (1/kg), for each set of them that is touched."""
+    """Stiff elements of k coupled surfaces on an arm with the mobility Y (1/kg), by the set that is touched."""
     for touched in chain.from_iterable(combinations(range(k), number) for number in range(1, k + 1)):
         M_e, B_e, K_e = (np.linalg.eigvalsh(matrix) for matrix in environment.acting(touched))
         yielding = k * Y / (1.0 + M_e[0].clip(min=0.0) * Y)

@@ -171,10 +171,10 @@ def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
     joints that are prismatic."""
     if system.layout.joint:
         return record["e_r"]
-    return np.hstack([_tool_error(system, record), record["e_r"][:, after_places(system, angles=False)]])
+    return np.hstack([_tool_error(system, record), record["e_r"][:, after_positions(system, angles=False)]])
 
 
-def after_places(system: System, *, angles: bool) -> list[int]:
+def after_positions(system: System, *, angles: bool) -> list[int]:
     """Coordinates behind the tool's position: its angles and revolute supplemental joints, or the prismatic ones."""
     after = range(system.layout.end_of_positions, system.layout.n)
     return [i for i in after if system.coordinates[i].is_angle == angles]
@@ -221,7 +221,7 @@ def angle_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray 
     """Norm (N,) rad of the errors of the angles and revolute supplemental joints, which e_r has times l; None where
     there are none beside the positions, and where r = q, whose errors are all in `motion_error`. Tilts of a flat tool
     are no part of it: their moments are controlled."""
-    angles = [] if system.layout.joint else after_places(system, angles=True)
+    angles = [] if system.layout.joint else after_positions(system, angles=True)
     return np.linalg.norm(record["e_r"][:, angles], axis=1) / system.layout.l if angles else None
 
 

@@ -69,7 +69,7 @@ class MapSweep:
     y_tick: Callable[[float], str]
 
     def thinned(self, thin: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Values of both fields that are computed: one in `thin` of them, and the last of y, which is "none"."""
+        """Values of both fields that are computed: one in `thin` of them, and the last of y."""
         ys = self.ys[::thin]
         return self.xs[::thin], ys if ys[-1] == self.ys[-1] else (*ys, self.ys[-1])
 

@@ -117,7 +117,7 @@ def plain_name(text: str, longest: int = LONGEST_NAME) -> str:
     if len(name) <= longest and not lost:
         return name
     # what is cut off or lost may be all that tells two names apart
-    digest = hashlib.sha256(spelled.encode() if lost else name.encode()).hexdigest()[: _DIGEST - 1]
+    digest = hashlib.sha256((spelled if lost else name).encode(errors="surrogatepass")).hexdigest()[: _DIGEST - 1]
     return f"{name[: longest - _DIGEST].strip('-')}-{digest}".strip("-")
 
 

@@ -91,8 +91,8 @@ class KnownSessions:
 
     def make_room(self, session: Session, *, kept: bool, waiting: Collection[Session], now: float) -> bool:
         """Make room for this session among those that have a folder, or among those that have none; returns whether
-        there is any. If need be, a session of no higher standing that rests and is not `waiting` is forgotten: of those
-        of the lowest standing, one of the owner who has most, and of these the one not seen for longest.
+        there is any. If need be, a session of no higher rank that rests and is not `waiting` is forgotten: of those
+        of the lowest rank, one of the owner who has most, and of these the one not seen for longest.
 
         now: s of the pool's clock.
         """

@@ -215,7 +215,7 @@ def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
 def _check_told_and_terms(law: ControlLaw, path: Path) -> None:
     """Check what a law states of its inputs and of its torque. Raises OwnCodeError."""
     told: object = law.told
-    if not isinstance(told, tuple) or not all(each in TOLD for each in told):
+    if not isinstance(told, tuple) or not all(isinstance(each, str) and each in TOLD for each in told):
         raise OwnCodeError(f"--use {path}: told {shown(told)}; allowed: a tuple of {', '.join(map(repr, TOLD))}")
     terms: object = law.terms
     if terms is None:
@@ -225,6 +225,8 @@ def _check_told_and_terms(law: ControlLaw, path: Path) -> None:
         raise OwnCodeError(f"--use {path}: terms {shown(terms)}; allowed: a name for one or more of {fields}")
     for name, text in terms.items():
         _require_texts(f"--use {path}: terms,", **{name: text})
+    if "" in terms.values() or len(set(terms.values())) < len(terms):
+        raise OwnCodeError(f"--use {path}: terms {shown(terms)}; allowed: another name for each")
 
 
 def _require_texts(place: str, **given: object) -> None:

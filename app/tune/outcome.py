@@ -251,8 +251,8 @@ def conclusions(tuning: Tuning, found: TuningResult, names: Mapping[int, str] | 
     if badges:
         reason, count = badges.most_common(1)[0]
         sentences.append(
-            f"{badges.total()} of {len(found.candidates) - 1} candidates are rejected, {count} of them for this "
-            f"reason: {reason}"
+            f"{badges.total()} of {len(found.candidates) - 1} candidates are not offered, {count} of them for "
+            f"this reason: {reason}"
         )
     sentences += [
         f"candidate {number} is not offered: {why}"
@@ -263,7 +263,8 @@ def conclusions(tuning: Tuning, found: TuningResult, names: Mapping[int, str] | 
         return [*sentences, f"the {OWN} are NOT beaten: no candidate may be offered"]
     beating = [names[n] for n in names if all(_beats(tuning, each) for each in comparisons(tuning, found, n))]
     aims = " and ".join(metric_title(aim) for aim in tuning.aims)
-    on = f"on the worst of the {tuning.unseen} arms that were not seen, and on most of them"
+    several = f"the worst of the {tuning.unseen} arms that were not seen, and on most of them"
+    on = f"on {several if tuning.unseen > 1 else 'the arm that was not seen'}"
     if beating:
         sentences.append(f"{aims}: {', '.join(beating)} better than the {OWN}, {on}")
     else:

@@ -98,7 +98,7 @@ def computing(tuning: Tuning) -> Callable[[Task], list[RunMetrics]]:
 
 
 class TuningSchedule:
-    """Course of a tuning: gives out its tasks, which depend on the metrics so far, and takes their metrics."""
+    """Schedule of a tuning: gives out its tasks, which depend on the metrics so far, and takes their metrics."""
 
     def __init__(self, tuning: Tuning, known: dict[int, RunMetrics]) -> None:
         self.known = known

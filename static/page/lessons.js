@@ -1,4 +1,4 @@
-// Pads on which a course is drawn (app/dashboard/widgets/lesson/outcome_chart.py): by mouse or finger, or with the arrow keys.
+// Pads on which a course is drawn (widgets/lesson/outcome_chart.py): by mouse or finger, or with the arrow keys.
 // What is drawn is written into the hidden text field behind the pad.
 const COUNT = 25;
 const OPEN = ".vs-pad:not([data-locked='1']) svg";

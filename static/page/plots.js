@@ -62,7 +62,7 @@ const relight = (chart) => {
 };
 // A number as text. From a million on with a power of ten, since neither a legend nor an axis has room for more digits.
 const LONG = 1e6, RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
-const FINEST = 1e-6; // span of an axis, of one or of its numbers: less is rounding
+const FINEST = 1e-6; // least span of an axis, as a share of its largest number (at least 1): less is rounding
 const power = (mantissa, exponent) => `${mantissa === 1 ? "" : `${mantissa}·`}10${[...`${exponent}`].map((digit) => RAISED[digit]).join("")}`;
 window.vsmrcNumber = (value, digits) => {
   const short = +value.toPrecision(digits), [mantissa, exponent] = short.toExponential().split("e");

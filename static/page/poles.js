@@ -1,4 +1,4 @@
-// A pole of the pole map is dragged (app/dashboard/widgets/target_model/pole_drag.py). The map is sent anew meanwhile: what counts is
+// A pole of the pole map is dragged (widgets/target_model/pole_drag.py). The map is sent anew meanwhile: what counts is
 // its frame as it was when the pole was taken.
 let dragged = null;
 const sendPole = ({ number, pole }, phase) => {

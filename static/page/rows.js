@@ -97,7 +97,7 @@ const letGo = (mark) => {
   }, SLOT), SLOT));
 };
 const moves = (e) => /^(Arrow|Home|End)/.test(e.key);
-// A slider's step is a fine one (FINE_STEP in app/dashboard/widgets/fields/field_binding.py). Ten of them are a step by mouse or
+// A slider's step is a fine one (FINE_STEP in widgets/fields/field_binding.py). Ten of them are a step by mouse or
 // key, and one with Shift, when the mouse also moves it a tenth as far. Between two pixels an event gets a place of its
 // own.
 const TIMES = 10, STEPS = 500;

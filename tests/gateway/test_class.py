@@ -194,7 +194,7 @@ async def test_an_answer_that_comes_just_before_the_next_question_is_not_lost(af
         page, path = await opened(lab)
         one = await student(lab, path)
         await asked(lab, QUESTION)
-        lab.pool.sessions[0].gathers = True  # as if others had answered just before: nothing hands it over by itself
+        lab.pool.sessions[0].hands_over_soon = True  # as if others had just answered: nothing hands it over
         assert await give(lab, path, {"number": 1, "given": 2}, **one) == (200, {"own": 2})
         await asked(lab, after)
         await asked(lab, QUESTION if after is None else None)

@@ -22,11 +22,11 @@ import websockets
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from viser._messages import Message
-from websockets.asyncio import server as asyncio_server
 from websockets.asyncio.client import ClientConnection
 
 from app.dashboard.page import Dashboard
 from app.dashboard.theme.style import ENTERED
+from app.dashboard.transport import handshake
 from app.dashboard.transport.message_filter import BURST, RATE, STEERING, PageRateLimiter
 from app.dashboard.transport.messages import LARGEST_UPLOAD, Page, PageVisitor, RefusedMessage
 from app.scenario.data import shipped
@@ -238,7 +238,8 @@ def unmetered(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Dashboard, Runn
     """A dashboard whose pages may send as fast as they can: harder than any that is served."""
     monkeypatch.setattr(PageRateLimiter, "wait", lambda *_: 0.0)
     # a sign of life waits behind thousands of messages
-    monkeypatch.setattr(asyncio_server, "serve", functools.partial(asyncio_server.serve, ping_interval=None))
+    begun = functools.partialmethod(handshake._Guarded.__init__, ping_interval=None)
+    monkeypatch.setattr(handshake._Guarded, "__init__", begun)
     runner = Runner(shipped()["ur5-hybrid"])
     dashboard = Dashboard(runner, port=0, fps=8.0)
     runner.start()

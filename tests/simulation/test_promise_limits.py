@@ -131,7 +131,7 @@ def test_nothing_is_promised_of_a_form_after_the_time_that_it_is_known_for() -> 
     assert not loop.state.evaluation.views.table.failing[Premise.DOMAIN]
     CompiledRun(loop).advance(100)
     assert loop.state.evaluation.views.table.failing[Premise.DOMAIN]
-    assert "the run has outlasted simulation.duration" in loop.standing.now.because
+    assert "searched up to simulation.duration only" in loop.standing.now.because
     assert loop.stopped is None
 
 

@@ -208,6 +208,7 @@ def test_a_sweep_on_two_processes_that_is_stopped_and_goes_on_has_every_row_once
     with subprocess.Popen(command, start_new_session=True) as process:
         while not (interrupted / JOURNAL).exists() or not (interrupted / JOURNAL).read_bytes():
             if process.poll() is not None:  # it was over between two looks
+                assert process.returncode == 0
                 break
             time.sleep(0.001)
         with suppress(ProcessLookupError):

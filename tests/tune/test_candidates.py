@@ -83,7 +83,7 @@ def test_equal_reasons_are_counted_together_and_no_others() -> None:
     assert [each.badge for each in lost] == ["contact lost (2 of 4 arms, 3 for any reason)"] * 2
     own = candidate_of(BOTH, 0, {}, [SOUND])
     sentences = conclusions(BOTH, TuningResult([own, three, *lost], {0: own}, {0: [SOUND]}))
-    assert "3 of 3 candidates are rejected, 2 of them for this reason: contact lost" in sentences
+    assert "3 of 3 candidates are not offered, 2 of them for this reason: contact lost" in sentences
 
 
 def test_a_premise_that_is_no_limit_gives_no_badge() -> None:

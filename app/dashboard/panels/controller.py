@@ -102,7 +102,8 @@ class ControllerPanel:
     def show(self, snapshot: Snapshot) -> None:
         self._facts.show(snapshot)
         law = snapshot.system.controller.law
-        self._about.content = "" if law.robust else _SAID.format(escape(f"{law.about} {law.told_in_words}"))
+        about = f"{law.about.rstrip(' .')}. {law.told_in_words}"
+        self._about.content = "" if law.robust else _SAID.format(escape(about))
         self._feedback.content = _feedback_html(snapshot)
         self._constants.content = constants_html(snapshot)
         for folder in self._robust_only:

@@ -19,7 +19,7 @@ UNSTATED = "from the above"
 
 
 class StatedBounds(FieldBinding):
-    """Place of a bound of (7), whose value is shown as text: a number, a formula, or what the bound follows from."""
+    """Binding of a bound of (7), whose value is shown as text: a number, a formula, or what the bound follows from."""
 
     def read(self, snapshot: Snapshot) -> str:
         value = super().read(snapshot)

@@ -36,7 +36,7 @@ def _in_axes(scenario: Scenario) -> bool:
 
 
 class Supplemental(FieldBinding):
-    """Place of the supplemental joints in force: their numbers, from 1; 0 stands for those of the arm."""
+    """Binding of the supplemental joints in force: their numbers, from 1; 0 stands for those of the arm."""
 
     def read(self, snapshot: Snapshot) -> tuple[int, ...] | None:
         layout = snapshot.system.layout
@@ -51,7 +51,7 @@ class Supplemental(FieldBinding):
 
 
 class Shift(FieldBinding):
-    """Place of the shift: a number for each coordinate that it can move, also for those left out of the list."""
+    """Binding of the shift: a number for each coordinate that it can move, also for those left out of the list."""
 
     def read(self, snapshot: Snapshot) -> tuple[float, ...] | None:
         by, free = snapshot.scenario.shift.by, _moved(snapshot)

@@ -46,7 +46,7 @@ class Setup:
     robust: whether the law has a gain and a bound.
     bounded: whether some part of the run had a robust law.
     terms: name of each term that the torque has had in the run, by the field of `TorqueTerms`; the present law's names
-    come first.
+    take precedence.
     units: of the task space.
     coordinate, joint: numbers of the chosen ones, from 0."""
 
@@ -69,10 +69,9 @@ class Setup:
     def of(cls, snapshot: Snapshot, coordinate: int, joint: int) -> Setup:
         """Setup of a snapshot; a chosen coordinate or joint that the run does not have is replaced by the first."""
         coordinates, joints = tuple(snapshot.coordinates), tuple(snapshot.robot.joint_names)
-        law, before = (
-            snapshot.system.controller.law,
-            [law_of(each.scenario) for each in tuple(snapshot.recording.epochs)],
-        )
+        law = snapshot.system.controller.law
+        epochs = {epoch.scenario.controller.law: epoch.scenario for epoch in tuple(snapshot.recording.epochs)}
+        before = [law_of(scenario) for scenario in epochs.values()]
         named = {field: name for each in (*before, law) for field, name in each.named_terms.items()}
         return cls(
             coordinates,

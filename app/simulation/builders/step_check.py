@@ -27,7 +27,7 @@ def require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> No
 
 
 def unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[StiffElement]:
-    """Oscillators of the plant that its step does not follow."""
+    """Stiff elements of the plant that its step does not follow."""
     step = scenario.controller.period / plant.substeps
     K_t = scenario.face.K_t if scenario.face.flat else 0.0
     parts = (plant.kind, plant.contacts, plant.environment, plant.truth)

@@ -26,8 +26,8 @@ OWN = "own URDF"
 
 @dataclass(frozen=True)
 class InForce(FieldBinding):
-    """Place of a field whose value in force cannot be read from the scenario, where it may be left out or be written in
-    several ways. of: returns the value in force."""
+    """Binding of a field whose value in force cannot be read from the scenario, where it may be left out or be
+    written in several ways. of: returns the value in force."""
 
     of: Callable[[Snapshot], Any]
 
@@ -87,7 +87,7 @@ class Upload:
 
 
 class UrdfBinding(FieldBinding):
-    """Place of the path of the running URDF, on the computer that runs the dashboard; empty for an arm of the
+    """Binding of the path of the running URDF, on the computer that runs the dashboard; empty for an arm of the
     catalogue."""
 
     def __init__(self) -> None:

@@ -20,7 +20,7 @@ STEP = 0.002  # step without Shift; `rows.js` makes it of ten FINE_STEP
 
 @dataclass(frozen=True)
 class FieldBinding:
-    """Place of a control's value in the scenario: a field by its dotted path."""
+    """Binding of a control's value in the scenario: a field by its dotted path."""
 
     path: str
 
@@ -85,8 +85,8 @@ class FieldBinding:
 
 @dataclass(frozen=True)
 class BindingWhere(FieldBinding):
-    """Place of a field that has a meaning only in the scenarios for which `applies` returns True; in others its control
-    is hidden."""
+    """Binding of a field that has a meaning only in the scenarios for which `applies` returns True; in others its
+    control is hidden."""
 
     applies: Callable[[Scenario], bool]
 

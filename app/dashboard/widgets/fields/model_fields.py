@@ -56,7 +56,7 @@ def alike(snapshot: Snapshot, index: int, values: np.ndarray) -> list[int]:
 
 @dataclass(frozen=True)
 class DiagonalBinding(FieldBinding):
-    """Place of entry `index` on the diagonal of a matrix of the target model in force.
+    """Binding of entry `index` on the diagonal of a matrix of the target model in force.
     linked: whether an edit also sets the equal entries of like coordinates that the mode leaves free."""
 
     index: int
@@ -92,7 +92,7 @@ class DiagonalBinding(FieldBinding):
 
 @dataclass(frozen=True)
 class OscillatorBinding(FieldBinding):
-    """Place of omega or zeta of coordinate `index`; an edit keeps M_m and the other of the two. See
+    """Binding of omega or zeta of coordinate `index`; an edit keeps M_m and the other of the two. See
     `controllers.second_order`.
     linked: whether an edit also sets like coordinates with the same value."""
 

@@ -16,7 +16,7 @@ WIDE = 100.0  # ratio of its bounds from which on a slider is logarithmic
 
 @dataclass(frozen=True)
 class OwnBinding(FieldBinding):
-    """Place of an own parameter in the scenario. running: returns its present value, None where the law, surface or
+    """Binding of an own parameter in the scenario. running: returns its present value, None where the law, surface or
     trajectory is not in use."""
 
     parameter: Parameter
