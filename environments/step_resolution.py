@@ -91,8 +91,8 @@ def stiff_elements(
 ) -> Iterator[StiffElement]:
     """Stiff elements of the arm's springs and dampers, one for each cause. Each of k surfaces counts k times, which
     bounds their joint effect; force and moments of a flat face, with K_t N m/rad, each count twice. An arm turns the
-    face by at most the number of its joints times the mobility of a joint. Coupled surfaces count with the largest eigenvalues
-    of their matrices, whichever of them are touched. paths: where the contacts stand in the scenario."""
+    face by at most the number of its joints times the mobility of a joint. Coupled surfaces count with the largest
+    eigenvalues of their matrices, whichever of them are touched. paths: where the contacts stand in the scenario."""
     k = 2 if K_t else len(contacts)
     if K_t and kind.springs:
         turning, B_t = k * joints * mobility.joints, contacts[0].B_e * K_t / max(contacts[0].K_e, 1e-3)

@@ -14,7 +14,7 @@ from app.analysis.metrics import (
     FORCE_RESOLUTION,
     MOTION_RESOLUTION,
     MULTIPLIERS,
-    after_places,
+    after_positions,
     angle_error,
     force_error,
     force_settling_time,
@@ -282,7 +282,7 @@ def _path_error(system: System, record: dict[str, np.ndarray]) -> np.ndarray:
     """Position errors (N, k) m as plots show them: where no force is controlled, also those into a surface."""
     if system.m or system.layout.joint:
         return motion_error(system, record)
-    return record["e_r"][:, [*range(system.layout.positions), *after_places(system, angles=False)]]
+    return record["e_r"][:, [*range(system.layout.positions), *after_positions(system, angles=False)]]
 
 
 def _points(rows: int) -> np.ndarray:
