@@ -192,7 +192,7 @@ class World(NamedTuple):
     shapes, contacts: of the surfaces; all of them are rigid, or none.
     environment: the matrices of (28).
     unloaded: (3,) m, the phi of each spring at which it carries no force; not 0 only where the contact is linearised
-    off the surface (`Plant.unload`)."""
+    off the surface (`Plant.press`)."""
 
     lever: np.ndarray
     face: Face

@@ -144,16 +144,19 @@ class Plant:
         rest = (self._integrator, self.substeps, self.face, environment)
         return Plant(self.robot, truth, self.surfaces, self.kind, contacts, *rest)
 
-    def unload(self, p: np.ndarray, t: float, unilateral: Sequence[bool]) -> None:
-        """Let the springs of surfaces that only push be just pressed, by `PRESSED`, where the tool is off them.
+    def press(self, p: np.ndarray, t: float, unilateral: Sequence[bool], force: np.ndarray) -> None:
+        """Let the springs that the tool does not press carry a force where it is, and those of surfaces that only push
+        be just pressed, by `PRESSED`, without one.
 
-        p: (3,) m, of the tool at t (s). unilateral: which of the surfaces only push, also if those of this plant, a
-        smooth one, also pull.
+        p: (3,) m, of the tool at t (s). unilateral: which of the S surfaces only push, also if those of this plant, a
+        smooth one, also pull. force: (S,) N.
         """
+        count = len(self.surfaces)
+        depths = np.linalg.pinv(self.environment.K_e[:count, :count]) @ force
         for i, surface in enumerate(self.surfaces):
-            phi = float(surface.chart(p, t).g[0])
-            off = unilateral[i] and self.kind.springs and phi < PRESSED
-            self._workspace["world"]["unloaded"][0, i] = phi - PRESSED if off else 0.0
+            phi, depth = float(surface.chart(p, t).g[0]), max(depths[i], PRESSED if unilateral[i] else 0.0)
+            off = self.kind.springs and phi < PRESSED and depth > 0.0
+            self._workspace["world"]["unloaded"][0, i] = phi - depth if off else 0.0
 
     def _resolve_kernels(self, n: int) -> None:
         workspace, arm, tau = self._workspace, Record.zeros(Arm, n).data, np.zeros(n)

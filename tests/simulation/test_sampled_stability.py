@@ -248,3 +248,27 @@ def test_a_layer_too_thin_swings_up_in_free_motion_too(name: str, arms: str) -> 
     assert loop.standing.run.verdict == "nothing promised"
     calm = run(shipped()[name], 0.3)
     assert calm.standing.run.verdict == "holds"
+
+
+@pytest.mark.parametrize("force", [200.0, 5.0])
+def test_a_force_on_a_curved_surface_that_is_read_late_is_a_negative_damping(force: float) -> None:
+    """The normal turns under the tool, and the law compensates the force in the direction of 20 ms ago."""
+    base = shipped()["ur5-constrained"]
+    before = assemble(base)
+    x, y, z = before.observe(before.q_0, np.zeros(6), 0.0).estimate.p.tolist()
+    ball = {"kind": "sphere", "origin": [x, y, z - 0.03], "radius": 0.03, "reference": [0.0, 0.0, 1.0]}
+    fields = {
+        "surface": ball, "force.value": force, "motion": "hold", "sensor.delay": 0.02,
+        "target_model.M_m": [15.0, *5 * (10.0,)], "target_model.K_m": [0.0, *5 * (1000.0,)],
+        "target_model.B_m": [100.0, *5 * (4.0,)], "controller.epsilon": 5.0, "controller.layer": 0.05,
+        "truth.push": (3.0, 0.0, 0.0), "truth.push_start": 0.5, "truth.push_duration": 0.05,
+        "truth.link_scaling": 1.0, "declared.link_scaling": 0.02,
+    }  # fmt: skip
+    loop = ClosedLoop.from_scenario(with_values(base, fields))
+    growth = growth_per_period(loop.system)
+    assert (growth > 1.0) == (force > 100.0)
+    CompiledRun(loop).advance(3000)
+    error = np.linalg.norm(loop.recording.signals(("e_r",))["e_r"], axis=1)
+    early, late = error[1500:2000].max(), error[2500:].max()
+    assert math.log(late / early) / 1000 == pytest.approx(math.log(growth), rel=0.2)
+    assert ("the sampled loop is unstable" in (loop.warning or "")) == (force > 100.0)

@@ -16,11 +16,15 @@ def plant_key(scenario: Scenario) -> tuple[object, ...]:
 
 
 def sampled_loops_key(scenario: Scenario) -> Scenario:
-    """The part of the scenario on which a sampled loop depends: all but its names and the desired forces."""
-    plain = Scenario()
-    second = msgspec.structs.replace(scenario.second, force=plain.second.force)
-    third = msgspec.structs.replace(scenario.third, force=plain.third.force)
-    return msgspec.structs.replace(scenario, name="", title="", force=plain.force, second=second, third=third)
+    """The part of the scenario on which a sampled loop depends: all but its names, and the desired forces where no
+    surface is curved."""
+    plain = msgspec.structs.replace(scenario, name="", title="")
+    if not all(each.form.normal_fixed for each in scenario.surfaces):
+        return plain
+    usual = Scenario()
+    second = msgspec.structs.replace(scenario.second, force=usual.second.force)
+    third = msgspec.structs.replace(scenario.third, force=usual.third.force)
+    return msgspec.structs.replace(plain, force=usual.force, second=second, third=third)
 
 
 def surfaces_key(scenario: Scenario) -> tuple[object, ...]:

@@ -89,6 +89,20 @@ def free_directions(system: System, at: Posture) -> np.ndarray:
     return np.linalg.qr(np.column_stack([at.across, np.eye(n)]))[0][:, at.across.shape[1] : n]
 
 
+def force_on_curved_surfaces(system: System, t: float, touched: Sequence[int] | None) -> np.ndarray:
+    """Desired normal force (S,) N on each surface at time t (s): on a surface that turns under the tool, a force that
+    the law takes to have the direction of a moment ago is a negative damping. Zero where the normal is fixed, on which
+    the force does not act, on surfaces without a desired force, and for those that are not among `touched`."""
+    force = np.zeros(len(system.surfaces))
+    if system.layout.tilts:
+        return force
+    desired = system.planned.at(t).F_cd
+    for i in range(min(system.pressed, len(force))):
+        if not system.surfaces[i].form.normal_fixed and (touched is None or i in touched):
+            force[i] = max(desired[i], 0.0)
+    return force
+
+
 class PeriodMap:
     """Map of one control period around rest at a posture, with s = 0: small deviations and a push on the tool in, the
     deviations one period later out. The arm has nothing with a kink (see `Plant.smooth`), and the reference stays at
@@ -106,7 +120,7 @@ class PeriodMap:
         self, system: System, at: Posture, touched: Sequence[int] | None = None, *, moments: bool = False
     ) -> None:
         self._felt = 6 if moments or system.plant.face.flat else 3  # entries of a reading
-        self._observer = system.observer
+        self._observer, self._touched = system.observer, touched
         self._unilateral = [each.unilateral for each in system.plant.contacts]
         self._still = still = replace(
             system,
@@ -137,8 +151,12 @@ class PeriodMap:
         task, basis = at.task, free_directions(system, at)
         q_dot = -task.J_q_inv @ task.v_t
         # a surface that only pushes is judged as just touched: a pull has a stiffness of its own on a curved surface
-        system.plant.unload(at.estimate.p, at.t, self._unilateral)
+        force = force_on_curved_surfaces(system, at.t, self._touched)
+        system.plant.press(at.estimate.p, at.t, self._unilateral, force)
         state.arm.take(system.plant.start(at.q, q_dot, at.t))
+        if system.plant.kind.rigid:
+            state.arm.views.load.multiplier[: len(force)] = force
+            state.arm.views.load.wrench[:3] = at.normals.T @ force
         load = state.arm.read().load
         met = load.multiplier.copy()
         felt = at.across @ met[: len(system.surfaces)]
