@@ -43,7 +43,10 @@ class Cluster:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self._address = address
         try:
-            self._client: Client = Client(address, timeout=CONNECT, set_as_default=False)
+            try:
+                self._client: Client = Client(address, timeout=CONNECT, set_as_default=False)
+            except AssertionError:  # Dask gives its thread 10 s to begin, too few on a very busy machine: once more
+                self._client = Client(address, timeout=CONNECT, set_as_default=False)
         except TypeError as error:  # of Dask, for tls:// without the files that it needs
             raise ScenarioError(
                 f"--scheduler {address!r:.100}: this needs certificates; allowed: with those of the scheduler in "
