@@ -224,12 +224,12 @@ class ControlLaw:
     @property
     def named_terms(self) -> Mapping[str, str]:
         """Name of each term of its torque, by the field of `TorqueTerms`."""
-        return {field: field for field in TorqueTerms._fields} if self.terms is None else self.terms
+        return dict(zip(TorqueTerms._fields, TorqueTerms._fields, strict=True)) if self.terms is None else self.terms
 
     @property
     def told_in_words(self) -> str:
         """Sentence on what the law is told of and what not."""
-        known = ", ".join(words for name, words in TOLD.items() if name in self.told) or "none of what is measured"
+        known = ", ".join(words for name, words in TOLD.items() if name in self.told) or "gains and reference alone"
         unknown = ", ".join(words for name, words in TOLD.items() if name not in self.told)
         return f"Its torque depends on {known}" + (f"; not on {unknown}." if unknown else ".")
 

@@ -151,8 +151,9 @@ class Plant:
         p: (3,) m, of the tool at t (s). unilateral: which of the S surfaces only push, also if those of this plant, a
         smooth one, also pull. force: (S,) N.
         """
-        count = len(self.surfaces)
-        depths = np.linalg.pinv(self.environment.K_e[:count, :count]) @ force
+        count, depths = len(self.surfaces), force
+        if force.any():
+            depths = np.linalg.pinv(self.environment.K_e[:count, :count]) @ force
         for i, surface in enumerate(self.surfaces):
             phi, depth = float(surface.chart(p, t).g[0]), max(depths[i], PRESSED if unilateral[i] else 0.0)
             off = self.kind.springs and phi < PRESSED and depth > 0.0

@@ -23,7 +23,7 @@ from environments.coupled_surfaces import EnvironmentMatrices
 from environments.integrators import Integrator
 from environments.truth import Truth
 
-ROUNDING = 1e-7  # of the radius of an undamped element, which is 1
+ROUNDING = 1e-7  # of the radius of an undamped oscillator, which is 1
 
 
 class Mobility(NamedTuple):

@@ -1,4 +1,4 @@
-"""Command `vsmrc list`: shows the robots, the scenarios and the control laws, the fields of a section of scenarios, or
+"""Command `vsmrc list`: shows the robots and the scenarios, the control laws, the fields of a section of scenarios, or
 the signals of a recording."""
 
 from __future__ import annotations
@@ -21,18 +21,29 @@ SECTIONS = tuple(name for name in Scenario.__struct_fields__ if types_of(Scenari
 
 
 def list_(
-    *, fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION"), NO_DEFAULT_SHOWN] = None, signals: bool = False
+    *,
+    fields: Annotated[str | None, tyro.conf.arg(metavar="SECTION"), NO_DEFAULT_SHOWN] = None,
+    signals: bool = False,
+    laws: bool = False,
 ) -> int:
-    """List the robots, the shipped scenarios and the control laws, the fields of a section of scenarios, or the signals
+    """List the robots and the shipped scenarios, the control laws, the fields of a section of scenarios, or the signals
     of a recording.
 
     Args:
         fields: list the fields of this section instead, with unit, default, bounds and meaning: robot, truth, ...
         signals: list the signals of a recording instead, with unit and meaning
+        laws: list the control laws instead, with what the torque of each depends on
     """
+    asked = [flag for flag, given in (("--signals", signals), ("--laws", laws), ("--fields", fields)) if given]
+    if len(asked) > 1:
+        raise ScenarioError(f"{asked[0]} with {asked[1]}; allowed: one of them")
+    if laws:
+        from controllers.laws.table import LAWS
+
+        for kind, law in LAWS.items():
+            print(f"{kind:16s}  {law.title}. {law.told_in_words}")
+        return DONE
     if signals:
-        if fields is not None:
-            raise ScenarioError("--signals with --fields; allowed: one of them")
         from app.simulation.signals import SIGNALS
 
         print("n: joints, or task coordinates, which are as many; units for revolute joints and where r is in metres")
@@ -43,7 +54,6 @@ def list_(
         for line in _fields_of(one_of("--fields", fields, SECTIONS)):
             print(line)
         return DONE
-    from controllers.laws.table import LAWS
     from environments.catalogue import CATALOGUE
 
     print("robots")
@@ -52,9 +62,6 @@ def list_(
     print("scenarios")
     for name, scenario in shipped().items():
         print(f"  {name:34s} {scenario.title}")
-    print("control laws")
-    for kind, law in LAWS.items():
-        print(f"  {kind:34s} {law.title}. {law.told_in_words}")
     return DONE
 
 

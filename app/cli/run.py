@@ -79,10 +79,10 @@ def run(
     require_folder(out)
     use_own(use)
     if from_ is not None:
-        if typed(blend_to, engine, use):
-            raise ScenarioError("--from: with --engine, --use or --blend-to; allowed: the same run again, as it was")
         if scenario is not None or row is None or settings or duration is not None:
             raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
+        if typed(blend_to, engine, use):
+            raise ScenarioError("--from: with --engine, --use or --blend-to; allowed: the same run again, as it was")
         chosen, by, until = _of_sweep(from_, row)
     elif row is not None:
         raise ScenarioError(f"--row {row} without --from; allowed: --from FOLDER --row N")

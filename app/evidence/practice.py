@@ -167,9 +167,10 @@ def jobs(thin: int) -> list[Job]:
 class MapCells:
     """Cells of one map."""
 
-    def __init__(self, sweep: MapSweep, rows: Sequence[Sequence[Cell]], thin: int) -> None:
-        self._sweep, self._rows = sweep, rows
-        self.xs, self.ys = sweep.thinned(thin)
+    def __init__(
+        self, sweep: MapSweep, xs: tuple[float, ...], ys: tuple[float, ...], rows: Sequence[Sequence[Cell]]
+    ) -> None:
+        self._sweep, self.xs, self.ys, self._rows = sweep, xs, ys, rows
 
     def __getitem__(self, field: str) -> np.ndarray:
         """Values (l, k) of a figure in every cell."""
@@ -195,7 +196,8 @@ def conclude(results: Sequence[list[Cell]]) -> Findings:
     shape = [len(row) for row in results]
     thin = next(thin for thin in range(1, 100) if _shape(thin) == shape)
     for name, sweep in SWEEPS.items():
-        grids[name] = MapCells(sweep, [next(found) for _ in sweep.thinned(thin)[1]], thin)
+        xs, ys = sweep.thinned(thin)
+        grids[name] = MapCells(sweep, xs, ys, [next(found) for _ in ys])
     delay, noise, period, drives = (grids[name] for name in SWEEPS)
     needed = np.broadcast_to(np.nanmax(drives["load"][-1:], axis=0), drives["load"].shape)
     limits = np.array([limit or np.inf for limit in drives.ys])[:, None]

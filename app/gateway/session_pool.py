@@ -73,7 +73,7 @@ class SessionPool:
 
     @property
     def taken(self) -> int:
-        """Number of sessions that run."""
+        """Number of sessions that run, or are about to begin or end."""
         return sum(session.life is not None for session in self._known)
 
     @property

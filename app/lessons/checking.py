@@ -14,7 +14,7 @@ from app.lessons.answers import score_choice, score_curve, score_number
 from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Explain, Goal, LessonRun, NumberQuestion, StartScenario
 from app.lessons.lesson import NAMED, Lesson, LessonStep
 from app.lessons.measures import MeasuredNumber, unmet
-from app.lessons.playing import LessonOutcome, Trace, play, reached
+from app.lessons.playing import GoalRunStopped, LessonOutcome, Trace, play, reached
 from app.scenario.errors import ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.omega.search_memory import Memory
@@ -92,9 +92,7 @@ def _problems(step: LessonStep, checked: Checked, memory: Memory) -> Iterator[st
             checked.outcomes[step.number] = outcome
             if again := [name for name in outcome.measurements if name in checked.measurements]:
                 yield f"measures: {again[0]} is measured a second time; allowed: another name"
-            titles = [
-                run.block.title for run in checked.lesson.steps[: step.number - 1] if isinstance(run.block, LessonRun)
-            ]
+            titles = [run.title for each in checked.lesson.steps[: step.number - 1] if (run := each.run)]
             if strangers := [title for title in block.beside if title not in titles]:
                 yield f"beside: {strangers[0]!r:.60}; allowed: titles of earlier runs"
             checked.measurements |= outcome.measurements
@@ -168,21 +166,23 @@ def trace_for(step: LessonStep, outcomes: dict[int, LessonOutcome]) -> Trace | N
     return None
 
 
+def _reaches(goal: Goal, step: LessonStep, values: dict[str, float], memory: Memory) -> bool:
+    """Whether a goal is reached with these values of its controls, by path; not by a run that stops."""
+    try:
+        return not unmet(goal.conditions, reached(step, values, memory))
+    except GoalRunStopped:
+        return False
+
+
 def _goal(step: LessonStep, memory: Memory) -> Iterator[str]:
     goal = step.block
     assert isinstance(goal, Goal)
     at_reference = reached(step, {control.path: control.reference for control in goal.controls}, memory)
-    if isinstance(at_reference, str):
-        yield f"with the reference, the run stops: {at_reference}"
-    else:
-        yield from (f"with the reference, {problem}" for problem in unmet(goal.conditions, at_reference))
-    for values, problem in (
-        ({control.path: control.wrong for control in goal.controls}, "the planted wrong values reach the goal"),
-        ({}, "the goal is reached before anything is done"),
-    ):
-        found = reached(step, values, memory)  # a run that stops does not reach it
-        if not isinstance(found, str) and not unmet(goal.conditions, found):
-            yield problem
+    yield from (f"with the reference, {problem}" for problem in unmet(goal.conditions, at_reference))
+    if _reaches(goal, step, {control.path: control.wrong for control in goal.controls}, memory):
+        yield "the planted wrong values reach the goal"
+    if _reaches(goal, step, {}, memory):
+        yield "the goal is reached before anything is done"
     for control in goal.controls:
         if not all(control.low <= value <= control.high for value in (control.reference, control.wrong)):
             yield f"{control.path}: reference and wrong; allowed: {control.low:g} to {control.high:g}"

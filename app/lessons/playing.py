@@ -118,11 +118,13 @@ def _trace(system: System, recording: Recording, line: PictureLine, title: str) 
     return Trace(title, line, t[stretch], values[stretch])
 
 
-def reached(
-    step: LessonStep, values: dict[str, float], memory: Memory | None = None
-) -> dict[str, MeasuredNumber] | str:
-    """Measured numbers of a goal, by name, at the end of its run with these values of its controls, by path; why the
-    run stopped, if it did. Raises ScenarioError."""
+class GoalRunStopped(ScenarioError):
+    """The run of a goal that stops before its end: the goal is missed."""
+
+
+def reached(step: LessonStep, values: dict[str, float], memory: Memory | None = None) -> dict[str, MeasuredNumber]:
+    """Measured numbers of a goal, by name, at the end of its run with these values of its controls, by path. Raises
+    GoalRunStopped, and ScenarioError."""
     goal = step.block
     assert isinstance(goal, Goal)
     assert step.scenario is not None
@@ -130,7 +132,7 @@ def reached(
     while loop.stopped is None and loop.t < goal.seconds - 0.5 * loop.period:
         loop.advance()
     if loop.stopped:
-        return loop.stopped
+        raise GoalRunStopped(f"the run stops: {loop.stopped}")
     return {name: taken(loop.system, loop.recording, loop.t, each) for name, each in goal.measures.items()}
 
 

@@ -85,9 +85,12 @@ def caption(
 def _acting(scenario: Scenario) -> list[str]:
     """Names of the sections that the caption lists one by one: those that act in this run. No force is asked for where
     none is controlled, and where nothing is touched a surface does not act."""
-    pressed = MODES[scenario.mode].force_directions > 0
-    idle = {"force": not pressed, "surface": not (pressed or scenario.contact.nature.touches)}
-    return [name for name in scenario.__struct_fields__ if name not in _ELSEWHERE and not idle.get(name, False)]
+    left_out: set[str] = {*_ELSEWHERE}
+    if not MODES[scenario.mode].force_directions:
+        left_out.add("force")
+        if not scenario.contact.nature.touches:
+            left_out.add("surface")
+    return [name for name in scenario.__struct_fields__ if name not in left_out]
 
 
 def promised(signals: Mapping[str, np.ndarray]) -> str:

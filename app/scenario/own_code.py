@@ -192,10 +192,8 @@ def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
     titles = ours.values()
     if own.title in ("", *titles):
         raise OwnCodeError(f"--use {path}: title {own.title!r:.60}; allowed: text other than {', '.join(titles)}")
-    if isinstance(own, ControlLaw) and own.robust:
-        raise OwnCodeError(f"--use {path}: robust = True; allowed: False, Theorem 1 is about (25) and no other law")
     if isinstance(own, ControlLaw):
-        _check_told_and_terms(own, path)
+        _check_law(own, path)
     function = own.chart if isinstance(own, OwnSurface) else own.path if isinstance(own, OwnTrajectory) else None
     if function is not None and not compiled(function):
         raise OwnCodeError(
@@ -212,8 +210,10 @@ def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
         )
 
 
-def _check_told_and_terms(law: ControlLaw, path: Path) -> None:
-    """Check what a law states of its inputs and of its torque. Raises OwnCodeError."""
+def _check_law(law: ControlLaw, path: Path) -> None:
+    """Check what a law states of itself, of its inputs and of its torque. Raises OwnCodeError."""
+    if law.robust:
+        raise OwnCodeError(f"--use {path}: robust = True; allowed: False, Theorem 1 is about (25) and no other law")
     told: object = law.told
     if not isinstance(told, tuple) or not all(isinstance(each, str) and each in TOLD for each in told):
         raise OwnCodeError(f"--use {path}: told {shown(told)}; allowed: a tuple of {', '.join(map(repr, TOLD))}")

@@ -39,6 +39,7 @@ from app.session.commands import (
     ToEnd,
     Unpin,
 )
+from app.session.field_edits import PlannedEdit, planned_edit
 from app.session.model_entries import with_model_entries
 from app.session.nearest_model import way_to_model
 from app.session.own_push import OwnPush
@@ -193,7 +194,7 @@ class CommandedRun:
         way = self._way_out
         match command:
             case TakeWayOut() if way is not None and way.scenario is not None:
-                self._adapt(way.scenario, way.scenario)
+                self._edit_as_planned(PlannedEdit(way.scenario, requested=way.scenario, nearest=True))
             case TakeWayOut() if way is not None and way.fork_at is not None:
                 self._way_out = None  # also where that instant is no longer known
                 self._carry_out(Seek(way.fork_at))
@@ -291,48 +292,24 @@ class CommandedRun:
                 self._edit(changes.pushed(scenario_now, timeline.loop.system.robot, self._now), as_it_is=True)
                 self._own_push = own.after_button(scenario_now, timeline.loop.system.scenario)
             case Edit():
-                self._carry_out_edit(command, scenario_now)
-
-    def _carry_out_edit(self, edit: Edit, scenario_now: Scenario) -> None:
-        """Change a field, and with some fields what cannot stay as it is with the new value."""
-        match edit:
-            case Edit("mode", value) if value == scenario_now.mode:
-                pass  # the present mode is not begun anew
-            case Edit("mode", value):
-                self._adapt(scenario_now, changes.in_mode(scenario_now, str(value)))
-            case Edit(path, value) if path.startswith("robot."):
-                self._adapt(scenario_now, changes.with_robot(scenario_now, {path.removeprefix("robot."): value}))
-            case Edit("task_space.kind" | "task_space.supplemental" as path, value):
-                requested = edited(scenario_now, path, value)
-                self._adapt(requested, changes.in_coordinates(scenario_now, path.removeprefix("task_space."), value))
-            case Edit("surface" | "second.surface" | "third.surface" as path, str() as kind):
-                changed = changes.on_surface(scenario_now, kind, path)
-                self._adapt(changed, changed)
-            case Edit("second.contact.kind" | "third.contact.kind" as path, str() as kind):
-                requested = edited(scenario_now, path, kind)
-                self._adapt(requested, changes.with_further(scenario_now, path.split(".")[0], kind))
-            case Edit("face.flat", bool() as flat):
-                self._adapt(edited(scenario_now, "face.flat", flat), changes.with_face(scenario_now, flat=flat))
-            case Edit("second.control" | "third.control" as path, value):
-                requested = edited(scenario_now, path, value)
-                self._edit(changes.with_control(scenario_now, path, value))
-                self._say_adaptation(requested)
-            case Edit(path, value):
-                self._edit(edited(scenario_now, path, value))
+                planned = planned_edit(command, scenario_now)
+                if planned is not None:
+                    self._edit_as_planned(planned)
 
     @property
     def _now(self) -> float:
         """Instant at which an edit takes effect, s: 0 where the run has stopped, since it then begins anew."""
         return 0.0 if self.loop.stopped else self.loop.t
 
-    def _adapt(self, requested: Scenario, scenario: Scenario) -> None:
-        """Edit to the nearest scenario that can run, and say how it differs from what was asked."""
-        changes.possible(scenario, self._edit)
-        self._say_adaptation(requested)
-
-    def _say_adaptation(self, requested: Scenario) -> None:
-        """Say how the scenario that runs differs from what was asked."""
-        self._adaptation = adaptation_sentence(requested, self.loop.system.scenario, self.loop.system.units)
+    def _edit_as_planned(self, planned: PlannedEdit) -> None:
+        """Edit to a scenario, and say how the one that runs differs from what was asked for."""
+        if planned.nearest:
+            changes.possible(planned.scenario, self._edit)
+        else:
+            self._edit(planned.scenario)
+        if planned.requested is not None:
+            running = self.loop.system
+            self._adaptation = adaptation_sentence(planned.requested, running.scenario, running.units)
 
     def _edit(self, scenario: Scenario, *, as_it_is: bool = False) -> None:
         """Edit to this scenario; where that begins a new run, with its own push, unless it is to be taken as it is."""

@@ -11,13 +11,10 @@ import msgspec
 import numpy as np
 
 from app.scenario.errors import (
-    ForceInJoints,
-    IrregularCorner,
     IrregularSurface,
     ScenarioError,
 )
 from app.scenario.schema import Scenario, TruthSection
-from app.scenario.units import Units, kinds_of
 from app.simulation.builders.controller_builder import (
     believed_compliance,
     blend_of,
@@ -47,6 +44,7 @@ from app.simulation.builders.environment_builder import (
 from app.simulation.builders.environment_checks import (
     require_coupling,
     require_face,
+    require_kinds,
     require_pushing,
     require_reachable_moment,
     require_sampled,
@@ -62,7 +60,7 @@ from app.simulation.builders.reuse_keys import (
     sampled_loops_key,
     surfaces_key,
 )
-from app.simulation.builders.starting_posture import require_within_reach, starting_posture
+from app.simulation.builders.starting_posture import r_at_start, require_within_reach, starting_posture
 from app.simulation.builders.step_check import require_resolved, unresolved
 from app.simulation.builders.task_layout import coordinates_of, layout_of
 from app.simulation.omega.domain import Constants, constants_over, mobility_over, span_of
@@ -111,7 +109,7 @@ def assemble(scenario: Scenario, previous: System | None = None, memory: Memory 
 
 def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> System:
     mode = mode_of(scenario)
-    _require_allowed(scenario, mode)
+    require_kinds(scenario, mode)
     robot = _reused(
         previous, lambda p: p.scenario.robot == scenario.robot, lambda p: p.robot, lambda: robot_of(scenario)
     )
@@ -143,7 +141,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
 
     observer = Observer(nominal, charted.shapes, layout, ErrorModel.of(scenario, q_0))
     plan = ReferencePlan(
-        start=_r_at_start(scenario, robot, observer, q_0, in_corner=mode.on_surface and len(surfaces) > 1),
+        start=r_at_start(scenario, robot, observer, q_0, in_corner=mode.on_surface and len(surfaces) > 1),
         compliance=np.zeros((3, 3)) if mode.rigid else _compliance(scenario),
         followed=followed_faces(scenario),
         m=mode.force_directions,
@@ -179,34 +177,6 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         memory=memory,
         sampled_loops=_sampled_loops(scenario, stations, controller, previous),
     )
-
-
-def _require_allowed(scenario: Scenario, mode: Mode) -> None:
-    """Raise ScenarioError for a kind of contact or of task space that the mode does not have."""
-    if scenario.contact.kind not in mode.contacts:
-        raise ScenarioError(
-            f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
-        )
-    if scenario.task_space.kind == "joint" and not mode.in_joints:
-        raise ForceInJoints(
-            f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
-        )
-
-
-def _r_at_start(
-    scenario: Scenario, robot: robots.Robot, observer: Observer, q_0: np.ndarray, *, in_corner: bool
-) -> np.ndarray:
-    """r (n,) at the posture q_0 (n,) of the start. Raises ScenarioError where J_q is singular there, in a corner
-    IrregularCorner."""
-    try:
-        return observer.at(q_0, np.zeros(robot.n), 0.0).task.r
-    except ValueError as error:
-        kind = IrregularCorner if in_corner else ScenarioError
-        unit = Units(joints=kinds_of(robot.slides)).of_joints("rad")
-        raise kind(
-            f"robot.posture: {np.round(q_0, 4).tolist()} {unit}; allowed: one at which J_q is not singular"
-            + ("" if scenario.task_space.supplemental is None else ", or other joints in task_space.supplemental")
-        ) from error
 
 
 def _reused(

@@ -8,6 +8,7 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from app.process.worker_pool import FALLEN, Fallen
@@ -43,10 +44,7 @@ class Cluster:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self._address = address
         try:
-            try:
-                self._client: Client = Client(address, timeout=CONNECT, set_as_default=False)
-            except AssertionError:  # Dask gives its thread 10 s to begin, too few on a very busy machine: once more
-                self._client = Client(address, timeout=CONNECT, set_as_default=False)
+            self._client: Client = _begun(partial(Client, address, timeout=CONNECT, set_as_default=False))
         except TypeError as error:  # of Dask, for tls:// without the files that it needs
             raise ScenarioError(
                 f"--scheduler {address!r:.100}: this needs certificates; allowed: with those of the scheduler in "
@@ -164,3 +162,12 @@ def _ready(
         size = max(1, min(chunk, len(waiting) // (4 * workers)))
         yield tuple(waiting.popleft() for _ in range(size))
         under_way += 1
+
+
+def _begun(make: Callable[[], Client]) -> Client:
+    """Client that has begun. Dask gives its own thread ten seconds to begin, too few on a very busy machine: then it is
+    made once more."""
+    try:
+        return make()
+    except AssertionError:
+        return make()

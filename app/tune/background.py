@@ -62,10 +62,10 @@ class BackgroundTuning(Background):
 
 def results(tuning: Tuning, workers: int) -> Iterator[Result]:
     """Rows of runs, candidates as soon as they are judged, and at the end what was found."""
-    course, sent = TuningSchedule(tuning, {}), 0
-    for rows, metrics in worker_pool.results(computing, (tuning,), course.tasks(), workers):
-        yield from course.take(rows, metrics)
-        yield from course.candidates[sent:]
-        sent = len(course.candidates)
-    yield from course.candidates[sent:]
-    yield course.found()
+    schedule, sent = TuningSchedule(tuning, {}), 0
+    for rows, metrics in worker_pool.results(computing, (tuning,), schedule.tasks(), workers):
+        yield from schedule.take(rows, metrics)
+        yield from schedule.candidates[sent:]
+        sent = len(schedule.candidates)
+    yield from schedule.candidates[sent:]
+    yield schedule.found()

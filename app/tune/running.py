@@ -61,15 +61,15 @@ def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_pro
     Raises ScenarioError where the folder has other candidates, and OSError where a run cannot be written; what was
     written stays.
     """
-    course = TuningSchedule(tuning, without_faults(tuning, {row["row"]: row for row in store.rows}))
+    schedule = TuningSchedule(tuning, without_faults(tuning, {row["row"]: row for row in store.rows}))
     total, workers = most_runs(tuning), workers or usable_cores()
-    with tqdm(total=total, initial=len(course.known), unit=" runs", desc="tune", disable=not show_progress) as bar:
-        for rows, metrics in worker_pool.results(computing, (tuning,), course.tasks(), workers):
-            for each in course.take(rows, metrics):
+    with tqdm(total=total, initial=len(schedule.known), unit=" runs", desc="tune", disable=not show_progress) as bar:
+        for rows, metrics in worker_pool.results(computing, (tuning,), schedule.tasks(), workers):
+            for each in schedule.take(rows, metrics):
                 store.add(each)
             bar.update(len(rows))
     store.flush()
-    return course.found()
+    return schedule.found()
 
 
 def without_faults(tuning: Tuning, known: dict[int, RunMetrics]) -> dict[int, RunMetrics]:

@@ -1,5 +1,6 @@
 // Every symbol explains itself where it stands: in the equation, in titles and legends of plots, in tables and in labels.
-// The glossary is a template of the server (widgets/theorem/symbols.py); here it becomes a tip, a page, and letters with indices.
+// The glossary is a template of the server (widgets/theorem/symbols.py); here it becomes a tip, a page, and letters with
+// indices.
 const template = () => document.querySelector("template#vs-symbols");
 let entries = [], parsed = null;
 const symbolsByText = new Map(); // names that have been looked for in a text

@@ -9,12 +9,12 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
 
 from app.dashboard.page import Dashboard
-from app.session.commands import Load, Pause, Play, Reset, SetSpeed, ToEnd, Unpin
+from app.session.commands import Pause, Play
 from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
 from drivers.pages import NO_HINTS, PATIENCE, SENT, UNDRAWN, VIEWPORT, PageSession, wait_without_notice
 from drivers.waiting import until
-from tests.browser.shared_page import SCENARIO, SharedPage
+from tests.browser.shared_page import SCENARIO, SharedPage, rest_at_start
 from tests.support.drawn import serving
 
 # What viser's own client says, which does no harm: at every drag in the scene (SceneTree.tsx); and on a busy machine of
@@ -150,9 +150,8 @@ def own_session(browser: Browser) -> Iterator[PageSession]:
 def from_the_start(served: tuple[Dashboard, Runner]) -> None:
     """For a test that opens its own page: the loop runs the shipped scenario from its start, whatever was before."""
     _, runner = served
-    pinned = [Unpin(run.number) for run in runner.snapshot.pinned]
-    for command in (ToEnd(), *pinned, Load(SCENARIO), SetSpeed(1.0), Reset(), Play()):
-        runner.post(command)
+    rest_at_start(runner)
+    runner.post(Play())
     until(
         lambda: (
             runner.snapshot.executed >= runner.posted

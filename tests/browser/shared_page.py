@@ -85,7 +85,7 @@ class SharedPage:
     def _begun(self) -> PageSession:
         if self._page is not None and not self._page.is_closed():
             _let_go(self._page)
-        self._rest_at_start()
+        rest_at_start(self._runner)
         if self._page is not None and not self._put_back(self._page):
             self.discard()
         self._runner.post(Play())
@@ -96,7 +96,7 @@ class SharedPage:
             self._address = self._page.url
         session = PageSession(self._page, self._runner)
         while not self._runs_as_shipped(session):  # an input of the test before came late, on a busy machine
-            self._rest_at_start()
+            rest_at_start(self._runner)
             self._runner.post(Play())
         self._page.wait_for_function(_SHOWS, arg=[SCENARIO.title, "running"])
         if not self._first:
@@ -104,12 +104,6 @@ class SharedPage:
                 resting_box(self._page.locator(f"[data-dock-region={side}]"))
             self._first = self._page.evaluate(_APPEARANCE)
         return session
-
-    def _rest_at_start(self) -> None:
-        pins = [Unpin(pinned.number) for pinned in self._runner.snapshot.pinned]
-        # an edit while the test before still looks back would fork its run, and pin what lay ahead
-        for command in (ToEnd(), *pins, Load(SCENARIO), SetSpeed(1.0), Pause(), Reset()):
-            self._runner.post(command)
 
     def _runs_as_shipped(self, session: PageSession) -> bool:
         """Whether the loop runs the scenario as it is shipped, without pinned runs, once it has heard all commands and
@@ -136,6 +130,14 @@ class SharedPage:
         other = {part: (self._first[part], now[part]) for part in now if now[part] != self._first[part]}
         warnings.warn(f"a test leaves its page changed, and another one is opened: {other}", stacklevel=1)
         return False
+
+
+def rest_at_start(runner: Runner) -> None:
+    """Let the loop rest at the start of the shipped scenario, whatever was before."""
+    pins = [Unpin(pinned.number) for pinned in runner.snapshot.pinned]
+    # an edit while the test before still looks back would fork its run, and pin what lay ahead
+    for command in (ToEnd(), *pins, Load(SCENARIO), SetSpeed(1.0), Pause(), Reset()):
+        runner.post(command)
 
 
 def _let_go(page: Page) -> None:

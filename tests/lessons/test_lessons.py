@@ -174,6 +174,33 @@ def test_a_lesson_that_misleads_is_not_fit_and_the_check_says_where(old: str, ne
     assert all(problem.startswith("test/lesson.md") for problem in checked.problems)
 
 
+STOPPING = """
+```scenario
+base = "ur5-constrained"
+[set]
+"target_model.K_f" = [0.2, 0.0, 0.0, 0.0, 0.0, 0.0]
+```
+```goal
+ask = "Stay in contact."
+seconds = 0.1
+controls = [{ path = "target_model.K_f.1", label = "K_f", low = 0.1, high = 5.0, reference = 2.0, wrong = 0.2 }]
+measures.force = { signal = "force_error", statistic = "largest", unit = "N" }
+conditions = [{ measure = "force", below = 1000.0 }]
+```
+"""
+
+
+@pytest.mark.slow
+def test_a_goal_whose_run_stops_is_missed() -> None:
+    """The wrong value loses contact, which is where the run begins, too, before anything is done."""
+    text = LESSON[: LESSON.index("A spring of")] + STOPPING
+    for reference, stops in (("reference = 2.0", False), ("reference = 0.2", True)):
+        problems = check(read(text.replace("reference = 2.0", reference), "test", "test/lesson.md")).problems
+        about_goal = [problem for problem in problems if "goal: " in problem]
+        assert len(about_goal) == stops, problems
+        assert all("the run stops: t = 0.0" in problem for problem in about_goal)
+
+
 EDIT = 'edits = [{ at = 0.5, set = "target_model.K_m.2", value = 900.0 }]'
 WAY = 'measures.way = { signal = "e_r.2", statistic = "largest", unit = "mm" }'
 SHOWN = 'show = [{ signal = "e_r.2", unit = "mm", title = "way" }]\n'

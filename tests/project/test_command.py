@@ -141,6 +141,8 @@ def test_the_signals_of_a_recording_are_listed(capsys: pytest.CaptureFixture[str
     assert execute(["list", "--signals"]) == 0
     listed = [line.split(maxsplit=3) for line in capsys.readouterr().out.splitlines()[1:]]
     assert listed == [[each.name, str(each.width or "n"), each.unit, each.doc] for each in SIGNALS]
+    assert execute(["list", "--laws"]) == 0
+    assert "PD + gravity. Its torque depends on Ĝ, the velocities; not on M̂ and Ĉ," in capsys.readouterr().out
     assert execute(["list", "--signals", "--fields", "robot"]) == 2
     assert capsys.readouterr().err == "vsmrc: --signals with --fields; allowed: one of them\n"
 

@@ -332,5 +332,5 @@ def _name_of(run: LessonStep) -> str:
     return "" if run.scenario is None else run.scenario.name
 
 
-def _ends(run: LessonStep) -> float:
-    return run.run.seconds if run.run else 0.0
+def _ends(step: LessonStep) -> float:
+    return step.run.seconds if step.run else 0.0

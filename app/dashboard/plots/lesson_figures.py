@@ -26,27 +26,27 @@ def run_colors(lesson: Lesson) -> dict[str, Rgb]:
 
 def figure_of_run(
     lesson: Lesson,
-    run: LessonStep,
+    step: LessonStep,
     outcome: LessonOutcome,
     traces: Sequence[Trace],
     answers: Sequence[tuple[LessonStep, Answer]],
 ) -> Figure:
     """Figure of a run, with a chart for each line that it shows, and its measured numbers in the caption."""
-    block = run.run
-    assert block is not None
+    run = step.run
+    assert run is not None
     colors = run_colors(lesson)
     charts = tuple(
-        _chart(block, line, [each for each in traces if each.line.shows(line)], answers, colors) for line in block.show
+        _chart(run, line, [each for each in traces if each.line.shows(line)], answers, colors) for line in run.show
     )
     text = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in outcome.measurements.items())
-    caption = f"{lesson.head.title}: {block.title}." + (f" Measured: {text}." if text else "")
+    caption = f"{lesson.head.title}: {run.title}." + (f" Measured: {text}." if text else "")
     return Figure(charts, caption)
 
 
-def name_of_figure(lesson: Lesson, run: LessonStep, extension: str) -> str:
+def name_of_figure(lesson: Lesson, step: LessonStep, extension: str) -> str:
     """File name of the figure of a run: letters, digits, dots and dashes only."""
-    assert run.run is not None
-    return f"{plain_name(f'{lesson.name}-{run.number}-{run.run.title}')}.{extension}"
+    assert step.run is not None
+    return f"{plain_name(f'{lesson.name}-{step.number}-{step.run.title}')}.{extension}"
 
 
 def _chart(

@@ -32,7 +32,7 @@ class PinnedArms:
         runs = {pinned.number: pinned for pinned in snapshot.pinned}
         for number, (pinned, arm) in list(self._arms.items()):
             now = runs.get(number)
-            # a continued session numbers its pinned runs anew, and gives them other places
+            # a continued session numbers its pinned runs anew, and gives them other slots
             if now is None or now.recording is not pinned.recording or now.slot != pinned.slot:
                 arm.remove()
                 del self._arms[number]

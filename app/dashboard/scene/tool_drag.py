@@ -85,7 +85,7 @@ def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
 
 
 class ToolDrag:
-    """Hand on the tool: a ball that the mouse drags, and the drawing of a push by any page. A hint beside the ball says
+    """Drag of the tool: a ball that the mouse drags, and the drawing of a push by any page. A hint beside the ball says
     that it can be dragged, until somebody has dragged it. One page drags at a time.
 
     viser ends the drag of a page that closes: the tool is let go, and the target stays where it was."""

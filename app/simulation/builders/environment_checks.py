@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from app.scenario.data import kind_of
-from app.scenario.errors import IrregularCorner, PullingForce, ScenarioError, WrongFace
+from app.scenario.errors import ForceInJoints, IrregularCorner, PullingForce, ScenarioError, WrongFace
 from app.scenario.field_info import field_info
 from app.scenario.schema import Scenario
 from app.simulation.builders.environment_builder import SOFTEST, believed_matrix, environment_of, task_joints
@@ -192,4 +192,16 @@ def _require_sampled_frequencies(scenario: Scenario) -> None:
         raise ScenarioError(
             f"truth.disturbance_frequency: {truth.disturbance_frequency:g} Hz, at least half the rate of the plant's "
             f"steps, so that the arm feels a slower one; allowed: below {finest:g} Hz, or more simulation.substeps"
+        )
+
+
+def require_kinds(scenario: Scenario, mode: Mode) -> None:
+    """Raise ScenarioError for a kind of contact or of task space that the mode does not have."""
+    if scenario.contact.kind not in mode.contacts:
+        raise ScenarioError(
+            f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
+        )
+    if scenario.task_space.kind == "joint" and not mode.in_joints:
+        raise ForceInJoints(
+            f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
         )

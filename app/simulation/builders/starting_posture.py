@@ -6,6 +6,7 @@ import numpy as np
 
 from app.scenario.errors import IrregularCorner, ScenarioError, SurfaceOutOfReach
 from app.scenario.schema import Scenario
+from app.scenario.units import Units, kinds_of
 from app.simulation.builders.environment_builder import task_surface, tool_at_start
 from app.simulation.omega.reference_postures import LARGEST_STEP, posture_at
 from app.simulation.period.observation import Observer
@@ -64,3 +65,19 @@ def require_within_reach(
             f"{path}surface: {reason}, {abs(depth):.3g} m {side} the tool at {tool} m; "
             f"allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
         )
+
+
+def r_at_start(
+    scenario: Scenario, robot: robots.Robot, observer: Observer, q_0: np.ndarray, *, in_corner: bool
+) -> np.ndarray:
+    """r (n,) at the posture q_0 (n,) of the start. Raises ScenarioError where J_q is singular there, in a corner
+    IrregularCorner."""
+    try:
+        return observer.at(q_0, np.zeros(robot.n), 0.0).task.r
+    except ValueError as error:
+        kind = IrregularCorner if in_corner else ScenarioError
+        unit = Units(joints=kinds_of(robot.slides)).of_joints("rad")
+        raise kind(
+            f"robot.posture: {np.round(q_0, 4).tolist()} {unit}; allowed: one at which J_q is not singular"
+            + ("" if scenario.task_space.supplemental is None else ", or other joints in task_space.supplemental")
+        ) from error

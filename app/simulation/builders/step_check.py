@@ -33,4 +33,4 @@ def unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[Sti
     parts = (plant.kind, plant.contacts, plant.environment, plant.truth)
     paths = [each.path for each in scenario.surfaces]
     known = stiff_elements(*parts, mobility, K_t, plant.model.nv, paths)
-    return [o for o in known if not resolved(scenario.simulation.integrator, o, step)]
+    return [each for each in known if not resolved(scenario.simulation.integrator, each, step)]

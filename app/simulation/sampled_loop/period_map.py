@@ -89,18 +89,10 @@ def free_directions(system: System, at: Posture) -> np.ndarray:
     return np.linalg.qr(np.column_stack([at.across, np.eye(n)]))[0][:, at.across.shape[1] : n]
 
 
-def force_on_curved_surfaces(system: System, t: float, touched: Sequence[int] | None) -> np.ndarray:
-    """Desired normal force (S,) N on each surface at time t (s): on a surface that turns under the tool, a force that
-    the law takes to have the direction of a moment ago is a negative damping. Zero where the normal is fixed, on which
-    the force does not act, on surfaces without a desired force, and for those that are not among `touched`."""
-    force = np.zeros(len(system.surfaces))
-    if system.layout.tilts:
-        return force
-    desired = system.planned.at(t).F_cd
-    for i in range(min(system.pressed, len(force))):
-        if not system.surfaces[i].form.normal_fixed and (touched is None or i in touched):
-            force[i] = max(desired[i], 0.0)
-    return force
+def curved_surfaces(system: System) -> list[int]:
+    """Numbers of the pressed surfaces that turn under a tool which touches with a point."""
+    pressed = () if system.layout.tilts else system.surfaces[: system.pressed]
+    return [i for i, surface in enumerate(pressed) if not surface.form.normal_fixed]
 
 
 class PeriodMap:
@@ -120,11 +112,13 @@ class PeriodMap:
         self, system: System, at: Posture, touched: Sequence[int] | None = None, *, moments: bool = False
     ) -> None:
         self._felt = 6 if moments or system.plant.face.flat else 3  # entries of a reading
-        self._observer, self._touched = system.observer, touched
+        touched = range(len(system.surfaces)) if touched is None else touched
+        self._observer = system.observer
+        self._loaded = [i for i in curved_surfaces(system) if i in touched]
         self._unilateral = [each.unilateral for each in system.plant.contacts]
         self._still = still = replace(
             system,
-            plant=system.plant.smooth(range(len(system.surfaces)) if touched is None else touched),
+            plant=system.plant.smooth(touched),
             sensor=(system.sensor if moments else system.contact_sensor).steady(),
             push=NO_PUSH,
             blend=None,
@@ -150,8 +144,8 @@ class PeriodMap:
         system, state, controller, n = self._still, self._state, self._still.controller, len(at.q)
         task, basis = at.task, free_directions(system, at)
         q_dot = -task.J_q_inv @ task.v_t
-        # a surface that only pushes is judged as just touched: a pull has a stiffness of its own on a curved surface
-        force = force_on_curved_surfaces(system, at.t, self._touched)
+        # a surface that only pushes is touched at least: a pull has a stiffness of its own on a curved surface
+        force = self._desired_force(at.t)
         system.plant.press(at.estimate.p, at.t, self._unilateral, force)
         state.arm.take(system.plant.start(at.q, q_dot, at.t))
         if system.plant.kind.rigid:
@@ -181,6 +175,15 @@ class PeriodMap:
         self._remembers = len(self._memory) > 0
         self._base = self._vector()
         self._prepare_deviations(task.J_q_inv @ basis, basis.T @ task.J_q)
+
+    def _desired_force(self, t: float) -> np.ndarray:
+        """Desired normal force (S,) N on each curved surface that is touched, at time t (s): where the surface turns
+        under the tool, the law takes a force to have the direction of a moment ago, a negative damping. On a surface
+        whose normal is fixed a force makes no difference, and is left out."""
+        force = np.zeros(len(self._still.surfaces))
+        if self._loaded:
+            force[self._loaded] = self._still.planned.at(t).F_cd[self._loaded].clip(min=0.0)
+        return force
 
     def _prepare_deviations(self, spread: np.ndarray, gather: np.ndarray) -> None:
         """Prepare the changes (k, N) of the state by a unit of each deviation, and the matrix (k, N) from a state back

@@ -133,8 +133,8 @@ def answer_unit(step: LessonStep, course: LessonCourse) -> str:
     if not isinstance(step.block, blocks.NumberQuestion):
         return ""
     for each in course.lesson.steps:
-        if isinstance(each.block, blocks.LessonRun) and step.block.measure in each.block.measures:
-            return each.block.measures[step.block.measure].unit
+        if (run := each.run) and step.block.measure in run.measures:
+            return run.measures[step.block.measure].unit
     return ""
 
 
