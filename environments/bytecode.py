@@ -13,7 +13,7 @@ import numpy as np
 
 from environments.expression import VARIABLES, Graph, Op, T, X, Y, Z, operands
 from environments.formula import Formula, FormulaError
-from kernels import kernel
+from kernels import allocating, kernel
 
 INSTRUCTIONS, REGISTERS = 512, 640
 SHORT_INSTRUCTIONS, SHORT_REGISTERS = 64, 96  # of a value without derivatives
@@ -125,7 +125,7 @@ def run(bytecode, x, y, z, t):
     _execute(bytecode.code, bytecode.length, bytecode.first, r)
 
 
-@kernel
+@allocating
 def value_of(function, x, y, z, t):
     """Value of a `Function` of its four variables; the function itself does not change."""
     r = function.registers.copy()

@@ -17,6 +17,8 @@ import numpy as np
 
 # the compiler may contract a b + c to one rounding, and change nothing else of the arithmetic
 ARITHMETIC: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
+# counting references to arrays that nobody frees took a quarter of a period
+NO_NEW_ARRAYS = {"_nrt": False}
 
 
 class Kernel:
@@ -33,7 +35,7 @@ class Kernel:
     @cached_property
     def dispatcher(self) -> Any:
         """numba's dispatcher of the function."""
-        return self._jit(nopython=True, **ARITHMETIC, **self._options)(self.py_func)
+        return self._jit(nopython=True, **ARITHMETIC, **NO_NEW_ARRAYS | self._options)(self.py_func)
 
     @property
     def _jit(self) -> Callable[..., Any]:
@@ -79,6 +81,11 @@ def not_kept(function: Callable[..., Any]) -> Any:
 def inline(function: Callable[..., Any]) -> Any:
     """Kernel that is called by kernels only, and compiles faster because of that."""
     return LinkedKernel(function)
+
+
+def allocating(function: Callable[..., Any]) -> Any:
+    """Kernel that only kernels call, which may make new arrays."""
+    return LinkedKernel(function, _nrt=True)
 
 
 def _named(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -47,6 +47,8 @@ _ALLOWED = (
     "a Python file with LAW = ControlLaw(...), SURFACE = OwnSurface(...) or TRAJECTORY = OwnTrajectory(...), see "
     "docs/extending.md"
 )
+_PLACES = re.compile(r'(?: at |File ")(.+?)(?:", line | \()(\d+)')  # as numba tells them, the innermost first
+_ALLOCATES = ("NRT required but not enabled", "Only accept returning of array passed")  # numba's sentences
 _Own = ControlLaw | OwnSurface | OwnTrajectory
 _Member = TypeVar("_Member", OwnSurface, OwnTrajectory)
 
@@ -198,7 +200,7 @@ def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
     if function is not None and not compiled(function):
         raise OwnCodeError(
             f"--use {path}: {getattr(function, '__name__', function)} is not compiled; allowed: one decorated with "
-            "kernels.inline"
+            "kernels.inline or kernels.allocating"
         )
     if function is not None and len(own.parameters) > MOST_PARAMETERS:
         raise OwnCodeError(f"--use {path}: {len(own.parameters)} parameters; allowed: {MOST_PARAMETERS}")
@@ -271,10 +273,12 @@ def located(error: BaseException, path: Path) -> str:
     if isinstance(error, SyntaxError) and error.filename == str(path):
         lines = [error.lineno]
     text = _said(error)
-    compiling = re.findall(rf'File "[^"]*{re.escape(path.name)}", line (\d+)', text)  # as numba says it
-    line = compiling[-1] if compiling else lines[-1] if lines else None
+    compiling = [line for file, line in _PLACES.findall(text) if Path(file).resolve() == path.resolve()]
+    line = compiling[0] if compiling else lines[-1] if lines else None
+    where = str(path) if line is None else f"{path}, line {line}"
+    if any(said in text for said in _ALLOCATES):
+        return f"{where}: a new array; allowed: kernels.allocating in place of kernels.inline, or loops without one"
     texts = [text.strip() for text in text.splitlines()]
     said = next((text for text in texts if text and not text.startswith("Failed in nopython mode")), "")
     said = re.sub(" of type .*| \\(.*, line \\d+\\)$", "", said)  # types as numba writes them fill pages
-    where = str(path) if line is None else f"{path}, line {line}"
     return f"{where}: {type(error).__name__}: {said:.200}".rstrip(": ")

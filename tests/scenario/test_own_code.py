@@ -24,7 +24,7 @@ from controllers.premises import Premise
 pytestmark = pytest.mark.slow  # it compiles what is of no use to another process
 
 PID = Path(__file__).parents[2] / "docs" / "examples" / "pid_gravity.py"
-HEAD = "from controllers.control_law import ControlLaw, Parameter\nfrom kernels import inline\n\n"
+HEAD = "from controllers.control_law import ControlLaw, Parameter\nfrom kernels import allocating, inline\n\n"
 LAW = 'LAW = ControlLaw(kind="mine", title="mine", about="mine", torque=torque, told=("gravity", "rates"){})\n'
 NUMPY = """def torque(given, out):
     model, J_q = given.gains.model, given.task.J_q
@@ -65,7 +65,9 @@ def under(law: str, **changes: object) -> Scenario:
     return scenario
 
 
-@pytest.mark.parametrize("torque", [NUMPY, COMPILED], ids=["numpy", "compiled"])
+@pytest.mark.parametrize(
+    "torque", [NUMPY, COMPILED, "@allocating\n" + NUMPY.lstrip()], ids=["numpy", "compiled", "compiled with new arrays"]
+)
 def test_a_law_of_one_s_own_gives_the_run_of_the_same_law_of_ours(torque: str, written: Callable[[str], Path]) -> None:
     use([written(HEAD + torque + LAW.format(""))])
     mine, ours = ClosedLoop.from_scenario(under("mine")), ClosedLoop.from_scenario(under("pd-gravity"))
@@ -241,8 +243,17 @@ def test_a_file_that_is_none_is_said(tmp_path: Path) -> None:
             "@inline\ndef torque(given, out):\n    out.d = given.nothing\n",
             "line 6: TypingError: Unknown attribute 'nothing'",
         ),
+        (
+            "@inline\ndef torque(given, out):\n    out.terms.linear[:] = given.task.J_q.T @ out.e_r\n",
+            "my_law.py, line 6: a new array; allowed: kernels.allocating in place of kernels.inline, or loops without",
+        ),
+        (
+            "@inline\ndef double(x, out):\n    out[:] = 2.0 * x\n\n\n"
+            "@inline\ndef torque(given, out):\n    double(out.e_r, out.terms.linear)\n",
+            "my_law.py, line 6: a new array; allowed: kernels.allocating",
+        ),
     ],
-    ids=["shape", "field", "input", "gain", "arguments", "compiled"],
+    ids=["shape", "field", "input", "gain", "arguments", "compiled", "product", "in a part"],
 )
 def test_a_law_that_cannot_answer_is_refused_and_what_runs_goes_on(
     torque: str, message: str, written: Callable[[str], Path]

@@ -13,7 +13,7 @@ from controllers.nominal_model import Estimate, LinkConstants, NominalModel, Sta
 from environments.plant import Plant
 from environments.robots import Robot
 from environments.truth import Resistance, resistance_torque
-from kernels import inline
+from kernels import allocating, inline
 from kernels.algebra import norm
 from kernels.rigid_body import Chain, Motion, estimated_terms, forward_kinematics, jacobian_rate, link_inertias
 
@@ -84,7 +84,7 @@ def stated_in(declared: Declared) -> bool:
     return any(getattr(declared, name) is not None for name in STATED_IN)
 
 
-@inline
+@allocating
 def judge_errors(true, estimate, q, q_dot, t, found):
     """Compute the errors of `estimate` for the true arm; returns how many stated bounds are violated."""
     chain, motion, real, stated = true.chain, true.motion, true.estimate, estimate.stated
