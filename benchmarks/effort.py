@@ -12,6 +12,7 @@ class Effort(NamedTuple):
     traffic: seconds in which the page's traffic is measured.
     pacing: seconds in which the pace is measured.
     drag: seconds of a drag.
+    runs: of a sweep, on one core and on each of several.
     messages: number of a slider's messages.
     starts: of the program.
     minutes: simulated, between two of the six readings of the memory."""
@@ -21,10 +22,13 @@ class Effort(NamedTuple):
     traffic: float
     pacing: float
     drag: float
+    runs: int
     messages: int
     starts: int
     minutes: float
 
 
-FULL = Effort(rounds=15, steps=1000, traffic=10.0, pacing=60.0, drag=10.0, messages=400, starts=5, minutes=10.0)
-QUICK = Effort(rounds=3, steps=300, traffic=2.0, pacing=3.0, drag=2.0, messages=30, starts=1, minutes=0.2)
+FULL = Effort(
+    rounds=15, steps=1000, traffic=10.0, pacing=60.0, drag=10.0, runs=200, messages=400, starts=5, minutes=10.0
+)
+QUICK = Effort(rounds=3, steps=300, traffic=2.0, pacing=3.0, drag=2.0, runs=40, messages=30, starts=1, minutes=0.2)

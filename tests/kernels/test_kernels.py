@@ -15,12 +15,13 @@ import numpy as np
 import pytest
 from numba import njit, types
 from numba.core.caching import IndexDataCacheFile
+from numba.core.errors import NumbaError
 
 from app.scenario.data import load
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.period.control_period import control_period
 from app.simulation.signals import Row
-from kernels import algebra, inline, symbols
+from kernels import algebra, allocating, inline, kernel, not_kept, symbols
 from kernels.linking import LinkedLibrary
 from kernels.records import Record
 
@@ -97,6 +98,27 @@ def test_algebra_at_its_borders() -> None:
     assert np.array_equal(swapped, [[0.0, 0.25], [0.5, 0.0]])
     a, b = np.random.default_rng(0).standard_normal((2, 3))
     np.testing.assert_allclose(cross(a, b), np.cross(a, b))
+
+
+@pytest.mark.parametrize("decorated", [kernel, inline, allocating])
+def test_only_an_allocating_kernel_makes_new_arrays(decorated: Callable) -> None:
+    """The others count no references, which took a quarter of a period."""
+
+    @decorated
+    def doubled(x, out):
+        out[:] = 2.0 * x
+
+    @not_kept
+    def called(x, out):
+        doubled(x, out)
+
+    x, out = np.array([1.0, 2.0]), np.zeros(2)
+    if decorated is allocating:
+        called(x, out)
+        assert out.tolist() == [2.0, 4.0]
+    else:
+        with pytest.raises(NumbaError, match="NRT required but not enabled"):
+            called(x, out)
 
 
 class Inner(NamedTuple):
