@@ -15,8 +15,6 @@ import numpy as np
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.period.alarms import Alarm
 from app.simulation.period.compiled_period import RunData, run_periods
-from controllers.control_law import ControlLaw
-from controllers.laws.table import LAWS
 from environments.integrators import Integrator
 from environments.readings_ahead import ReadingsAhead, known
 from environments.rigid_surfaces import out_of_reach
@@ -31,18 +29,11 @@ def obstacle(loop: ClosedLoop) -> str | None:
     """Why the compiled run cannot take this loop in its present state, None where it can."""
     law = loop.system.controller.law
     reasons = {
-        f"controller.law: {law.kind!r} is {_kind_of(law)}": loop.system.controller.gains.law < 0,
+        f"controller.law: {law.kind!r} is in plain numpy": not law.compiled,
         "the force sensor has a stage that is known to the interpreter only": not known(loop.state.reader),
         "a hand holds the tool": loop.grip is not None,
     }
     return next((reason for reason, holds in reasons.items() if holds), None)
-
-
-def _kind_of(law: ControlLaw) -> str:
-    """Words for a law that is not within the compiled period."""
-    if LAWS.get(law.kind) is not law:
-        return "a law of your own"
-    return "a law with a state or parameters of its own" if law.compiled else "a law in plain numpy"
 
 
 class PostureChecks(NamedTuple):
@@ -138,7 +129,7 @@ class CompiledRun:
         data = self._loop.controlled_arm.kernel_data
         spare = data.evaluation.view(np.uint8), self._spare, self._twin
         centres, sensor = (self._centres, self._checks.stations), (ahead.sensing, ahead.errors, ahead.line)
-        return self._data.data, *data, *spare, *centres, *sensor
+        return self._data.data, *data[:-1], *data.law, *spare, *centres, *sensor
 
     def advance(self, periods: int) -> int:
         """Compute `periods` control periods, or fewer when the run stops; an exception in one stops it, as in
@@ -161,7 +152,9 @@ class CompiledRun:
                 self._call(ahead, ahead.periods - left, uneventful if loop.stopped is None else 1)
             except Exception as error:
                 loop.adopt_periods(data.done, Alarm(0))
-                found = out_of_reach(float(np.abs(loop.state.arm.views.load.phi).max())) if data.astray else error
+                found = error if data.moving else loop.controlled_arm.explained(error)
+                if data.astray:
+                    found = out_of_reach(float(np.abs(loop.state.arm.views.load.phi).max()))
                 loop.fail("the plant" if data.moving else "the control law", found)
                 data.moving = data.astray = False
                 return ahead.periods - left + data.done

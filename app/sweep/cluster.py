@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import pickle
 import queue
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from app.process.worker_pool import FALLEN, Fallen
@@ -44,7 +44,8 @@ class Cluster:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self._address = address
         try:
-            self._client: Client = _begun(partial(Client, address, timeout=CONNECT, set_as_default=False))
+            asyncio.run(_require_answer(address))
+            self._client: Client = Client(address, timeout=CONNECT, set_as_default=False)
         except TypeError as error:  # of Dask, for tls:// without the files that it needs
             raise ScenarioError(
                 f"--scheduler {address!r:.100}: this needs certificates; allowed: with those of the scheduler in "
@@ -164,10 +165,15 @@ def _ready(
         under_way += 1
 
 
-def _begun(make: Callable[[], Client]) -> Client:
-    """Client that has begun. Dask gives its own thread ten seconds to begin, too few on a very busy machine: then it is
-    made once more."""
-    try:
-        return make()
-    except AssertionError:
-        return make()
+async def _require_answer(address: str) -> None:
+    """Connect to a scheduler once. Raises OSError, and ValueError or TypeError for an address that Dask cannot use.
+
+    A client of Dask that does not find its scheduler stays half built, with a thread; it blocks whatever client is made
+    while Python's garbage collector ends it.
+    """
+    from distributed.comm.core import connect
+    from distributed.security import Security
+
+    security = Security().get_connection_args("client")
+    comm = await connect(address, timeout=CONNECT, **security)
+    await comm.close()

@@ -65,14 +65,14 @@ def test_compiled_run_says_so_and_repeats_to_the_last_bit(tmp_path: Path, here: 
     np.testing.assert_equal(tables[0], tables[1])
 
 
-def test_compiled_run_refuses_a_law_of_your_own(tmp_path: Path) -> None:
+def test_compiled_run_refuses_a_law_in_plain_numpy(tmp_path: Path) -> None:
     done = vsmrc(
         "run", "ur5-hybrid", "--use", "docs/examples/pid_gravity.py", "--set", "controller.law=pid-gravity",
         "--engine", "compiled", "--out", str(tmp_path),
     )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr == (
-        "vsmrc: --engine compiled: controller.law: 'pid-gravity' is a law of your own; allowed: --engine pinocchio\n"
+        "vsmrc: --engine compiled: controller.law: 'pid-gravity' is in plain numpy; allowed: --engine pinocchio\n"
     )
 
 

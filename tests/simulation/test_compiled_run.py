@@ -12,10 +12,13 @@ from app.scenario.schema import Scenario
 from app.session.changes import blending_to
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
+from app.simulation.system import System
 from app.simulation.warm_up import SILENT
-from controllers.laws.table import LAWS, fits_within
+from controllers.control_law import ControlLaw
+from controllers.laws.table import fits_within
 from environments import sensors
 from environments.push import Grip
+from kernels import inline
 from parameters import Parameter
 from tests.support.same_rows import require_same_rows
 
@@ -127,6 +130,73 @@ def test_both_lose_the_promise_where_surfaces_go_where_no_search_has_been() -> N
         assert np.isnan(loop.recording.stretch()["s_bound"][-1])
 
 
+@inline
+def pid(given, out, x, x_dot):
+    """PID with gravity: its state is the integral of e_r, of which it gets a copy."""
+    model, J_q, n = given.gains.model, given.task.J_q, out.tau.shape[0]
+    for i in range(n):
+        x_dot[i] = out.e_r[i]
+        pulled = given.parameters.k_i * x[i] - given.parameters.share * given.F[i]
+        for k in range(n):
+            pulled += model.K_m[i, k] * out.e_r[k] + model.B_m[i, k] * out.e_r_dot[k]
+        x[i] = np.nan
+        for j in range(n):
+            out.terms.linear[j] -= J_q[i, j] * pulled
+    for j in range(n):
+        out.terms.gravity[j] = given.feedforward.G_hat[j]
+
+
+@inline
+def failing(given, out):
+    out.d = 0.0
+    if given.q[0] != 0.0:
+        raise ValueError("it does not like this posture")
+
+
+NUMBERS = (
+    Parameter("k_i", 5e3, 0.0, 1e5, "N/(m·s)", "on the integral"),
+    Parameter("share", 0.1, 0.0, 1.0, "1", "of F"),
+)
+PID = ControlLaw("pid", "PID", "PID", torque=pid, states=lambda n: n, parameters=NUMBERS)
+FAILING = ControlLaw("failing", "failing", "It fails.", torque=failing)
+
+
+@pytest.mark.slow  # it compiles what is of no use to another process
+@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained"])
+def test_law_with_a_state_and_parameters_has_the_rows_of_the_steps(name: str) -> None:
+    """Also where an ideal sensor asks the law again and again in one period."""
+    scenario = edited(load(name), "sensor.ideal", name == "ur5-constrained")
+    system = under(PID, scenario, {"k_i": 4000.0, "share": 0.05})
+    assert not fits_within(PID)
+    stepped, compiled = (ClosedLoop.from_system(system) for _ in range(2))
+    run = CompiledRun(compiled)
+    run.advance(70)
+    for _ in range(20):
+        compiled.advance()
+    run.advance(60)
+    for _ in range(150):
+        stepped.advance()
+    require_same_rows(stepped, compiled)
+    np.testing.assert_allclose(compiled.state.x, stepped.state.x, rtol=1e-9, atol=1e-15)
+    assert np.abs(stepped.state.x).max() > 0.0
+
+
+@pytest.mark.slow
+def test_law_of_your_own_that_fails_is_named_with_its_line() -> None:
+    loops = [ClosedLoop.from_system(under(FAILING, load("ur5-hybrid"), {})) for _ in range(2)]
+    for _ in range(5):
+        loops[0].advance()
+    CompiledRun(loops[1]).advance(5)
+    assert loops[0].stopped == loops[1].stopped
+    assert "test_compiled_run.py, line " in (loops[1].stopped or "")
+
+
+def under(law: ControlLaw, scenario: Scenario, parameters: dict[str, float]) -> System:
+    """System of the scenario with another law."""
+    system = ClosedLoop.from_scenario(scenario).system
+    return replace(system, controller=replace(system.controller, law=law, parameters=parameters))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in shipped() if not name.endswith("discontinuous")])
 def test_shipped_scenarios_have_the_rows_of_the_steps_for_eight_seconds(name: str) -> None:
@@ -167,16 +237,8 @@ def test_obstacle_names_why_a_run_is_not_taken(monkeypatch: pytest.MonkeyPatch) 
 
     system = ClosedLoop.from_scenario(base).system
     own = replace(system, controller=replace(system.controller, law=SILENT, parameters={}))
-    with pytest.raises(ValueError, match=r"controller\.law: 'silent' is a law of your own"):
+    with pytest.raises(ValueError, match=r"controller\.law: 'silent' is in plain numpy"):
         CompiledRun(ClosedLoop.from_system(own))
-
-    braked = replace(LAWS["pd-gravity"], kind="braked", parameters=(Parameter("k", 1.0, 0.0, 2.0, "1", "a factor"),))
-    monkeypatch.setitem(LAWS, "braked", braked)  # as for a file in controllers/laws
-    assert fits_within(LAWS["pd-gravity"])
-    assert not fits_within(braked)
-    with_parameters = replace(system, controller=replace(system.controller, law=braked, parameters={"k": 1.0}))
-    words = "controller.law: 'braked' is a law with a state or parameters of its own"
-    assert obstacle(ClosedLoop.from_system(with_parameters)) == words
 
     class Clip(sensors.Bias):
         """A stage that the compiled run does not know."""

@@ -21,7 +21,7 @@ from app.cli.commands import execute
 from app.process.worker_pool import FALLEN
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
-from app.sweep import cluster_worker, running
+from app.sweep import cluster, cluster_worker, running
 from app.sweep.axes import axis_of
 from app.sweep.cluster import Cluster
 from app.sweep.fingerprint import fingerprint
@@ -184,7 +184,7 @@ def test_a_run_whose_worker_has_ended_beside_others_is_tried_alone_before_it_is_
         def close(self, timeout: float) -> None:
             pass
 
-    monkeypatch.setattr("distributed.Client", lambda *_, **__: Client())
+    answer_with(Client(), monkeypatch)
     with Cluster("tcp://127.0.0.1:1") as cluster:
         found = dict(cluster.results(SWEEP, range(FALLING + 1), print, chunk=1))
     assert [task for task, metrics in found.items() if metrics is FALLEN] == [(FALLING,)]
@@ -207,7 +207,7 @@ def test_a_scheduler_that_is_lost_while_tasks_are_handed_out_is_said(monkeypatch
         def close(self, timeout: float) -> None:
             pass
 
-    monkeypatch.setattr("distributed.Client", lambda *_, **__: Client())
+    answer_with(Client(), monkeypatch)
     with (
         Cluster("tcp://127.0.0.1:1") as cluster,
         pytest.raises(ScenarioError, match="the connection is lost; what was computed is kept"),
@@ -218,6 +218,16 @@ def test_a_scheduler_that_is_lost_while_tasks_are_handed_out_is_said(monkeypatch
 def test_a_sweep_with_parameters_of_a_law_of_ones_own_is_computed_by_a_worker() -> None:
     own = Sweep(edited(SHORT, "controller.own", {"pid-gravity": {"k_i": 800.0}}), program=fingerprint())
     assert timeless(cluster_worker.metrics(pickle.dumps(own), (0,))) == timeless([SweepRunner(own).metrics(0)])
+
+
+def answer_with(client: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every address have a scheduler, whose client is this one."""
+
+    async def answer(_address: str) -> None:
+        pass
+
+    monkeypatch.setattr(cluster, "_require_answer", answer)
+    monkeypatch.setattr("distributed.Client", lambda *_, **__: client)
 
 
 def test_what_is_wrong_is_one_sentence(impatient: Scheduler) -> None:

@@ -326,7 +326,7 @@ def test_a_law_that_was_added_to_the_program_is_swept_over_its_own_parameters(mo
     assert few["stopped"] is many["stopped"] is None
     assert few["residual"] != many["residual"]
     refused = SweepRunner(msgspec.structs.replace(asked, engine="compiled")).metrics(0)
-    assert str(refused["stopped"]).endswith("is a law in plain numpy; allowed: --engine pinocchio")
+    assert str(refused["stopped"]).endswith("is in plain numpy; allowed: --engine pinocchio")
 
 
 @pytest.mark.parametrize("path", ["truth.payload_mass", "truth.link_scaling.2", "truth"])

@@ -156,11 +156,19 @@ def _observe(run, arm, placed):
 
 
 @inline
-def _evaluate(run, setting, evaluation, arm, t, row):
-    """Evaluate the law at t (s) for the force F."""
-    seen = run.seen
+def _evaluate(run, setting, evaluation, arm, law, t, row):
+    """Evaluate the law at t (s) for the force F. law: its own state, and its memory."""
+    seen, kernels = run.seen, run.period_kernels
     terms = (seen.momenta.T, seen.C.T, seen.J.T, seen.J_dot.T, seen.placements.T)
-    ask(run.period_kernels.law, (setting, evaluation, *terms, arm, run.F, t, row))
+    if kernels.law != 0:
+        ask(kernels.law, (setting, evaluation, *terms, arm, run.F, t, row))
+    else:
+        now, parameters, x, x_dot = law
+        for i in range(x.shape[0]):
+            x[i], x_dot[i] = now[i], 0.0
+        ask(kernels.begin, (setting, evaluation, *terms, arm, run.F, t))
+        ask(kernels.torque, (setting, evaluation, parameters, x, x_dot))
+        ask(kernels.end, (setting, evaluation, arm, t, row))
     for i in range(run.tau.shape[0]):
         run.tau[i] = evaluation[0].applied[i] + run.pushed[i]
 
@@ -197,7 +205,7 @@ def _evaluated_at(run, arm, twin, t):
 
 
 @inline
-def _missed(run, setting, evaluation, workspace, arm, twin, guess, t, row):
+def _missed(run, setting, evaluation, workspace, arm, law, twin, guess, t, row):
     """Compute the differences (3,) N between the multipliers that the law's torque for a guess causes, and the guess,
     as `ControlledArm` does, into the run's `error`."""
     at = _evaluated_at(run, arm, twin, t)
@@ -205,7 +213,7 @@ def _missed(run, setting, evaluation, workspace, arm, twin, guess, t, row):
     ask(run.plant_kernels.force, (workspace, J, R, p, twin, guess, at, run.F))
     for a in range(6):
         run.F[a] -= evaluation[0].push[a]
-    _evaluate(run, setting, evaluation, arm, t, row)
+    _evaluate(run, setting, evaluation, arm, law, t, row)
     at = _evaluated_at(run, arm, twin, t)
     _accelerate(run, workspace, twin, at)
     for i in range(3):
@@ -213,7 +221,7 @@ def _missed(run, setting, evaluation, workspace, arm, twin, guess, t, row):
 
 
 @inline
-def _solve_for_force(run, setting, evaluation, whole, spare, workspace, arm, twin, t, row):
+def _solve_for_force(run, setting, evaluation, whole, spare, workspace, arm, law, twin, t, row):
     """Evaluate the law with the force that its own torque causes, as `ControlledArm` does; returns whether that force
     was found. whole, spare: the bytes of the evaluation, and memory for a copy; twin: memory for an arm."""
     guess, change, error, before, inverse = run.guess, run.change, run.error, run.before, run.inverse
@@ -224,7 +232,7 @@ def _solve_for_force(run, setting, evaluation, whole, spare, workspace, arm, twi
             inverse[i, j] = -1.0 if i == j else 0.0
     for k in range(FORCE_ITERATIONS + 1):
         copy(spare, whole)
-        _missed(run, setting, evaluation, workspace, arm, twin, guess, t, row)
+        _missed(run, setting, evaluation, workspace, arm, law, twin, guess, t, row)
         if force_found(error, guess):
             return k < FORCE_ITERATIONS
         if k > 0:
@@ -286,14 +294,33 @@ def _move(run, workspace, arm, twin, t):
 
 @without_lock
 def run_periods(
-    run, setting, evaluation, arm, workspace, whole, spare, twin, centres, stations, sensing, errors, line, t, rows
+    run,
+    setting,
+    evaluation,
+    arm,
+    workspace,
+    now,
+    parameters,
+    x,
+    x_dot,
+    whole,
+    spare,
+    twin,
+    centres,
+    stations,
+    sensing,
+    errors,
+    line,
+    t,
+    rows,
 ):
     """Compute the periods that begin at t (N,) s. Returns early after an alarm, and before the plant moves if a posture
     check is due or no force was found.
     run: steps, read and moving of the first period; afterwards, where the call ended.
+    now: (k,), the law's own state; parameters, x, x_dot: its memory.
     centres: (k, n) rad, of Omega.
     stations: (k,), the station of each centre."""
-    data = run[0]
+    data, law = run[0], (now, parameters, x, x_dot)
     data.alarms, data.nearest = 0, -1
     placed = False
     for k in range(rows.shape[0]):
@@ -304,10 +331,10 @@ def run_periods(
             _observe(data, arm, placed)
             if data.ideal:
                 data.unsolved = not _solve_for_force(
-                    data, setting, evaluation, whole, spare, workspace, arm, twin, t[k], row
+                    data, setting, evaluation, whole, spare, workspace, arm, law, twin, t[k], row
                 )
             else:
-                _evaluate(data, setting, evaluation, arm, t[k], row)
+                _evaluate(data, setting, evaluation, arm, law, t[k], row)
             data.moving = True
             if (data.steps + k) % periods_between_checks(data.period) == 0 or evaluation[0].check_due:
                 nearest = ask_integer(data.period_kernels.check, (setting, evaluation, centres))
@@ -317,6 +344,8 @@ def run_periods(
             if data.unsolved or data.nearest >= 0:
                 return
         _move(data, workspace, arm, twin, t[k])
+        for i in range(now.shape[0]):
+            now[i] += data.period * x_dot[i]
         placed = data.springs or data.rigid  # the tool's placement is known at the present q
         data.alarms = ask_integer(data.period_kernels.complete, (setting, evaluation, arm, row))
         data.done, data.moving = k + 1, False

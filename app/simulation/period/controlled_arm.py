@@ -17,7 +17,7 @@ from app.simulation.period.control_period import (
     end_period,
 )
 from app.simulation.period.implicit_force import FORCE_ITERATIONS, better_guess, force_found, improve_inverse
-from app.simulation.period.separate_law import SeparateLaw
+from app.simulation.period.separate_law import LawMemory, SeparateLaw
 from app.simulation.promise.true_errors import TrueArm, stated_in
 from app.simulation.signals import Row
 from app.simulation.state import State
@@ -32,26 +32,34 @@ SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
 
 class PeriodAddresses(NamedTuple):
     """Addresses in this process, for `kernels.pointers`.
-    law: of `control_period`.
+    law: of `control_period`, 0 with a separate law.
+    begin, torque, end: of `begin_period`, the separate law and `end_period`, 0 without one.
     check: of `check_present_posture`.
     complete: of `complete_row`."""
 
     law: int
+    begin: int
+    torque: int
+    end: int
     check: int
     complete: int
 
 
 class KernelData(NamedTuple):
-    """Data that the compiled functions of a period work in, each a structured array (1,).
+    """Data that the compiled functions of a period work in, each a structured array (1,) but for the last two.
     setting: the `Setting` of the loop.
     evaluation: the `Evaluation` of the period.
     arm: the true arm, part of the state.
-    workspace: memory of the plant."""
+    workspace: memory of the plant.
+    x: (k,), the law's own state, part of the state.
+    law: memory of the law."""
 
     setting: np.ndarray
     evaluation: np.ndarray
     arm: np.ndarray
     workspace: np.ndarray
+    x: np.ndarray
+    law: LawMemory
 
 
 class ControlledArm:
@@ -85,12 +93,13 @@ class ControlledArm:
         self._scratch = row = Record.zeros(Row, system.layout.n).data
         self._settings, self._evaluation, self._arm_data = settings.data, evaluation.data, arm.data
         data = self._settings, self._evaluation
-        self._law = None
+        self._law, self._law_memory = None, LawMemory.of(system.controller)
         before = (*data, *system.nominal.terms, arm.data, arm.views.load.wrench, state.t)
         if system.controller.gains.law >= 0:
             self._control_period = compiled_for(control_period, *before, row)
         else:
             self._law = SeparateLaw(system.controller, settings)
+            self._law_memory = self._law.memory
             self._begin = compiled_for(begin_period, *before)
             self._end = compiled_for(end_period, *data, arm.data, state.t, row)
         self._complete = compiled_for(complete_row, *data, arm.data, row)
@@ -98,11 +107,14 @@ class ControlledArm:
 
     @property
     def addresses(self) -> PeriodAddresses:
-        """Addresses of the kernels of a period with one of the project's laws."""
-        data, arm = (self._settings, self._evaluation), self._arm_data
-        before = (*data, *self._nominal.terms, arm, self._force, self._state.t)
+        """Addresses of the kernels of a period with a compiled law."""
+        data, arm, t, law = (self._settings, self._evaluation), self._arm_data, self._state.t, self._law
+        before = (*data, *self._nominal.terms, arm, self._force, t)
         return PeriodAddresses(
-            law=address_for(control_period, *before, self._scratch),
+            law=address_for(control_period, *before, self._scratch) if law is None else 0,
+            begin=0 if law is None else address_for(begin_period, *before),
+            torque=0 if law is None else law.address(self._evaluation),
+            end=0 if law is None else address_for(end_period, *data, arm, t, self._scratch),
             check=address_for(check_present_posture, *data, self._centres),
             complete=address_for(complete_row, *data, arm, self._scratch),
         )
@@ -110,7 +122,9 @@ class ControlledArm:
     @property
     def kernel_data(self) -> KernelData:
         """Data for the compiled functions of a period."""
-        return KernelData(self._settings, self._evaluation, self._arm_data, self._plant.workspace)
+        return KernelData(
+            self._settings, self._evaluation, self._arm_data, self._plant.workspace, self._state.x, self._law_memory
+        )
 
     def settings_with(self, system: System) -> Record[Setting]:
         """The settings for a system that differs in the true arm only: a copy takes a tenth of the time."""
@@ -174,10 +188,14 @@ class ControlledArm:
         tau = self._applied + self.push_torque if self._pushed else self._applied
         self._plant.advance(self._state.arm, tau, self._state.t, self._h)
 
+    def explained(self, error: Exception) -> Exception:
+        """The error of an evaluation of the law: with file and line where it comes from a law of a user's own."""
+        return error if self._law is None else self._law.explained(error)
+
     def complete(self, row: np.ndarray) -> int:
         """Write the fields that are known only after the plant's response; returns the `Alarm` flags."""
         if self._law is not None:
-            self._state.x += self._h * self._law.x_dot
+            self._state.x += self._h * self._law_memory.x_dot
         return self._complete(self._settings, self._evaluation, self._arm_data, row)
 
     def evaluated(self) -> Record[Evaluation]:

@@ -31,13 +31,13 @@ from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.session.commands import EditAll
 from app.session.snapshot import Snapshot
+from app.simulation.builders.controller_builder import law_of
 from app.storage.recording_files import ProgressCallback
 from app.tune.background import BackgroundTuning
 from app.tune.candidates import Candidate
 from app.tune.offers import offered
 from app.tune.plan import Tuning, is_gain, known_aims, require_sound
 from app.tune.running import TuningResult, most_runs
-from controllers.laws import KINDS
 
 MOST = 4  # gains that a search may vary
 AIMS = {
@@ -129,7 +129,7 @@ class GainSearch(BackgroundWork[BackgroundTuning]):
             draw=ARMS[self._arms.value],
             seed=seed,
             until=seconds,
-            engine="compiled" if scenario.controller.law in KINDS else "pinocchio",  # which alone takes one's own laws
+            engine="compiled" if law_of(scenario).compiled else "pinocchio",  # which alone takes plain numpy
             aims=self._aims(scenario),
             unseen=unseen,
         )
