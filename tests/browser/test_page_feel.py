@@ -279,6 +279,36 @@ def test_the_target_model_stays_within_the_scene_of_a_small_window(session: Page
             session.page.wait_for_function(WITHIN)
 
 
+# the window of a held slider, in the scene and beside the label of the tool
+TOOL_IN_SIGHT = """() => {
+  const [held, scene] = ["[data-floating-window]:has(.vs-held)", "canvas[data-engine]"]
+    .map((part) => document.querySelector(part)?.getBoundingClientRect());
+  const tool = [...document.querySelectorAll(".vs-labels span[data-shown]")]
+    .find((label) => label.textContent === "drag this ball")?.getBoundingClientRect();
+  return held?.width && tool && tool.bottom <= held.top && held.bottom <= scene.bottom && scene.left <= held.left;
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (1024, 768), (768, 1024)])
+def test_the_tool_is_in_sight_while_a_slider_is_held(session: PageSession, width: int, height: int):
+    """Also on a tablet that is held upright, where the plots stand above the scene."""
+    page = session.page
+    page.set_viewport_size({"width": width, "height": height})
+    page.locator("html[data-upright]").wait_for(state="attached" if width < height else "detached")
+    if width < height:
+        page.wait_for_function(
+            "document.querySelector('canvas[data-engine]').getBoundingClientRect().width > 0.4 * innerWidth"
+        )
+    page.wait_for_function(WITHIN)
+    assert not lasting_faults(page)
+    move, _ = session.grip("F_d [N]")
+    move(0.6)
+    page.get_by_text("within the next").wait_for()
+    page.wait_for_function(TOOL_IN_SIGHT)
+    page.keyboard.press("Escape")
+    page.mouse.up()
+
+
 def test_everything_has_a_name_and_a_slider_its_value_with_unit(session: PageSession):
     page = session.page
     page.wait_for_function("document.title === 'VSMRC Lab'")
