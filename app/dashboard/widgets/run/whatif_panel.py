@@ -48,7 +48,7 @@ class WhatIfPanel:
         self._window = gui.add_panel(visible=False)
         with self._window.add_tab("What if"):
             self._html = gui.add_html("")
-            self._revert = gui.add_button("Revert", hint="Esc while the slider is held.")
+            self._revert = gui.add_button("Cancel", hint="Esc while the slider is held.")
         self._revert.on_click(self._on_revert)
         gui.add_command("Revert the last slider", hotkey="Z").on_trigger(self._on_key)
         self._window.float(x=-12, y=12, width=330)
@@ -89,15 +89,21 @@ class WhatIfPanel:
         held = whatif.held
         if held is not None:
             self._until = now + _SHOWN
+            self._name_button("Cancel")
             self._head = f"<span>{escape(held.label)} = <b>{escape(held.value)}</b></span>"
             self._html.content = _html(self._head, held.then, body_html(whatif, snapshot.system.units))
         elif whatif.undo(snapshot) is None:
             self._until = -math.inf
         else:
             self._html.content = _html(self._head, "applied", "")
+            self._name_button("Revert")
         visible = now < self._until
         if self._window.visible != visible:
             self._window.visible = visible
+
+    def _name_button(self, label: str) -> None:
+        if self._revert.label != label:
+            self._revert.label = label
 
 
 def body_html(whatif: WhatIf, units: Units) -> str:
