@@ -130,7 +130,7 @@ def _law(scenario: Scenario, controller: Controller, units: Units) -> str:
     if not own.robust:
         numbers = (f"{p.name} = {controller.parameters[p.name]:g} {p.unit}".rstrip() for p in own.parameters)
         return ", ".join((f"{own.title[:1].upper()}{own.title[1:]}", *numbers, f"T = {law.period * 1e3:g} ms"))
-    gains = ", ".join(f"{name} = {_value(getattr(law, name))}" for name in _LAW)
+    gains = ", ".join(f"{name} = {_value(getattr(law, name))}{_unit(f'controller.{name}', units)}" for name in _LAW)
     d = f"d = {law.d:g} {units.force}"
     if law.gain == "theorem":
         d = f"d by (17) with ε = {law.epsilon:g} {units.force}, bounds: {law.bounds}"

@@ -60,7 +60,8 @@ def _same(line: EquationLine, part: tuple[int, ...], snapshot: Snapshot) -> bool
 def equation_html(snapshot: Snapshot) -> str:
     """Description of the mode, (8) in symbols, and its lines with numbers; the entries that the mode fixes are grey."""
     mode = snapshot.system.mode
-    about = f"{mode.title} {mode.equation}: {mode_summary(snapshot)} Grey numbers are fixed by the mode."
+    units = ", ".join(f"{name} in {unit}" for name, unit in snapshot.system.units.of_model.items() if unit)
+    about = f"{mode.title} {mode.equation}: {mode_summary(snapshot)} {units}. Grey numbers are fixed by the mode."
     rows = [_general(), *(_row(line, snapshot) for line in lines(snapshot))]
     return (
         '<div class="vs-equation"><div class="vs-row vs-about" tabindex="0">'
