@@ -12,6 +12,7 @@ from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.field_words import refusal_in_words
 from app.dashboard.widgets.run.whatif import WhatIf
+from app.scenario.number_text import rounded
 from app.scenario.units import Units
 from app.session.preview_messages import Preview, PreviewMetrics
 from app.session.snapshot import Snapshot
@@ -203,7 +204,7 @@ def _rows(units: Units, reached: str, columns: Sequence[PreviewMetrics]) -> tupl
             lambda f: (
                 "(18) promises nothing"
                 if f.reaching_time_promised is None
-                else f"s = 0 by (18): ≤ {f.reaching_time_promised:.3g} s"
+                else f"s = 0 by (18): ≤ {rounded(f.reaching_time_promised)} s"
             ),
         ),
         _Row("least margin of (17)", lambda f: force(f.gain_margin)),
@@ -243,4 +244,4 @@ def _seconds(value: float | None) -> str | None:
 
 
 def _small(value: float, zero: float) -> str:
-    return "0" if abs(value) < zero else f"{value:.3g}".replace("-", "−")
+    return "0" if abs(value) < zero else rounded(value)

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from app.dashboard.widgets.fields.matrix_text import short
+from app.scenario.number_text import short
 from app.session.snapshot import Snapshot
 
 _NAMES = ("M_m", "B_m", "K_m", "K_f")
@@ -162,7 +162,7 @@ def _names(line: EquationLine, snapshot: Snapshot) -> str:
 
 
 def _number(matrix: np.ndarray, indices: tuple[int, ...], _: np.ndarray) -> str:
-    return f"<mn>{_formatted(matrix[indices[0], indices[0]])}</mn>"
+    return f"<mn>{short(matrix[indices[0], indices[0]], 4)}</mn>"
 
 
 def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> str:
@@ -180,11 +180,7 @@ def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> s
 
 def _entry(value: float, *, grey: bool) -> str:
     look = ' class="fixed"' if grey else ""
-    return f"<mtd{look}><mn>{_formatted(value) if value else '·'}</mn></mtd>"
-
-
-def _formatted(value: float) -> str:
-    return short(value).replace("-", "−")
+    return f"<mtd{look}><mn>{short(value, 4) if value else '·'}</mn></mtd>"
 
 
 def is_fixed(snapshot: Snapshot, name: str, i: int) -> bool:
