@@ -10,6 +10,7 @@ class LessonWords:
     """Words around what a lesson says itself. language: code as in HTML."""
 
     language: str
+    place: str
     minutes: str
     knows: str
     begin: str
@@ -56,6 +57,7 @@ class LessonWords:
 
 ENGLISH = LessonWords(
     language="en",
+    place="{} of {}",
     minutes="{} minutes.",
     knows="Afterwards you will know",
     begin="Begin",
@@ -108,6 +110,7 @@ ENGLISH = LessonWords(
 )
 GERMAN = LessonWords(
     language="de",
+    place="{} von {}",
     minutes="{} Minuten.",
     knows="Danach ist klar,",
     begin="Beginnen",
@@ -136,7 +139,7 @@ GERMAN = LessonWords(
     given="Gegebene Antwort:",
     prediction="Vorhersage",
     predicted="vorhergesagt",
-    equation="Gleichung {} des Artikels",
+    equation="Gleichung {} der Veröffentlichung",
     right="richtig",
     wrong="nicht ganz",
     what_happens="was geschieht: {}",

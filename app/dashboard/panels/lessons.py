@@ -271,7 +271,7 @@ def _head(course: LessonCourse) -> str:
     fraction = step.number / len(lesson.steps)
     return (
         f'<div class="vs-lesson" lang="{language}" data-step="{step.number}"><div class="vs-row"><b>{title}</b>'
-        f'<span class="vs-dim vs-right">{step.number} of {len(lesson.steps)}</span></div>'
+        f'<span class="vs-dim vs-right">{course.words.place.format(step.number, len(lesson.steps))}</span></div>'
         f'<div class="vs-share"><i style="width: {fraction:.1%}"></i></div></div>'
     )
 
