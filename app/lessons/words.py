@@ -33,6 +33,7 @@ class LessonWords:
     prediction: str
     predicted: str
     equation: str
+    equations: str
     right: str
     wrong: str
     what_happens: str
@@ -87,6 +88,7 @@ ENGLISH = LessonWords(
     prediction="your prediction",
     predicted="predicted",
     equation="equation {} of the paper",
+    equations="equations {} of the paper",
     right="right",
     wrong="not so",
     what_happens="what happens: {}",
@@ -140,6 +142,7 @@ GERMAN = LessonWords(
     prediction="Vorhersage",
     predicted="vorhergesagt",
     equation="Gleichung {} der Veröffentlichung",
+    equations="Gleichungen {} der Veröffentlichung",
     right="richtig",
     wrong="nicht ganz",
     what_happens="was geschieht: {}",

@@ -291,7 +291,8 @@ def _text(course: LessonCourse, *, computing: bool) -> str:
     if computing and course.missing and step.names_numbers:
         parts.append(f'<p class="vs-dim" {lang}>{words.missing}</p>')
     if isinstance(step.block, blocks.Explain) and step.block.equation:
-        parts.append(f'<p class="vs-dim" {lang}>{words.equation.format(escape(step.block.equation))}</p>')
+        cited = words.equations if "," in step.block.equation else words.equation
+        parts.append(f'<p class="vs-dim" {lang}>{cited.format(escape(step.block.equation))}</p>')
     if step.ask:
         parts.append(f'<p class="vs-question">{inline_html(step.ask, measured)}</p>')
     return f'<div class="vs-lesson vs-prose" lang="{escape(course.lesson.head.language)}">{"".join(parts)}</div>'

@@ -15,6 +15,7 @@ from app.sweep.background import BackgroundSweep
 from app.sweep.charts import wide
 from app.sweep.plan import SweepPlan
 from app.sweep.points import Points, interval
+from app.sweep.titles import value_in_words
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
 
@@ -220,7 +221,10 @@ def _up(position: float) -> float:
 
 
 def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Naming) -> str:
-    named = [(*naming.axes[axis.path], rounded(float(points.values[axis.path][k]))) for axis in plan.sweep.vary]
+    named = [
+        (*naming.axes[axis.path], value_in_words(axis.path, float(points.values[axis.path][k])))
+        for axis in plan.sweep.vary
+    ]
     where = ", ".join(f"{name} {value} {unit}".rstrip() for name, unit, value in named)
     arms = int(points.counted[k])
     if points.stopped[k] and math.isnan(number):
