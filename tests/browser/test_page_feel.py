@@ -232,7 +232,7 @@ def test_a_message_moves_nothing(session: PageSession):
 def test_a_drag_over_a_message_selects_it_at_most_and_nothing_of_the_page(session: PageSession):
     page = session.page
     session.runner.post(Edit("controller.period", -1.0))
-    message = page.locator(".vs-strip .vs-message", has_text="control period: -1")
+    message = page.locator(".vs-strip .vs-message", has_text="control period: −1")
     text = message.inner_text()
     for paused in (False, True):
         session.runner.post(Pause() if paused else Play())
@@ -289,7 +289,7 @@ TOOL_IN_SIGHT = """() => {
 }"""
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 720), (1024, 768), (768, 1024)])
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (1024, 768), (1440, 900), (1920, 1080), (768, 1024)])
 def test_the_tool_is_in_sight_while_a_slider_is_held(session: PageSession, width: int, height: int):
     """Also on a tablet that is held upright, where the plots stand above the scene."""
     page = session.page
@@ -307,6 +307,7 @@ def test_the_tool_is_in_sight_while_a_slider_is_held(session: PageSession, width
     page.wait_for_function(TOOL_IN_SIGHT)
     page.keyboard.press("Escape")
     page.mouse.up()
+    expect(page.locator(".vs-equation").first).to_be_visible()  # in whose place it was
 
 
 def test_everything_has_a_name_and_a_slider_its_value_with_unit(session: PageSession):
