@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.scenario.field_info import field_info
+from app.scenario.number_text import short
 from app.scenario.schema import Scenario
 from app.scenario.units import JOINT, indexed, unit_in
 from app.simulation.signals import SIGNALS
@@ -89,8 +90,7 @@ def _of_field(path: str, scenario: Scenario) -> np.ndarray | None:
 
 
 def _short(number: float) -> str:
-    text = f"{number:.0f}" if 1e3 <= abs(number) < 1e6 else f"{0.0 if abs(number) < 1e-6 else number:.3g}"
-    return text.replace("-", "−")
+    return short(0.0 if abs(number) < 1e-6 else number)
 
 
 def _robust(system: System) -> bool:

@@ -13,7 +13,7 @@ from app.export.figures import DOUBLE, TYPE, Figure, FigureChart
 from app.export.lettering import wrapped, write
 from app.export.printing import STYLE, render, with_fallbacks
 from app.export.sheet import MARGIN, ROW, SMALL
-from app.export.ticks import plain_number
+from app.scenario.number_text import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +94,9 @@ def _draw(axes: Axes, bar: Axes, each: HeatMap) -> None:
     axes.set_xlabel(each.x_label, labelpad=2)
     axes.set_ylabel(each.y_label, labelpad=2)
     axes.set_title(f"{each.title} [{each.unit}]", loc="left", fontsize=7.5, fontweight="bold", pad=4)
-    axes.figure.colorbar(mesh, cax=bar, ticks=LogLocator(subs=(1.0,), numticks=6), format=FuncFormatter(plain_number))
+    axes.figure.colorbar(
+        mesh, cax=bar, ticks=LogLocator(subs=(1.0,), numticks=6), format=FuncFormatter(lambda value, _: plain(value))
+    )
     bar.yaxis.set_minor_formatter(NullFormatter())
     bar.tick_params(pad=1, length=2)
     bar.axhline(each.good, color=GOOD, linewidth=1.5)

@@ -18,6 +18,7 @@ from app.lessons.blocks import ChoiceQuestion, CurveQuestion, NumberQuestion
 from app.lessons.kept_file import KeptFile
 from app.lessons.measures import MeasuredNumber
 from app.lessons.playing import Trace
+from app.lessons.words import ENGLISH, LessonWords
 from app.scenario.errors import ScenarioError
 
 Given = int | float | list[tuple[float, float]]
@@ -58,37 +59,45 @@ class Score:
     feedback: str
 
 
-def score_choice(question: ChoiceQuestion, given: int) -> Score:
+def score_choice(question: ChoiceQuestion, given: int, words: LessonWords = ENGLISH) -> Score:
     """Score of a chosen option. given: its number, from 1."""
     right = question.options[question.right - 1]
-    return Score(1.0, "right") if given == question.right else Score(0.0, f"what happens: {right}")
+    return Score(1.0, "right") if given == question.right else Score(0.0, words.what_happens.format(right))
 
 
-def score_number(question: NumberQuestion, given: float, measurements: Mapping[str, MeasuredNumber]) -> Score:
+def score_number(
+    question: NumberQuestion,
+    given: float,
+    measurements: Mapping[str, MeasuredNumber],
+    words: LessonWords = ENGLISH,
+) -> Score:
     """Score of a predicted number. Raises ScenarioError where nothing was measured."""
     if question.measure not in measurements:
         raise ScenarioError(f"measure {question.measure!r:.40}: not measured before")
     measured = measurements[question.measure]
     off = abs(given - measured.value)
-    predicted = MeasuredNumber(given, measured.unit)
-    within = MeasuredNumber(question.tolerance, measured.unit)
+    predicted, within, apart = (
+        MeasuredNumber(number, measured.unit).text(words.language) for number in (given, question.tolerance, off)
+    )
+    found = measured.text(words.language)
     if off <= question.tolerance:
-        return Score(1.0, f"predicted {predicted}, measured {measured}; it counts within {within}")
-    return Score(0.0, f"predicted {predicted}, measured {measured}: off by {MeasuredNumber(off, measured.unit)}")
+        return Score(1.0, words.number_right.format(predicted, found, within))
+    return Score(0.0, words.number_wrong.format(predicted, found, apart))
 
 
-def score_curve(question: CurveQuestion, given: list[tuple[float, float]], trace: Trace) -> Score:
+def score_curve(
+    question: CurveQuestion, given: list[tuple[float, float]], trace: Trace, words: LessonWords = ENGLISH
+) -> Score:
     """Score of a drawn curve, by its RMS distance to the measured one."""
     t = np.linspace(question.start, question.end, 200)
     drawn = np.interp(t, *np.array(given).T)
     off = float(np.sqrt(np.mean((drawn - trace.at(t)) ** 2)))
-    distance = MeasuredNumber(off, question.line.unit)
-    if off <= question.tolerance:
-        return Score(1.0, f"your line is off by {distance} (RMS)")
-    return Score(
-        0.0,
-        f"your line is off by {distance} (RMS); it counts within {MeasuredNumber(question.tolerance, distance.unit)}",
+    distance, within = (
+        MeasuredNumber(number, question.line.unit).text(words.language) for number in (off, question.tolerance)
     )
+    if off <= question.tolerance:
+        return Score(1.0, words.line_right.format(distance))
+    return Score(0.0, words.line_wrong.format(distance, within))
 
 
 def admitted(question: ChoiceQuestion | NumberQuestion | CurveQuestion, given: object) -> Given:

@@ -21,6 +21,7 @@ from app.lessons.checking import trace_for
 from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.measures import MeasuredNumber
 from app.lessons.playing import LessonOutcome, Trace, play, runs
+from app.lessons.words import LessonWords, words_of
 from app.scenario.errors import ScenarioError
 from app.simulation.omega.search_memory import Memory
 
@@ -49,6 +50,11 @@ class LessonCourse:
     @property
     def progress(self) -> LessonProgress:
         return self._notebook.of(self.lesson.name)
+
+    @property
+    def words(self) -> LessonWords:
+        """Words of the program in the lesson's language."""
+        return words_of(self.lesson.head.language)
 
     @property
     def step(self) -> LessonStep:
@@ -231,11 +237,11 @@ class LessonCourse:
     def _score_of(self, step: LessonStep, answer: Answer) -> Score | None:
         match step.block, answer.given:
             case ChoiceQuestion() as question, int() as given:
-                return score_choice(question, given)
+                return score_choice(question, given, self.words)
             case NumberQuestion() as question, float() | int() as given if question.measure in self.measurements:
-                return score_number(question, given, self.measurements)
+                return score_number(question, given, self.measurements, self.words)
             case CurveQuestion() as question, list() as given if (trace := trace_for(step, self.outcomes)) is not None:
-                return score_curve(question, given, trace)
+                return score_curve(question, given, trace, self.words)
             case _:
                 return None
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from app.lessons.blocks import Goal
 from app.lessons.lesson import LessonStep
 from app.lessons.measures import Unmet, taken, unmet
+from app.lessons.words import ENGLISH, LessonWords
 from app.scenario.data import with_values
 from app.scenario.schema import Scenario
 from app.simulation.recording import Recording
@@ -27,23 +28,31 @@ class GoalResult:
         return not self.waiting and not self.missed
 
 
-def goal_result(step: LessonStep, system: System, recording: Recording, end: float, *, stopped: bool) -> GoalResult:
+def goal_result(
+    step: LessonStep,
+    system: System,
+    recording: Recording,
+    end: float,
+    *,
+    stopped: bool,
+    words: LessonWords = ENGLISH,
+) -> GoalResult:
     """Result of a step's goal in a run. Raises ScenarioError.
     system: at the run's end. recording: of the whole run. end: of the run so far, s.
     stopped: whether the run has stopped for good."""
     goal = step.block
     assert isinstance(goal, Goal)
-    when = f"judged at t = {goal.seconds:g} s of a run from the beginning, without a change on the way"
+    when = words.judged.format(f"{goal.seconds:g}")
     half = 0.5 * system.scenario.controller.period
     begun, *later = recording.epochs
     if on_the_way := [epoch.t for epoch in later if epoch.t < goal.seconds - half]:
-        return GoalResult(f"Changed at t = {on_the_way[0]:.1f} s: try it again. It is {when}.")
+        return GoalResult(words.changed_at.format(f"{on_the_way[0]:.1f}", when))
     if end < goal.seconds - half:
         if stopped:
-            return GoalResult(f"The run has stopped before t = {goal.seconds:g} s: try it again.")
-        return GoalResult(f"It is {when}: another {goal.seconds - end:.1f} s to go.")
+            return GoalResult(words.stopped_before.format(f"{goal.seconds:g}"))
+        return GoalResult(words.to_go.format(when, f"{goal.seconds - end:.1f}"))
     if not _is_of(step, begun.scenario):  # the run of an earlier step, of which the last rows are still to come
-        return GoalResult(f"It is {when}.")
+        return GoalResult(words.to_go.format(when, f"{goal.seconds:g}"))
     known = {name: taken(system, recording, goal.seconds, each) for name, each in goal.measures.items()}
     return GoalResult(missed=tuple(unmet(goal.conditions, known)))
 

@@ -11,6 +11,7 @@ from msgspec import Struct
 from app.scenario.contact_sections import CouplingSection, FurtherSurface
 from app.scenario.data import shipped
 from app.scenario.field_info import field_info
+from app.scenario.number_text import plain, rounded
 from app.scenario.schema import Scenario
 from app.scenario.units import Units, unit_in
 from controllers.controller import Controller
@@ -130,7 +131,7 @@ def _law(scenario: Scenario, controller: Controller, units: Units) -> str:
     if not own.robust:
         numbers = (f"{p.name} = {controller.parameters[p.name]:g} {p.unit}".rstrip() for p in own.parameters)
         return ", ".join((f"{own.title[:1].upper()}{own.title[1:]}", *numbers, f"T = {law.period * 1e3:g} ms"))
-    gains = ", ".join(f"{name} = {_value(getattr(law, name))}" for name in _LAW)
+    gains = ", ".join(f"{name} = {_value(getattr(law, name))}{_unit(f'controller.{name}', units)}" for name in _LAW)
     d = f"d = {law.d:g} {units.force}"
     if law.gain == "theorem":
         d = f"d by (17) with ε = {law.epsilon:g} {units.force}, bounds: {law.bounds}"
@@ -174,16 +175,16 @@ def _changed(section: Struct, path: str, units: Units, *, in_full: bool) -> Iter
 def _matrix(matrix: np.ndarray) -> str:
     diagonal = np.diag(matrix)
     if np.count_nonzero(matrix - np.diag(diagonal)):
-        return "[" + "; ".join(" ".join(f"{entry:.4g}" for entry in row) for row in matrix) + "]"
+        return "[" + "; ".join(" ".join(rounded(entry, 4) for entry in row) for row in matrix) + "]"
     if np.all(diagonal == diagonal[0]):
-        return f"{diagonal[0]:.4g} I"
-    return f"diag({', '.join(f'{entry:.4g}' for entry in diagonal)})"
+        return f"{rounded(diagonal[0], 4)} I"
+    return f"diag({', '.join(rounded(entry, 4) for entry in diagonal)})"
 
 
 def _value(value: object) -> str:
     if isinstance(value, tuple):
         return f"({', '.join(_value(v) for v in value)})"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return plain(value) if isinstance(value, float) else str(value)
 
 
 def _unit(path: str, units: Units) -> str:

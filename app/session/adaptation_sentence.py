@@ -8,6 +8,7 @@ from typing import Any
 from app.scenario.contact_sections import ContactSection
 from app.scenario.data import differences
 from app.scenario.field_info import field_info
+from app.scenario.number_text import rounded
 from app.scenario.schema import Scenario
 from app.scenario.units import Units, unit_in
 
@@ -51,7 +52,7 @@ def adaptation_sentence(requested: Scenario, done: Scenario, units: Units) -> st
         adaptations.append("target model back at the mode's defaults")
     gains = [name for name in _GAINS if f"controller.{name}" in different]
     if requested.controller.layer != done.controller.layer:
-        layer = f"{done.controller.layer:.3g} {unit_in(units, 'controller.layer', 'm/s')}"
+        layer = f"{rounded(done.controller.layer)} {unit_in(units, 'controller.layer', 'm/s')}"
         d = ", d" if "controller.d" in different else ""
         adaptations.append(f"boundary layer {layer}{d} and K_s, converted by the characteristic length ℓ")
         gains = [name for name in gains if name != "K_s"]
@@ -85,4 +86,4 @@ def _hashable(value: object) -> object:
 def _value_text(value: object) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(_value_text(each) for each in value)
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return rounded(value, 4) if isinstance(value, float) else str(value)

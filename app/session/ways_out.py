@@ -20,6 +20,7 @@ from app.scenario.errors import (
     WrongFace,
 )
 from app.scenario.field_info import field_info
+from app.scenario.number_text import plain
 from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario
 from app.session.changes import adapted, in_mode, last_surface, with_face, without_last
@@ -87,7 +88,7 @@ def nearest(scenario: Scenario, path: str, value: object) -> WayOut | None:
             with suppress(ScenarioError):  # a bound that is itself not allowed is no way out
                 there = edited(scenario, path, int(bound) if float(bound).is_integer() else bound)
                 require_stiff(there, mode_of(there))
-                return WayOut(f"Take {bound:g}, the {word} allowed", there)
+                return WayOut(f"Take {plain(bound)}, the {word} allowed", there)
     return None
 
 

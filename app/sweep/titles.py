@@ -6,8 +6,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from app.export.ticks import plain_number
 from app.scenario.field_info import FieldInfo, field_info
+from app.scenario.number_text import rounded
 from app.scenario.units import Units, unit_in
 from app.simulation.builders.controller_builder import laws
 from controllers.modes import MODES
@@ -22,6 +22,7 @@ TITLED: dict[str, Callable[[], dict[str, str]]] = {
     "controller.switching": lambda: {name: function.title for name, function in SWITCHING.items()},
 }
 OF_TWO_SECTIONS = ("motion", "rotation")  # whose fields have one class
+NONE_AT_ZERO = ("truth.torque_limit",)  # fields of which 0 stands for none
 FURTHER = {"second": "second surface", "third": "third surface"}
 # words for the sections whose fields' meanings do not say of what they are
 SECTIONS = {
@@ -73,7 +74,9 @@ def value_in_words(path: str, value: object) -> str:
     titles = TITLED.get(rest if first in FURTHER else path)
     if titles is not None and (title := titles().get(str(value))) is not None:
         return title
-    return plain_number(float(f"{value:.3g}"), None) if isinstance(value, float) else str(value)
+    if value == 0.0 and path in NONE_AT_ZERO:
+        return "none"
+    return rounded(value) if isinstance(value, float) else str(value)
 
 
 def _parted(path: str) -> tuple[str, tuple[str, ...]]:

@@ -1,5 +1,5 @@
-"""Offers of a tuning: which of its candidates may be used once some were tried on arms that were not seen, and why the
-others may not."""
+"""Offers of a tuning: which of its candidates may be used once some were tried on test arms, and why the others
+may not."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from app.tune.candidates import Candidate, aim_of, front
 from app.tune.plan import Tuning
 from app.tune.running import TuningResult
 
-WITHOUT_EFFECT = "it changes nothing on any arm that was not seen"
+WITHOUT_EFFECT = "it changes nothing on any arm not used for tuning"
 
 
 def reason_against(tuning: Tuning, found: TuningResult, number: int) -> str:
     """Why a candidate that was tried is not offered, "" where it may be used: it has a badge on the arms that were not
     seen, too, or leaves every metric there as it is with the own gains, as gains without effect do."""
     if badge := found.tried[number].badge:
-        return f"on arms that were not seen, {badge}"
+        return f"on arms not used for tuning, {badge}"
     return WITHOUT_EFFECT if _changes_nothing(tuning, found, number) else ""
 
 
 def _changes_nothing(tuning: Tuning, found: TuningResult, number: int) -> bool:
-    """Whether a candidate has the own gains' metrics on every arm that was not seen."""
+    """Whether a candidate has the own gains' metrics on every test arm."""
     return all(
         aim_of(mine, aim) == aim_of(own, aim)
         for mine, own in zip(found.runs[number], found.runs[0], strict=True)
@@ -30,7 +30,7 @@ def _changes_nothing(tuning: Tuning, found: TuningResult, number: int) -> bool:
 
 
 def offered(tuning: Tuning, found: TuningResult) -> list[Candidate]:
-    """Candidates that may be used, as judged on the arms that were not seen."""
+    """Candidates that may be used, as judged on the test arms."""
     return [each for number, each in found.tried.items() if number and not reason_against(tuning, found, number)]
 
 

@@ -43,7 +43,7 @@ SOON = 0.4  # share of a run by which it has to have settled, for its end not to
 
 
 class Comparison(NamedTuple):
-    """Metric of a candidate beside that of the scenario's own gains, on the arms that were not seen.
+    """Metric of a candidate beside that of the scenario's own gains, on the test arms.
 
     value, before: worst over these arms, and that of the own gains, SI units; inf where an arm has none.
     change: of the worst against that of the own gains, as a share; nan where either has none.
@@ -111,9 +111,7 @@ def _table(tuning: Tuning, found: TuningResult) -> pa.Table:
     """Table of all candidates, with units and meanings."""
     unit_of_aim = {aim: COLUMNS[aim].unit_in(units_of(tuning.scenario)) for aim in tuning.aims}
     worst = [column(aim, pa.float64(), unit, "worst of the arms seen; inf: none") for aim, unit in unit_of_aim.items()]
-    tried = [
-        column(f"{aim}_unseen", pa.float64(), unit, "worst of the arms not seen") for aim, unit in unit_of_aim.items()
-    ]
+    tried = [column(f"{aim}_unseen", pa.float64(), unit, "worst of the test arms") for aim, unit in unit_of_aim.items()]
     schema = pa.schema(
         [
             column("candidate", pa.int64(), "", "number; 0: the scenario's own gains"),
@@ -123,7 +121,7 @@ def _table(tuning: Tuning, found: TuningResult) -> pa.Table:
             ),
             *worst,
             *tried,
-            column("badge", pa.string(), "", "why it is not offered, on the arms seen or on those not seen"),
+            column("badge", pa.string(), "", "why it is not offered, on the arms of the search or on the test arms"),
             column("promised", pa.float64(), "1", "share of the arms seen on which the theorem's promise holds"),
             column("file", pa.string(), "", "scenario that was written of it"),
         ]
@@ -192,13 +190,13 @@ def _draw_course(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> Non
 
 
 def summary_rows(tuning: Tuning, found: TuningResult) -> list[list[str]]:
-    """Rows of the table that is printed, its head first: gains, and the worst on the arms that were not seen with its
-    change and the number of arms that are better. A candidate that another one beats there is marked: the front is that
-    of the arms that were seen."""
+    """Rows of the table that is printed, its head first: gains, and the worst on the test arms with its change and the
+    number of arms that are better. A candidate that another one beats there is marked: the front is that of the arms
+    of the search."""
     paths = (axis.path.replace(".", ".\n", 1) for axis in tuning.vary)
     aims = (in_words(aim, units_of(tuning.scenario)) for aim in tuning.aims)
-    arms = "1 arm" if tuning.unseen == 1 else f"{tuning.unseen} arms"
-    rows = [[f"worst of {arms}\nnot seen", *paths, *aims, "promise\nholds"]]
+    tests = "1 test arm" if tuning.unseen == 1 else f"{tuning.unseen} test arms"
+    rows = [[f"worst of\n{tests}", *paths, *aims, "promise\nholds"]]
     files = files_of(tuning, found)
     for number, each in found.tried.items():
         if number and number not in files:
@@ -235,7 +233,7 @@ def _percent(change: float) -> str:
 
 
 def conclusions(tuning: Tuning, found: TuningResult, names: Mapping[int, str] | None = None) -> list[str]:
-    """Sentences on whether the own gains are beaten on the arms that were not seen, and on what is not offered.
+    """Sentences on whether the own gains are beaten on the test arms, and on what is not offered.
     names: of the candidates that are offered, by number; None for those of their files."""
     names, sentences = files_of(tuning, found) if names is None else names, []
     if found.tried[0].badge:
@@ -244,8 +242,7 @@ def conclusions(tuning: Tuning, found: TuningResult, names: Mapping[int, str] | 
         sentences.append(short)
     if not _tests_anything(tuning):
         sentences.append(
-            "the arm that was not seen is that of the search, since no quantity that is drawn is declared: nothing was "
-            "tested"
+            "the test arm is that of the search, since no quantity that is drawn is declared: nothing was tested"
         )
     badges = Counter(each.badge.rpartition(" (")[0] for each in found.candidates[1:] if each.badge)
     if badges:
@@ -263,8 +260,8 @@ def conclusions(tuning: Tuning, found: TuningResult, names: Mapping[int, str] | 
         return [*sentences, f"the {OWN} are NOT beaten: no candidate may be offered"]
     beating = [names[n] for n in names if all(_beats(tuning, each) for each in comparisons(tuning, found, n))]
     aims = " and ".join(metric_title(aim) for aim in tuning.aims)
-    several = f"the worst of the {tuning.unseen} arms that were not seen, and on most of them"
-    on = f"on {several if tuning.unseen > 1 else 'the arm that was not seen'}"
+    several = f"the worst of the {tuning.unseen} test arms, and on most of them"
+    on = f"on {several if tuning.unseen > 1 else 'the test arm'}"
     if beating:
         sentences.append(f"{aims}: {', '.join(beating)} better than the {OWN}, {on}")
     else:
@@ -274,7 +271,7 @@ def conclusions(tuning: Tuning, found: TuningResult, names: Mapping[int, str] | 
 
 
 def _tests_anything(tuning: Tuning) -> bool:
-    """Whether an arm that was not seen is another one than that of the search, or its sensor has noise."""
+    """Whether a test arm is another one than that of the search, or its sensor has noise."""
     if tuning.drawn > 1 or tuning.scenario.sensor.noise or tuning.scenario.sensor.moment_noise:
         return True
     plan = SweepPlan(tuning)

@@ -21,21 +21,27 @@ const pull = (edge, by) => {
   window.dispatchEvent(new PointerEvent("pointerup", { ...at(from + by), buttons: 0 }));
 };
 // In a small window both docks are narrower, unless the user has pulled them, so that the scene keeps room for the arm.
+// In an upright one, as on a tablet, the plots stand above the scene (page.css).
 // px: elsewhere, at least, and of the window, that are for the others
 const MOST = { left: 404, right: 400 }, LEAST = { left: 276, right: 340 }, REST = { left: 720, right: 676 };
 const pulled = new Set(); // sides that the user has pulled
 const edgeOf = (e) => (e.target instanceof Element ? e.target.closest("[data-dock-region-resize]") : null);
 document.addEventListener("pointerdown", (e) => { if (e.isTrusted && edgeOf(e)) pulled.add(edgeOf(e).dataset.dockRegionResize); }, true);
 const share = () => {
-  if (innerWidth <= 576 || document.documentElement.matches("[data-stage]")) return; // viser's layout for a phone
+  const root = document.documentElement, controls = document.querySelector("[data-dock-region=right]")?.offsetWidth ?? 0;
+  const staged = root.matches("[data-stage]"), phone = innerWidth <= 576; // viser's layout for a phone
+  const upright = !staged && !phone && innerWidth <= 1100 && innerWidth < innerHeight;
+  root.toggleAttribute("data-upright", upright && !!document.querySelector("[data-dock-region-resize=left]"));
+  root.style.setProperty("--vs-controls-width", `${controls}px`);
+  if (phone || staged) return;
   for (const edge of document.querySelectorAll("[data-dock-region-resize]")) {
     const side = edge.dataset.dockRegionResize, is = width(edge);
-    if (is < 60 || pulled.has(side)) continue; // closed or folded
+    if (is < 60 || pulled.has(side) || (upright && side === "left")) continue; // closed, folded or above the scene
     const wanted = Math.min(MOST[side], Math.max(LEAST[side], innerWidth - REST[side]));
     if (Math.abs(wanted - is) > 2) pull(edge, side === "left" ? wanted - is : is - wanted);
   }
 };
-setInterval(share, 500);
+setInterval(share, 300);
 // The controls fold away, and stay: viser would take them down, and with them the timeline and the buttons over the scene.
 const FOLD = '[data-dock-region-collapse="right"]', page = document.documentElement;
 const folded = () => page.matches("[data-folded]");

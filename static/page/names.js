@@ -48,6 +48,8 @@ const call = () => {
       other.label === label && other.tab === tab && other.folder !== folder && other.control.checkVisibility());
     set(control, "aria-label", twice && folder ? `${label}, ${folder}` : label);
   }
+  for (const menu of document.querySelectorAll("input[aria-haspopup=listbox]"))
+    set(menu, "title", menu.scrollWidth > menu.clientWidth ? menu.value : "");
   for (const key of document.querySelectorAll(".mantine-Spotlight-actionDescription")) {
     const name = key.textContent, written = name.replace(/(?<=^|\+)[a-z]+$/, (last) => KEYS[last] ?? last);
     if (written !== name) key.textContent = written;

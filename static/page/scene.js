@@ -10,7 +10,7 @@ const place = () => {
   document.documentElement.style.setProperty("--vs-over-top", `${Math.round(under)}px`);
   // what lies over it stands one below the other: buttons, the window of a held slider, messages; and nothing is scrolled
   // under the status line
-  for (const part of ["acts", "strip", "status"]) {
+  for (const part of ["acts", "strip", "status", "timeline"]) {
     const found = document.querySelector(`.vs-${part}`), elsewhere = part === "acts" && phone.matches; // phone.css
     const high = elsewhere ? 0 : found?.offsetHeight ?? 0;
     document.documentElement.style.setProperty(`--vs-${part}-height`, `${high}px`);

@@ -322,7 +322,7 @@ def test_from_an_impedance_every_mode_key_leads_on_and_says_what_it_adapted(sess
         session.wait(lambda now: now.scenario == impedance)
         page.keyboard.press(key)
         session.wait(lambda now, mode=mode: now.scenario.mode == mode and now.phase == "running")
-        page.locator(".vs-strip").get_by_text("Adapted: path by 0.1, -0.05").wait_for()
+        page.locator(".vs-strip").get_by_text("Adapted: path by 0.1, −0.05").wait_for()
 
 
 def test_a_busy_port_is_said():

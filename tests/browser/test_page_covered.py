@@ -72,11 +72,11 @@ def test_no_control_is_covered_at_any_size_and_dock_width(session: PageSession):
 
 
 @pytest.mark.usefixtures("from_the_start")
-@pytest.mark.parametrize(("width", "height"), [(1024, 768), (844, 390), (390, 844)])
+@pytest.mark.parametrize(("width", "height"), [(1024, 768), (768, 1024), (844, 390), (390, 844)])
 def test_no_control_is_covered_under_a_finger(
     width: int, height: int, served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
 ):
-    """A tablet, and a phone both ways, also in the presentation."""
+    """A tablet and a phone, both ways, also in the presentation."""
     dashboard, runner = served
     page = open_page(dashboard.url, viewport={"width": width, "height": height}, is_mobile=True, has_touch=True)
     page.locator(".uplot").first.wait_for()

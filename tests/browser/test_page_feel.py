@@ -232,7 +232,7 @@ def test_a_message_moves_nothing(session: PageSession):
 def test_a_drag_over_a_message_selects_it_at_most_and_nothing_of_the_page(session: PageSession):
     page = session.page
     session.runner.post(Edit("controller.period", -1.0))
-    message = page.locator(".vs-strip .vs-message", has_text="control period: -1")
+    message = page.locator(".vs-strip .vs-message", has_text="control period: −1")
     text = message.inner_text()
     for paused in (False, True):
         session.runner.post(Pause() if paused else Play())
@@ -277,6 +277,37 @@ def test_the_target_model_stays_within_the_scene_of_a_small_window(session: Page
             session.page.wait_for_function(WITHIN)
             session.page.evaluate(f"{EQUATION}.style.marginLeft = ''")
             session.page.wait_for_function(WITHIN)
+
+
+# the window of a held slider, in the scene and beside the label of the tool
+TOOL_IN_SIGHT = """() => {
+  const [held, scene] = ["[data-floating-window]:has(.vs-held)", "canvas[data-engine]"]
+    .map((part) => document.querySelector(part)?.getBoundingClientRect());
+  const tool = [...document.querySelectorAll(".vs-labels span[data-shown]")]
+    .find((label) => label.textContent === "drag this ball")?.getBoundingClientRect();
+  return held?.width && tool && tool.bottom <= held.top && held.bottom <= scene.bottom && scene.left <= held.left;
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (1024, 768), (1440, 900), (1920, 1080), (768, 1024)])
+def test_the_tool_is_in_sight_while_a_slider_is_held(session: PageSession, width: int, height: int):
+    """Also on a tablet that is held upright, where the plots stand above the scene."""
+    page = session.page
+    page.set_viewport_size({"width": width, "height": height})
+    page.locator("html[data-upright]").wait_for(state="attached" if width < height else "detached")
+    if width < height:
+        page.wait_for_function(
+            "document.querySelector('canvas[data-engine]').getBoundingClientRect().width > 0.4 * innerWidth"
+        )
+    page.wait_for_function(WITHIN)
+    assert not lasting_faults(page)
+    move, _ = session.grip("F_d [N]")
+    move(0.6)
+    page.get_by_text("within the next").wait_for()
+    page.wait_for_function(TOOL_IN_SIGHT)
+    page.keyboard.press("Escape")
+    page.mouse.up()
+    expect(page.locator(".vs-equation").first).to_be_visible()  # in whose place it was
 
 
 def test_everything_has_a_name_and_a_slider_its_value_with_unit(session: PageSession):

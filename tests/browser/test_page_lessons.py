@@ -169,3 +169,18 @@ def test_a_line_is_drawn_by_mouse_and_playing_freely_is_undone(session: PageSess
     at_step(session, 2)
     page.get_by_role("button", name="Leave the lesson").click()
     page.get_by_role("button", name="Continue at step 2").wait_for()
+
+
+def test_the_buttons_of_a_german_lesson_are_in_german(session: PageSession):
+    page = session.page
+    session.tab("Lessons")
+    session.choose("Lesson", "3. Auf eine Wand drücken (Deutsch)")
+    page.get_by_role("button", name="Beginnen").click()
+    page.locator(".vs-lesson[data-step='1']", has_text="1 von 11").wait_for()
+    page.get_by_role("button", name="Weiter", exact=True).click()
+    page.get_by_role("button", name="Lauf: Wand wie angenommen (3 s)").wait_for()
+    expect(page.get_by_role("button", name="Lauf überspringen")).to_be_visible()
+    page.get_by_role("button", name="Lektion verlassen").click()
+    page.get_by_role("button", name="Weiter bei Schritt 2").wait_for()
+    session.choose("Lesson", "1. What a target model is")
+    session.tab("Task")

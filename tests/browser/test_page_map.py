@@ -183,7 +183,7 @@ def test_a_search_finds_candidates_of_which_one_is_previewed_and_then_applied(se
     session.choose("What counts", "residual of (8)")
     session.choose("Judged by", "the scenario's own")
     session.choose("Candidates", "128")  # enough that it has not ended before it is cancelled
-    write(session, "Arms not seen", "1")
+    write(session, "Test arms", "1")
     write(session, "Each run [s]", "0.2", number=1)
     page.get_by_role("button", name="Search", exact=True).click()
     chart = page.locator(".vs-tiles[data-field=vs-candidate-field]")
@@ -196,6 +196,7 @@ def test_a_search_finds_candidates_of_which_one_is_previewed_and_then_applied(se
     candidate.focus()
     page.keyboard.press("Enter")
     expect(page.locator(".vs-held")).to_contain_text("click again: apply")
+    expect(page.get_by_role("button", name="Cancel", exact=True)).to_be_visible()  # nothing is applied yet
     expect(chart).to_have_attribute("data-previewed", "")  # until then Esc leaves nothing
     assert session.now.scenario.controller == before
     page.keyboard.press("Escape")

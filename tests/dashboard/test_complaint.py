@@ -30,7 +30,7 @@ def complaint(monkeypatch: pytest.MonkeyPatch) -> tuple[Complaint, Snapshot]:
 def test_a_refusal_is_shown_for_a_while_and_called_as_on_the_page(complaint: tuple[Complaint, Snapshot]) -> None:
     shown, refused = complaint
     now = time.monotonic()
-    assert shown.text(refused, now) == "Refused: radius (desired motion): -1; allowed: at least 0"
+    assert shown.text(refused, now) == "Refused: radius (desired motion): −1; allowed: at least 0"
     assert shown.text(refused, now + 0.5 * SHOWN)
     assert not shown.text(refused, now + 2.0 * SHOWN)
 

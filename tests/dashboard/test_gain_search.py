@@ -182,7 +182,7 @@ def test_candidates_of_one_aim_are_drawn_at_their_numbers_also_those_that_are_ne
 
 @pytest.fixture
 def ended(monkeypatch: pytest.MonkeyPatch) -> BackgroundTuning:
-    """A search that has ended: of its front, candidate 1 is over a limit on arms that were not seen, 2 changes nothing
+    """A search that has ended: of its front, candidate 1 is over a limit on test arms, 2 changes nothing
     there, and 4 is offered; candidate 3 would be in the front without candidate 1."""
     monkeypatch.setattr(Background, "_run", lambda _: None)
     layer = (moved("controller.layer=0.001:0.1:log"),)
@@ -207,8 +207,8 @@ def ended(monkeypatch: pytest.MonkeyPatch) -> BackgroundTuning:
     return search
 
 
-OVER = "on arms that were not seen, over its limit: d covers (17) (2 of 2 arms)"
-IN_VAIN = "it changes nothing on any arm that was not seen"
+OVER = "on arms not used for tuning, over its limit: d covers (17) (2 of 2 arms)"
+IN_VAIN = "it changes nothing on any arm not used for tuning"
 
 
 def test_a_candidate_that_fails_on_arms_that_were_not_seen_becomes_a_cross_and_no_other_takes_its_place(
@@ -308,8 +308,8 @@ ALIKE = (
         ),
         (MOTION, {"first": "path error", "second": "force error"}, "What else counts: force error, which no run of"),
         (BASE, {"second": "force error"}, "What else counts: force error, as what counts; allowed: something else, or"),
-        (UNDECLARED, {}, f"Judged by: 4 of the declared set: {ALIKE}, or the scenario's own with 1 under Arms not"),
-        (UNDECLARED, {"arms": "the scenario's own"}, f"Arms not seen: 8: {ALIKE}, or 1"),
+        (UNDECLARED, {}, f"Judged by: 4 of the declared set: {ALIKE}, or the scenario's own with 1 under Test arms"),
+        (UNDECLARED, {"arms": "the scenario's own"}, f"Test arms: 8: {ALIKE}, or 1"),
         (STATED, {}, "Judged by: 4 of the declared set: bound of ‖ΔC‖ (declared) is stated, and only its run shows"),
     ],
 )  # fmt: skip

@@ -103,3 +103,4 @@ def test_what_a_german_lesson_teaches_is_marked_as_german_in_the_list() -> None:
     listed = LessonList(cast(Any, desk), {german.name: german}, lambda _: None)
     listed.show({}, visible=True)
     assert '<ul lang="de"><li>warum eine Positionsfeder' in listed._about.content
+    assert listed._begin.label == "Beginnen"

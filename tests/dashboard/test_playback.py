@@ -112,9 +112,9 @@ def test_a_refusal_names_a_matrix_as_the_page_does() -> None:
 
 def test_a_refusal_names_its_field_so_that_one_knows_which_is_meant() -> None:
     refusal = "controller.epsilon: -1.0; allowed: a number > 0"
-    assert refusal_in_words(refusal) == "ε, margin of the gain d in (17): -1.0; allowed: above 0"
+    assert refusal_in_words(refusal) == "ε, margin of the gain d in (17): −1; allowed: above 0"
     beyond = "contact.K_e: 1e+09; allowed: a number <= 10000000"
-    assert refusal_in_words(beyond) == "K_e, stiffness of the surface: 1e+09 N/m; allowed: at most 10000000 N/m"
+    assert refusal_in_words(beyond) == "K_e, stiffness of the surface: 10⁹ N/m; allowed: at most 10⁷ N/m"
     assert refusal_in_words("motion.radius: -1; allowed: more") == "radius (desired motion): -1; allowed: more"
     assert refusal_in_words("motion.displacement: 1") == "displacement (desired motion): 1"
     assert refusal_in_words("contact.K_e: 0") == "K_e, stiffness of the surface: 0"

@@ -330,7 +330,7 @@ def test_the_pole_map_shows_omega_zeta_and_how_often():
         (pytest.approx(20.0), pytest.approx(1.0), 3),
     ]
     picture = pole_map_html(poles, [])
-    assert "-3 ± 4 j 1/s, ω = 5 rad/s, ζ = 0.6" in picture
+    assert "−3 ± 4 j 1/s, ω = 5 rad/s, ζ = 0.6" in picture
     assert picture.count("<title>") == 3
     x = [float(x) + 4.5 for x in re.findall(r'<path d="M ([\d.]+) ', picture)]
     assert x[0] > 168.0 > x[1] > x[2]  # unstable poles lie right of the origin, fast ones farther out
@@ -352,7 +352,7 @@ def test_what_is_asked_for_is_judged_beside_what_runs(hybrid: Snapshot):
     assert asked.slowest > 0.0
     shown = checks_html(hybrid, model_edit(hybrid, {"K_m": indefinite}))
     assert "asked: not stable" in shown
-    assert "-1000 … 9000" in shown
+    assert "−1000 … 9000" in shown
     for value in ([1.0, 2.0], [0.0] * 6):
         with pytest.raises((ScenarioError, InvalidGain)):
             judge_requested(hybrid, Edit("target_model.M_m", value))

@@ -128,7 +128,7 @@ def test_caption_says_the_scenario_in_numbers() -> None:
     for words in (
         "ur5-hybrid", "hybrid mode", "t = 1 to 9 s", "M_m = 10 I kg", "diag(632.5, 4) N·s/m", "[2 1; 1 2] N/m",
         "True arm: link scaling 1.15, payload mass 1.5 kg", "Declared: link scaling 0.15, payload mass 2 kg",
-        "T = 1 ms", "K_e = 10000 N/m", "Force: constant, value 20 N", "F_1 = 10",
+        "T = 1 ms", "K_e = 10000 N/m", "Force: constant, value 20 N", "F_1 = 10 1/s",
     ):  # fmt: skip
         assert words in text
     assert text.startswith("UR5 presses with 20 N, draws a circle (ur5-hybrid, edited): ")

@@ -39,6 +39,7 @@ from app.lessons.course import LessonCourse
 from app.lessons.lesson import LessonStep, shipped_lessons
 from app.lessons.measures import MeasuredNumber
 from app.lessons.playing import POINTS, Trace, _trace, performance, play, runs
+from app.lessons.words import ENGLISH
 from app.scenario.data import edited, load, shipped
 from app.scenario.errors import ScenarioError
 from app.session.commands import SetSpeed
@@ -264,7 +265,7 @@ def test_another_lesson_begins_with_an_empty_answer_and_a_comma_of_three_digits_
     gui = SimpleNamespace(add_form=add, add_text=add, add_button=add)
     desk: Any = SimpleNamespace(gui=gui, complain=complaints.append)
     number = NumberAnswer(desk, given.append)
-    course: Any = SimpleNamespace(lesson=SimpleNamespace(name="one", steps=()), open=True)
+    course: Any = SimpleNamespace(words=ENGLISH, lesson=SimpleNamespace(name="one", steps=()), open=True)
     step = LessonStep(2, 2, "question", "", NUMBER, None)
     number.show(step, None, course)
     number._text.value = "1,000"

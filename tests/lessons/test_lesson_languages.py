@@ -15,6 +15,7 @@ from app.lessons.course import LessonCourse
 from app.lessons.lesson import Lesson, shipped_lessons
 from app.lessons.measures import MeasuredNumber, unmet
 from app.lessons.playing import LessonOutcome, runs
+from app.lessons.words import ENGLISH, GERMAN, words_of
 from tests.lessons.test_lessons import lesson
 
 GOALS = [
@@ -38,16 +39,16 @@ def test_a_goal_that_is_missed_is_told_in_words_of_the_lesson(each: Lesson, goal
     for condition in goal.conditions:
         far = -1e3 if condition.above is not None else 1e3 + 0.5
         (missed,) = unmet([condition], {condition.measure: MeasuredNumber(far, goal.measures[condition.measure].unit)})
-        html = missed_html(missed, goal, each.head.language)
+        html = missed_html(missed, goal, words_of(each.head.language))
         assert html.startswith(f'<span lang="{each.head.language}">{goal.measures[condition.measure].title}: ')
-        assert f"; wanted: {missed.wanted} <" in html
+        assert f"; {words_of(each.head.language).wanted[missed.wanted]} " in html
 
 
 def test_the_sentence_of_a_german_goal() -> None:
     (goal,) = (goal for each, goal in GOALS if each.head.language == "de")
     (missed,) = unmet(goal.conditions, {"error": MeasuredNumber(1.25, "N")})
-    assert missed_html(missed, goal, "de") == (
-        '<span lang="de">größter Kraftfehler: 1,25 N</span>; wanted: below <span lang="de">0,2 N</span>'
+    assert missed_html(missed, goal, GERMAN) == (
+        '<span lang="de">größter Kraftfehler: 1,25 N; verlangt: unter 0,2 N</span>'
     )
     assert str(missed) == "error is 1.25 N; wanted: below 0.2 N"  # as its author reads it
 
@@ -56,7 +57,7 @@ def test_a_measure_without_a_title_has_its_name() -> None:
     goal = lesson().steps[-1].block
     assert isinstance(goal, Goal)
     (missed,) = unmet(goal.conditions, {"way": MeasuredNumber(9.5, "mm")})
-    assert ">way: 9.5 mm</span>; wanted: below " in missed_html(missed, goal, "en")
+    assert ">way: 9.5 mm; wanted: below " in missed_html(missed, goal, ENGLISH)
 
 
 def test_a_question_to_the_class_has_the_language_of_its_lesson() -> None:

@@ -167,7 +167,12 @@ def test_wrong_field_is_named(change: tuple[str, object], message: str) -> None:
 
 
 def test_scenario_files_that_are_none(tmp_path: Path) -> None:
-    for text, message in (("mode = ", "not a TOML file"), ("colour = 'red'", "colour"), ("[robot]\nlegs = 2", "legs")):
+    for text, message in (
+        ("mode = ", "not a TOML file"),
+        ("# nothing\n", "an empty scenario"),
+        ("colour = 'red'", "colour"),
+        ("[robot]\nlegs = 2", "legs"),
+    ):
         path = tmp_path / "scenario.toml"
         path.write_text(text)
         with pytest.raises(ScenarioError, match=message):

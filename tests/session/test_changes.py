@@ -86,7 +86,7 @@ def test_of_a_path_in_space_a_surface_keeps_what_lies_along_it_and_that_is_said(
     np.testing.assert_allclose(moved, [*scenario.motion.displacement[:2], 0.0], atol=1e-6)
     assert (
         adaptation_sentence(scenario, changed, CARTESIAN)
-        == "Adapted: path by 0.1, -0.05 instead of 0.1, 0.05, -0.03 m; target model back at the mode's defaults."
+        == "Adapted: path by 0.1, −0.05 instead of 0.1, 0.05, −0.03 m; target model back at the mode's defaults."
     )
     usual = edited(scenario, "target_model", {})
     assert adaptation_sentence(usual, in_mode(usual, "motion"), CARTESIAN) == ""

@@ -48,6 +48,7 @@ def test_a_value_is_in_words_too() -> None:
     assert value_in_words("controller.law", "vsmrc") == "robust (25)"
     assert value_in_words("controller.law", "of-my-own") == "of-my-own"
     assert value_in_words("contact.K_e", 12345.678) == "12300"
+    assert value_in_words("truth.torque_limit", 0.0) == "none"
 
 
 def paths_of(table: dict[str, Any], before: str = "") -> Iterator[str]:

@@ -64,7 +64,7 @@ def test_a_candidate_that_fails_on_new_arms_is_a_cross_in_the_files_too(tmp_path
     write(BOTH, TuningResult([own, good, better], {0: own, 1: good, 2: over}, runs), tmp_path)
     rows = pq.read_table(tmp_path / TABLE).to_pylist()
     assert [(row["badge"], row["file"]) for row in rows[:2]] == [("", None), ("", "front/1.toml")]
-    assert rows[2]["badge"].startswith("on arms that were not seen, over its limit: d covers (17)")
+    assert rows[2]["badge"].startswith("on arms not used for tuning, over its limit: d covers (17)")
     assert rows[2]["file"] is None
     assert "A cross: never" in (tmp_path / FIGURE).read_text()
 
@@ -144,11 +144,11 @@ def test_runs_that_are_too_short_for_metrics_of_their_end_are_said() -> None:
 
 def test_a_row_of_the_front_that_another_one_beats_on_the_arms_not_seen_is_marked() -> None:
     tuning = msgspec.structs.replace(BOTH, vary=())
-    aims = {0: (1.0, 5.0), 1: (0.5, 6.0), 2: (0.6, 5.5), 3: (0.6, 5.7)}  # worst of the arms that were not seen
+    aims = {0: (1.0, 5.0), 1: (0.5, 6.0), 2: (0.6, 5.5), 3: (0.6, 5.7)}  # worst of the test arms
     runs = {n: [SOUND | {"force_error": a, "torque_variation": b}] for n, (a, b) in aims.items()}
     tried = {number: candidate_of(tuning, number, {}, each) for number, each in runs.items()}
     head, *rows = summary_rows(tuning, TuningResult(list(tried.values()), tried, runs))
-    assert head[0] == "worst of 32 arms\nnot seen"
+    assert head[0] == "worst of\n32 test arms"
     assert [row[0] for row in rows] == [
         "own gains", "front/1.toml", "front/2.toml", "front/3.toml\nbeaten by front/2.toml"
     ]  # fmt: skip
@@ -174,7 +174,7 @@ def test_17_is_no_limit_of_a_law_without_the_gain_d() -> None:
 
 def test_a_test_on_the_arm_of_the_search_is_called_none() -> None:
     """Nothing is declared, so that the drawn arm is the believed one, as the scenario's own may be."""
-    same = "the arm that was not seen is that of the search, since no quantity that is drawn is declared"
+    same = "the test arm is that of the search, since no quantity that is drawn is declared"
     nothing = f"{same}: nothing was tested"
     own, undeclared = candidate_of(TUNING, 0, {}, [SOUND]), edited(TUNING.scenario, "declared", {})
     believed = edited(undeclared, "truth", {})

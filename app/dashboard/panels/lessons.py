@@ -22,6 +22,7 @@ from app.dashboard.widgets.lesson.lesson_answers import (
     NumberAnswer,
     OptionAnswer,
     answer_unit,
+    relabel,
 )
 from app.dashboard.widgets.lesson.lesson_list import LessonList
 from app.dashboard.widgets.lesson.outcome_chart import outcome_html
@@ -34,6 +35,7 @@ from app.lessons.course import LessonCourse
 from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
 from app.lessons.markup import html_of, inline_html
 from app.lessons.playing import last_q, performance, play
+from app.lessons.words import LessonWords
 from app.scenario.data import field_of
 from app.scenario.errors import ScenarioError
 from app.session.commands import Load, Pause, Play, Reset
@@ -41,15 +43,6 @@ from app.session.snapshot import Snapshot
 from app.simulation.omega.search_memory import Memory
 
 log = structlog.get_logger()
-
-_KINDS = {
-    "scenario": "the scene",
-    "predict": "the prediction",
-    "run": "the run",
-    "observe": "the observation",
-    "explain": "the explanation",
-    "goal": "the goal",
-}
 
 
 class LessonsPanel:
@@ -243,16 +236,21 @@ class LessonsPanel:
         self._show_run(step, course, busy=busy, playing=playing)
         seen = run is not None and not (run is step and playing) and run.number in course.outcomes
         self._picture.content = (
-            outcome_html(run, course.traces(run), course.predictions(run), run_colors(course.lesson))
+            outcome_html(run, course.traces(run), course.predictions(run), run_colors(course.lesson), course.words)
             + _notes(run, course, snapshot)
             if run is not None and seen
             else ""
         )
         self._figure.visible = bool(self._picture.content)
         last = step.number == len(course.lesson.steps)
+        words = course.words
         self._next.label = (
-            "computing …" if busy else "Finish" if last else "Next" if course.ready else f"Skip {_KINDS[step.kind]}"
+            words.computing if busy else words.finish if last else words.next if course.ready else words.skip[step.kind]
         )
+        relabel(self._back, words.back)
+        relabel(self._restore, words.restore)
+        relabel(self._leave, words.leave)
+        relabel(self._figure, words.figure)
         self._next.disabled = busy
         self._next.color = None if course.ready else "gray"
         self._back.disabled = busy or step.number == 1
@@ -262,8 +260,7 @@ class LessonsPanel:
         self._run.visible = run is not None
         if run is not None:
             again = step.number in course.outcomes
-            seconds = f"{run.seconds:g} s"
-            label = f"Run{' again' if again else ''}: {run.title} ({seconds})"
+            label = (course.words.run_again if again else course.words.run).format(run.title, f"{run.seconds:g}")
             self._run.label = playing if playing and again else label
             self._run.disabled = busy
 
@@ -274,7 +271,7 @@ def _head(course: LessonCourse) -> str:
     fraction = step.number / len(lesson.steps)
     return (
         f'<div class="vs-lesson" lang="{language}" data-step="{step.number}"><div class="vs-row"><b>{title}</b>'
-        f'<span class="vs-dim vs-right">{step.number} of {len(lesson.steps)}</span></div>'
+        f'<span class="vs-dim vs-right">{course.words.place.format(step.number, len(lesson.steps))}</span></div>'
         f'<div class="vs-share"><i style="width: {fraction:.1%}"></i></div></div>'
     )
 
@@ -282,35 +279,37 @@ def _head(course: LessonCourse) -> str:
 def _text(course: LessonCourse, *, computing: bool) -> str:
     """Text of the shown step as HTML; an explanation begins with the scores of the predictions. computing: whether the
     missing runs are being computed."""
-    step, measured = course.step, course.measured
+    step, measured, words = course.step, course.measured, course.words
+    lang = f'lang="{words.language}"'
     parts = []
     if step.number == 1:
         knows = "".join(f"<li>{inline_html(item)}</li>" for item in course.lesson.head.knows)
-        parts.append(f'<p class="vs-dim" lang="en">Afterwards you will know</p><ul>{knows}</ul>')
+        parts.append(f'<p class="vs-dim" {lang}>{words.knows}</p><ul>{knows}</ul>')
     if isinstance(step.block, blocks.Explain):
-        parts += [_scored(of, answer, measured, course.lesson.head.language) for of, answer in course.explained()]
+        parts += [_scored(of, answer, measured, words) for of, answer in course.explained()]
     parts.append(html_of(step.text, measured))
     if computing and course.missing and step.names_numbers:
-        parts.append('<p class="vs-dim" lang="en">The numbers that are missing are being computed.</p>')
+        parts.append(f'<p class="vs-dim" {lang}>{words.missing}</p>')
     if isinstance(step.block, blocks.Explain) and step.block.equation:
-        parts.append(f'<p class="vs-dim" lang="en">equation {escape(step.block.equation)} of the paper</p>')
+        cited = words.equations if "," in step.block.equation else words.equation
+        parts.append(f'<p class="vs-dim" {lang}>{cited.format(escape(step.block.equation))}</p>')
     if step.ask:
         parts.append(f'<p class="vs-question">{inline_html(step.ask, measured)}</p>')
     return f'<div class="vs-lesson vs-prose" lang="{escape(course.lesson.head.language)}">{"".join(parts)}</div>'
 
 
-def _scored(step: LessonStep, answer: Answer, measured: dict[str, str], language: str) -> str:
-    """Score of an answer as HTML, a sentence of the program around what the lesson says in its language."""
+def _scored(step: LessonStep, answer: Answer, measured: dict[str, str], words: LessonWords) -> str:
+    """Score of an answer as HTML. words: in the lesson's language."""
     if answer.score is None or step.question is None:
         return ""
-    mark = chip("right", "vs-good") if answer.score >= 1.0 else chip("not so", "vs-warn")
+    mark = chip(words.right, "vs-good") if answer.score >= 1.0 else chip(words.wrong, "vs-warn")
     given = ""
     if isinstance(step.block, blocks.ChoiceQuestion) and isinstance(answer.given, int):
         option = inline_html(step.block.options[answer.given - 1], measured)
-        given = f'Your answer: <i lang="{escape(language)}">{option}</i>.'
+        given = f"{words.given} <i>{option}</i>."
     sentence = answer.feedback[:1].upper() + answer.feedback[1:]
     feedback = "" if answer.feedback == "right" else inline_html(sentence, measured)
-    return f'<div class="vs-scored" lang="en">{mark} {given} {feedback}</div>'
+    return f'<div class="vs-scored" lang="{words.language}">{mark} {given} {feedback}</div>'
 
 
 def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:
@@ -324,7 +323,7 @@ def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:
     if run is course.step and snapshot.phase != "running" and snapshot.scenario.name == _name_of(run):
         now = last_q(snapshot.recording)
         if len(now) and abs(snapshot.end - _ends(run)) < 1e-6 and not np.array_equal(now, outcome.q):
-            notes.append("You changed this run while it went on: the picture shows it as the lesson describes it.")
+            notes.append(course.words.changed_run)
     return "".join(f'<div class="vs-note">{escape(note)}</div>' for note in notes)
 
 

@@ -19,6 +19,7 @@ from app.dashboard.widgets.target_model.equation import is_fixed
 from app.dashboard.widgets.target_model.impedance_view import ImpedanceView
 from app.dashboard.widgets.target_model.model_checks import checks_html, loops_html
 from app.dashboard.widgets.target_model.pole_drag import PoleDrag
+from app.scenario.number_text import rounded
 from app.scenario.schema import Scenario
 from app.scenario.units import JOINT
 from app.session.commands import Edit, EditModel
@@ -154,7 +155,7 @@ def matrix_note(snapshot: Snapshot, name: str, meaning: str) -> str:
     turning: dict[str, list[str]] = {}
     for coordinate, value in zip(snapshot.coordinates, np.diag(matrix), strict=True):
         if coordinate.metres_per_radian is not None and angular:
-            turned = f"{value * coordinate.metres_per_radian**2:.4g}"
+            turned = rounded(value * coordinate.metres_per_radian**2, 4)
             turning.setdefault(turned, []).append(coordinate.name.removeprefix("ℓ·"))
     if turning:
         values = "; ".join(f"{', '.join(names)}: {value}" for value, names in turning.items())

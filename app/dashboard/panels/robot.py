@@ -87,7 +87,7 @@ class RobotPanel:
             self._controls += [
                 ToolFrame(desk),
                 NumberField(desk, InForce("robot.tool_offset", _tool_offset), "tool at [m]"),
-                NumberField(desk, InForce("robot.posture", _posture), "posture"),
+                NumberField(desk, InForce("robot.posture", _posture), "posture [rad]"),
                 NumberField(desk, InForce("robot.rotor_inertia", _rotors), "rotors [kg·m²]"),
                 NumberField(desk, FieldBinding("task_space.characteristic_length"), "length ℓ [m]", log_scale(0.02, 1)),
             ]

@@ -16,6 +16,7 @@ from app.dashboard.theme.style import COMMITS, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import AwaitedAnswer, Desk
 from app.dashboard.widgets.fields.field_words import differences_in_words
+from app.scenario.number_text import short
 from app.session.commands import Load, Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
 from app.session.timeline import Pinned
@@ -217,8 +218,7 @@ def _row(metric: ShownMetric, systems: Sequence[System], accounts: Sequence[Acco
 def _number(value: float | None) -> str:
     if value is None:
         return "—"
-    text = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"  # no power of ten below a million
-    return text.replace("-", "−")
+    return short(value)
 
 
 def _against(value: float | None, now: float | None) -> str:

@@ -14,6 +14,7 @@ from app.lessons.blocks import LessonRun, PictureLine
 from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.playing import LessonOutcome, Trace
 from app.lessons.predictions import predicted
+from app.lessons.words import LessonWords, words_of
 
 _FREE = (SERIES[0], *SERIES[2:])  # without SERIES[1], whose orange is too near to that of the predictions
 
@@ -34,12 +35,16 @@ def figure_of_run(
     """Figure of a run, with a chart for each line that it shows, and its measured numbers in the caption."""
     run = step.run
     assert run is not None
-    colors = run_colors(lesson)
+    colors, words = run_colors(lesson), words_of(lesson.head.language)
     charts = tuple(
-        _chart(run, line, [each for each in traces if each.line.shows(line)], answers, colors) for line in run.show
+        _chart(run, line, [each for each in traces if each.line.shows(line)], answers, colors, words)
+        for line in run.show
     )
-    text = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in outcome.measurements.items())
-    caption = f"{lesson.head.title}: {run.title}." + (f" Measured: {text}." if text else "")
+    text = ", ".join(
+        f"{run.measures[name].title or name.replace('_', ' ')} {value.text(words.language)}"
+        for name, value in outcome.measurements.items()
+    )
+    caption = f"{lesson.head.title}: {run.title}." + (f" {words.measured}: {text}." if text else "")
     return Figure(charts, caption)
 
 
@@ -55,6 +60,7 @@ def _chart(
     traces: Sequence[Trace],
     answers: Sequence[tuple[LessonStep, Answer]],
     colors: Mapping[str, Rgb],
+    words: LessonWords,
 ) -> FigureChart:
     curves = []
     for number, trace in enumerate(traces):
@@ -71,5 +77,5 @@ def _chart(
     ]
     for number, course in enumerate(courses):
         t, value = course.T
-        curves.append(Curve("predicted", MEASURED, t, value, dashed=True, listed=number == 0))
+        curves.append(Curve(words.predicted, MEASURED, t, value, dashed=True, listed=number == 0))
     return FigureChart(line.title, line.unit, tuple(curves))

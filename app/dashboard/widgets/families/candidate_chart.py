@@ -9,7 +9,8 @@ from html import escape
 
 import numpy as np
 
-from app.dashboard.widgets.families.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, caption_html, plain
+from app.dashboard.widgets.families.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, caption_html
+from app.scenario.number_text import rounded
 from app.storage.joint_kinds import units_of
 from app.sweep.run_metrics import COLUMNS, metric_title
 from app.sweep.titles import unit_of
@@ -87,7 +88,7 @@ def gains_in_words(tuning: BackgroundTuning, candidate: Candidate, names: Mappin
     """Gains of a candidate, in words."""
     units = units_of(tuning.tuning.scenario)
     return ", ".join(
-        f"{names[path]} {plain(float(value))} {unit_of(path, units)}".rstrip()
+        f"{names[path]} {rounded(float(value))} {unit_of(path, units)}".rstrip()
         for path, value in candidate.values.items()
     )
 
@@ -96,7 +97,7 @@ def _description(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[
     """Description of a candidate: its name, gains and aims, in words."""
     gains, units = gains_in_words(tuning, candidate, names), units_of(tuning.tuning.scenario)
     metrics = ", ".join(
-        f"{metric_title(aim)} {plain(value)} {COLUMNS[aim].unit_in(units)}".rstrip()
+        f"{metric_title(aim)} {rounded(value)} {COLUMNS[aim].unit_in(units)}".rstrip()
         for aim, value in zip(tuning.tuning.aims, candidate.aims, strict=True)
     )
     return f"{name_of(candidate.number)}{gains and f', {gains}'}: {metrics}"
@@ -158,9 +159,9 @@ def _star(x: float, y: float) -> str:
 
 def _axes(names: Sequence[str], across: ColorScale, up: ColorScale) -> str:
     return "".join([
-        f'<text x="{LEFT + EDGE}" y="{BOTTOM + 11}">{plain(across.low)}</text>',
-        f'<text x="{RIGHT}" y="{BOTTOM + 11}" text-anchor="end">{plain(across.high)}</text>',
-        *(f'<text x="{LEFT - 4}" y="{y + 4}" text-anchor="end">{plain(value)}</text>'
+        f'<text x="{LEFT + EDGE}" y="{BOTTOM + 11}">{rounded(across.low)}</text>',
+        f'<text x="{RIGHT}" y="{BOTTOM + 11}" text-anchor="end">{rounded(across.high)}</text>',
+        *(f'<text x="{LEFT - 4}" y="{y + 4}" text-anchor="end">{rounded(value)}</text>'
           for y, value in ((BOTTOM - EDGE, up.low), (TOP + EDGE, up.high))),
         f'<text x="{RIGHT}" y="{BOTTOM + 23}" text-anchor="end">→ {escape(names[0])}</text>',
         f'<text x="4" y="{BOTTOM + 23}">↑ {escape(names[1])}</text>',

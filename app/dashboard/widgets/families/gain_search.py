@@ -81,7 +81,9 @@ class GainSearch(BackgroundWork[BackgroundTuning]):
             "Judged by", tuple(ARMS), initial_value="4 of the declared set", hint="By the worst of these true arms."
         )
         self._budget = gui.add_dropdown("Candidates", tuple(BUDGETS), initial_value="32")
-        self._unseen = gui.add_text("Arms not seen", "8", hint="Number of other arms that test the result, 1 to 64.")
+        self._unseen = gui.add_text(
+            "Test arms", "8", hint="Arms that the search does not use and that test its result, 1 to 64."
+        )
         self._add_length()
         self._seed = gui.add_text("Seed", "0", hint="The same seed has the same answer.")
         self._add_button()
@@ -111,7 +113,7 @@ class GainSearch(BackgroundWork[BackgroundTuning]):
     def _request(self, snapshot: Snapshot) -> tuple[list[Field], Tuning]:
         """Fields that the search varies, and the tuning of the present choices. Raises ScenarioError."""
         seconds = self._length()
-        unseen, seed = self._whole("Arms not seen", self._unseen, 1, 64), self._whole("Seed", self._seed, 0, 2**31)
+        unseen, seed = self._whole("Test arms", self._unseen, 1, 64), self._whole("Seed", self._seed, 0, 2**31)
         moves = [each for each in self._moves if each.field is not None]
         fields = [each.field for each in moves if each.field is not None]
         if not fields:
@@ -134,9 +136,9 @@ class GainSearch(BackgroundWork[BackgroundTuning]):
             unseen=unseen,
         )
         if request.draw:
-            require_arms(request, f"Judged by: {self._arms.value}", "the scenario's own with 1 under Arms not seen")
+            require_arms(request, f"Judged by: {self._arms.value}", "the scenario's own with 1 under Test arms")
         else:
-            require_arms(request, f"Arms not seen: {unseen}", "1")
+            require_arms(request, f"Test arms: {unseen}", "1")
         require_sound(request)
         return fields, request
 

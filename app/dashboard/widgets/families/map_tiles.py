@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.export.ticks import plain_number
+from app.scenario.number_text import in_one_style, rounded
 from app.sweep.axes import Axis
 from app.sweep.background import BackgroundSweep
 from app.sweep.charts import wide
 from app.sweep.plan import SweepPlan
 from app.sweep.points import Points, interval
+from app.sweep.titles import value_in_words
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
 
@@ -220,10 +221,11 @@ def _up(position: float) -> float:
 
 
 def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Naming) -> str:
-    where = ", ".join(
-        f"{naming.axes[axis.path][0]} {plain(float(points.values[axis.path][k]))} {naming.axes[axis.path][1]}".rstrip()
+    named = [
+        (*naming.axes[axis.path], value_in_words(axis.path, float(points.values[axis.path][k])))
         for axis in plan.sweep.vary
-    )
+    ]
+    where = ", ".join(f"{name} {value} {unit}".rstrip() for name, unit, value in named)
     arms = int(points.counted[k])
     if points.stopped[k] and math.isnan(number):
         return f"{where}: a run stopped or was refused"
@@ -239,7 +241,7 @@ def _label(plan: SweepPlan, points: Points, k: int, number: float, naming: Namin
         count = f"{points.good[k]} of {arms} arms keep the limit of {naming.limit}"
         return f"{where}: {count} (95 %: {low:.2f} to {high:.2f} of arms drawn like these){more}"
     worst = f", worst of {arms} arms" if arms > 1 else ""
-    return f"{where}: {naming.title} {plain(number)} {naming.unit}{worst}{more}"
+    return f"{where}: {naming.title} {rounded(number)} {naming.unit}{worst}{more}"
 
 
 def _unpromised(points: Points, k: int) -> str:
@@ -309,17 +311,22 @@ def _ring(plan: SweepPlan, present: Present) -> str:
 
 def _ticks_across(x: Axis, wide: float) -> list[str]:
     return [
-        f'<text x="{LEFT + (k + 0.5) * wide:.1f}" y="{BOTTOM + 11}" text-anchor="middle">'
-        f"{plain(float(x.values[k]))}</text>"
-        for k in (0, len(x.values) // 2, len(x.values) - 1)
+        f'<text x="{LEFT + (k + 0.5) * wide:.1f}" y="{BOTTOM + 11}" text-anchor="middle">{label}</text>'
+        for k, label in _labels(x)
     ]
+
+
+def _labels(axis: Axis) -> list[tuple[int, str]]:
+    """First, middle and last place of an axis with their numbers."""
+    places = [0, len(axis.values) // 2, len(axis.values) - 1]
+    return list(zip(places, in_one_style([float(axis.values[k]) for k in places]), strict=True))
 
 
 def _ends_in_words(plan: SweepPlan, scale: ColorScale, naming: Naming) -> tuple[str, str]:
     """Ends of the scale of a map's numbers in words, without a unit."""
     if naming.share:
         return ("0", "1") if plan.sweep.draw else ("no", "yes")
-    return plain(scale.low), plain(scale.high)
+    return rounded(scale.low), rounded(scale.high)
 
 
 def _ticks_up(plan: SweepPlan, scale: ColorScale, naming: Naming) -> list[str]:
@@ -339,9 +346,8 @@ def _ticks(x: Axis, y: Axis, frame: _Frame, naming: Naming) -> str:
     return "".join([
         *_ticks_across(x, frame.wide),
         *(
-            f'<text x="{LEFT - 4}" y="{BOTTOM - (k + 0.5) * frame.tall + 4:.1f}" text-anchor="end">'
-            f"{plain(float(y.values[k]))}</text>"
-            for k in (0, len(y.values) // 2, len(y.values) - 1)
+            f'<text x="{LEFT - 4}" y="{BOTTOM - (k + 0.5) * frame.tall + 4:.1f}" text-anchor="end">{label}</text>'
+            for k, label in _labels(y)
         ),
         f'<text x="{RIGHT}" y="{BOTTOM + 23}" text-anchor="end">→ {escape(across)}</text>',
         f'<text x="4" y="{BOTTOM + 23}">↑ {escape(up)}</text>',
@@ -365,14 +371,9 @@ def _bar(plan: SweepPlan, scale: ColorScale, naming: Naming) -> str:
     left, right = (each if naming.share else f"{each} {naming.unit}" for each in _ends_in_words(plan, scale, naming))
     middle = ""
     if scale.logarithmic and not naming.share:
-        between = f"{plain(math.sqrt(scale.low * scale.high))} {naming.unit}"
+        between = f"{rounded(math.sqrt(scale.low * scale.high))} {naming.unit}"
         middle = f'<text x="{(LEFT + RIGHT) / 2:.1f}" y="244" text-anchor="middle">{between}</text>'
     return (
         f'{shades}<text x="{LEFT}" y="244">{left}</text>{middle}'
         f'<text x="{RIGHT}" y="244" text-anchor="end">{right}</text>'
     )
-
-
-def plain(value: float) -> str:
-    """Number with three digits."""
-    return plain_number(float(f"{value:.3g}"), None)

@@ -28,6 +28,7 @@ from app.export.export_jobs import MadeJob, file_name
 from app.export.formats import FIGURE_FORMATS
 from app.scenario.departures import DRAWN
 from app.scenario.errors import ScenarioError
+from app.scenario.number_text import rounded
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.session.commands import Perform, Pin
@@ -198,7 +199,7 @@ class RobustnessMap(BackgroundWork[BackgroundSweep]):
         unit = self._unit(units)
         axes = {path: (field.name, unit_of(path, units)) for path, field in self._fields.items()}
         within = self._view.within
-        limit = "" if within is None else f"{factor * within:.3g} {unit}"
+        limit = "" if within is None else f"{rounded(factor * within)} {unit}"
         return Naming(self._metric.value, unit, factor, limit, axes)
 
     def _points(self, sweep: BackgroundSweep) -> Points | None:

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from app.export.ticks import plain_number
 from app.scenario.field_info import FieldInfo, field_info
+from app.scenario.number_text import plain
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, Units, unit_in
 from app.session.commands import Edit, EditModel
@@ -71,7 +71,7 @@ class FieldBinding:
         if info is None:
             return self.path
         unit = "" if info.unit == "1" else unit_in(units, self.path, info.unit)
-        low, high = (None if bound is None else plain_number(bound, None) for bound in (info.least, info.largest))
+        low, high = (None if bound is None else plain(bound) for bound in (info.least, info.largest))
         if low is None and high is None:
             return f"{info.doc} [{unit}]" if unit else info.doc
         if low and high and info.least_allowed and info.largest_allowed:

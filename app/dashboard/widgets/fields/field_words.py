@@ -7,9 +7,10 @@ import re
 from app.analysis.glossary import GLOSSARY
 from app.dashboard.widgets.fields.matrix_text import written
 from app.scenario.data import differences
+from app.scenario.number_text import plain
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
-from app.sweep.titles import FURTHER, title_of, unit_of, value_in_words
+from app.sweep.titles import FURTHER, NONE_AT_ZERO, title_of, unit_of, value_in_words
 
 LONGEST = 40  # letters of a value
 TOLD = 4  # differences of two scenarios
@@ -48,7 +49,7 @@ def differences_in_words(scenario: Scenario, other: Scenario, units: Units) -> s
 def _value(path: str, value: object, units: Units) -> str:
     if value is None:
         return "the mode's own" if path.startswith("target_model.") else "not given"
-    if isinstance(value, bool | str):
+    if isinstance(value, bool | str) or (value == 0.0 and path in NONE_AT_ZERO):
         return value_in_words(path, value)
     unit = unit_of(path, units)
     if isinstance(value, list | tuple) and value:
@@ -85,7 +86,8 @@ def _beyond(path: str, found: re.Match[str]) -> str:
     in every task space."""
     units = {unit_of(path, kind) for kind in (Units(), Units(task="joint"), Units(joints="mixed"))}
     unit = f" {units.pop()}".rstrip() if len(units) == 1 else ""
-    return f": {found[1]}{unit}; allowed: {_BOUNDS[found[2]]} {found[3]}{unit}"
+    value, bound = (plain(float(number)) for number in (found[1], found[3]))
+    return f": {value}{unit}; allowed: {_BOUNDS[found[2]]} {bound}{unit}"
 
 
 def _is_field(path: str) -> bool:

@@ -58,6 +58,15 @@ def starts(n: int) -> list[int]:
     return sorted({min(start, max(n - 3, 0)) for start in range(0, n, 3)})
 
 
+def unit_of_entries(snapshot: Snapshot, name: str) -> str:
+    """Unit of the entries of this matrix in words."""
+    unit = snapshot.system.units.of_model[name]
+    if not unit:
+        return "entries without unit"
+    scaled = any(coordinate.metres_per_radian is not None for coordinate in snapshot.coordinates)
+    return f"all entries in {unit}" + (", also those of angles, which r holds times ℓ" if scaled else "")
+
+
 class MatrixEditor:
     """Editor of the draft in the current container. The draft is state of the page; `edit` returns what its model is
     judged by. A draft of a matrix that something else has changed meanwhile, such as a way out, is dropped."""
@@ -70,6 +79,7 @@ class MatrixEditor:
         self._name, self._block = "K_m", 0
         self._matrix = gui.add_dropdown("Matrix", NAMES, initial_value=self._name)
         self._matrix.on_update(from_pages(self._on_choice))
+        self._unit = gui.add_html("")
         self._blocks = gui.add_dropdown("Block", _NO_BLOCKS, hint="Rows × columns. The mirrored entry changes, too.")
         self._blocks.on_update(from_pages(self._on_choice))
         self._rows: dict[int, list[viser.GuiVector2Handle] | list[viser.GuiVector3Handle]] = {
@@ -145,6 +155,7 @@ class MatrixEditor:
         if self._draft.n != n or self._accepted(snapshot) or (replaced and snapshot.blending is None):
             self._draft, self._running = Draft(n), {}
         self._matrix.value = self._name
+        self._unit.content = f'<div class="vs-note">{unit_of_entries(snapshot, self._name)}</div>'
         self._show_blocks([coordinate.name for coordinate in snapshot.coordinates])
         matrix = self._current(snapshot)
         rows, columns, width = self._window(n)

@@ -20,11 +20,6 @@ def written(value: Any) -> str:
     return f"{value:.6g}"
 
 
-def short(value: float) -> str:
-    """Short text of a number: four digits, without an exponent up to a million."""
-    return f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}"
-
-
 def read_back(text: str) -> int | float | list[Any]:
     """Value of a text, the inverse of `written`; a whole number without a point becomes an int. Raises ValueError."""
     rows = [[number(part.strip()) for part in row.split(",")] for row in text.split(";")]

@@ -15,6 +15,7 @@ from app.dashboard.widgets.lesson.outcome_chart import courses_html
 from app.lessons.class_desk import AskedQuestion
 from app.lessons.course import LessonCourse
 from app.lessons.markup import inline_html
+from app.scenario.number_text import rounded
 
 BINS = 10
 NARROW = 1e-9  # of the size of the answers: a smaller range of them counts as one number
@@ -110,19 +111,19 @@ def _counted(question: ClassQuestion, answers: Sequence[Given]) -> list[tuple[st
     unit, room = escape(question.unit), NARROW * max(abs(low), abs(high))
     if high - low <= room:  # numpy has no bins that small
         low, high = low - room, high + room
-        inside = [(f"{(low + high) / 2.0:.3g} {unit}", int(np.sum((low <= values) & (values <= high))))]
+        inside = [(f"{rounded((low + high) / 2.0)} {unit}", int(np.sum((low <= values) & (values <= high))))]
     else:
         bins = min(BINS, len(np.unique(values)))
         counts, edges = np.histogram(values, bins=bins, range=(low, high))
         inside = [
-            (f"{first:.3g} to {after:.3g} {unit}", int(count))
+            (f"{rounded(first)} to {rounded(after)} {unit}", int(count))
             for count, first, after in zip(counts, edges[:-1], edges[1:], strict=True)
         ]
     below, above = int(np.sum(values < low)), int(np.sum(values > high))
     return [
-        *([(f"below {low:.3g} {unit}", below)] if below else []),
+        *([(f"below {rounded(low)} {unit}", below)] if below else []),
         *inside,
-        *([(f"above {high:.3g} {unit}", above)] if above else []),
+        *([(f"above {rounded(high)} {unit}", above)] if above else []),
     ]
 
 

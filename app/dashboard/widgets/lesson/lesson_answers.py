@@ -23,12 +23,19 @@ from app.lessons.course import LessonCourse
 from app.lessons.goals import goal_result
 from app.lessons.lesson import LessonStep
 from app.lessons.measures import Unmet
+from app.lessons.words import LessonWords
 from app.scenario.errors import ScenarioError
 from app.session.commands import Play, Reset
 from app.session.snapshot import Snapshot
 
 MOST_OPTIONS = 5
 _GROUPED = re.compile(r"-?[1-9]\d{0,2},\d{3}")  # with a comma of decimals, or of thousands
+
+
+def relabel(handle: viser.GuiButtonHandle | viser.GuiButtonGroupHandle | viser.GuiFolderHandle, label: str) -> None:
+    """Give a button or a folder this label."""
+    if handle.label != label:
+        handle.label = label
 
 
 class OptionAnswer:
@@ -117,8 +124,9 @@ class NumberAnswer:
         self._lock.visible = asks and course.open
         if not asks:
             return
+        relabel(self._lock, course.words.lock_answer)
         unit = answer_unit(step, course)
-        self._text.label = f"your answer [{unit}]" if unit else "your answer"
+        self._text.label = f"{course.words.your_answer} [{unit}]" if unit else course.words.your_answer
         self._text.disabled = not course.open
         question = course.lesson.name, step.number, answer is not None
         if answer is not None:
@@ -162,6 +170,7 @@ class CurveAnswer:
         asks = isinstance(step.block, blocks.CurveQuestion)
         self._html.visible = self._field.visible = asks
         self._lock.visible = asks and course.open
+        relabel(self._lock, course.words.lock_line)
         if not isinstance(step.block, blocks.CurveQuestion):
             self._html.content = ""
             self._field.value = ""
@@ -210,6 +219,8 @@ class GoalControls:
                     for each in goal.controls
                 ]
             self._of = entered
+        relabel(self._folder, course.words.controls)
+        relabel(self._anew, course.words.anew)
         for row in self._rows:
             row.show(snapshot)
         content = self._html(course, snapshot)
@@ -225,11 +236,13 @@ class GoalControls:
 
     def _html(self, course: LessonCourse, snapshot: Snapshot) -> str:
         if course.step.number in course.progress.goals:
-            return f'<div class="vs-scored">{chip("reached", "vs-good")}</div>'
+            return f'<div class="vs-scored">{chip(course.words.reached, "vs-good")}</div>'
         if self._missed_in != snapshot.run:
             try:
                 stopped = snapshot.phase == "stopped"
-                result = goal_result(course.step, snapshot.latest, snapshot.recording, snapshot.end, stopped=stopped)
+                result = goal_result(
+                    course.step, snapshot.latest, snapshot.recording, snapshot.end, stopped=stopped, words=course.words
+                )
             except ScenarioError as error:
                 return f'<div class="vs-note">{escape(str(error))}</div>'
             if result.waiting:
@@ -242,25 +255,21 @@ class GoalControls:
                         Fault(f"the progress of lessons cannot be saved: {error.strerror}; the lesson goes on")
                     )
             assert isinstance(course.step.block, blocks.Goal)
-            goal, language = course.step.block, course.lesson.head.language
+            goal = course.step.block
             self._missed_in = snapshot.run
-            self._missed = tuple(missed_html(each, goal, language) for each in result.missed)
-        missed = "".join(f'<div class="vs-scored">{chip("not yet", "vs-warn")} {each}</div>' for each in self._missed)
-        changed = len(snapshot.recording.epochs) > 1
-        return missed + (
-            '<div class="vs-note">You changed something since: try it again.</div>' if missed and changed else ""
+            self._missed = tuple(missed_html(each, goal, course.words) for each in result.missed)
+        missed = "".join(
+            f'<div class="vs-scored">{chip(course.words.not_yet, "vs-warn")} {each}</div>' for each in self._missed
         )
+        changed = len(snapshot.recording.epochs) > 1
+        return missed + (f'<div class="vs-note">{course.words.changed}</div>' if missed and changed else "")
 
 
-def missed_html(missed: Unmet, goal: blocks.Goal, language: str) -> str:
-    """Condition of a goal that does not hold as HTML, words of the program around those of the lesson.
-    language: of the lesson."""
-    title, lang = goal.measures[missed.measure].title or missed.measure, escape(language)
-    measured, limit = (escape(number.text(language)) for number in (missed.value, missed.limit))
-    return (
-        f'<span lang="{lang}">{escape(title)}: {measured}</span>; wanted: {missed.wanted} '
-        f'<span lang="{lang}">{limit}</span>'
-    )
+def missed_html(missed: Unmet, goal: blocks.Goal, words: LessonWords) -> str:
+    """Condition of a goal that does not hold as HTML. words: in the lesson's language."""
+    title = goal.measures[missed.measure].title or missed.measure
+    measured, limit = (escape(number.text(words.language)) for number in (missed.value, missed.limit))
+    return f'<span lang="{words.language}">{escape(title)}: {measured}; {words.wanted[missed.wanted]} {limit}</span>'
 
 
 def _binding(control: blocks.GoalSlider) -> FieldBinding:

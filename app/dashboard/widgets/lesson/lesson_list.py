@@ -12,6 +12,7 @@ from app.dashboard.widgets.fields.controls import Desk
 from app.lessons.answers import LessonProgress, csv_of, json_of
 from app.lessons.lesson import Lesson
 from app.lessons.markup import inline_html
+from app.lessons.words import words_of
 
 LANGUAGES = {"en": "", "de": "Deutsch"}
 
@@ -79,18 +80,20 @@ class LessonList:
         lesson = self._titles[self._choice.value]
         done = progress.get(lesson.name)
         knows = "".join(f"<li>{inline_html(item)}</li>" for item in lesson.head.knows)
-        state, label, goal = "", "Begin", False
+        words = words_of(lesson.head.language)
+        state, label, goal = "", words.begin, False
         if done is not None:
             scores = [answer.score for answer in done.answers.values() if answer.score is not None]
             result = f" {sum(scores):g} of {len(scores)} answers right" if scores else ""
             state = f"<p>{_state(lesson, done)}{result}</p>"
-            label = f"Continue at step {done.step}"
+            label = words.go_on.format(done.step)
             if _ended(lesson, done):
-                label, goal = "Take it again", done.step in _missed(lesson, done)
+                label, goal = words.again, done.step in _missed(lesson, done)
                 state += "<p>Taking it again deletes your answers. Save them first if you want to keep them.</p>"
         content = (
-            f'<div class="vs-lesson vs-prose"><p class="vs-dim">{lesson.head.minutes:g} minutes. '
-            f'Afterwards you will know</p><ul lang="{escape(lesson.head.language)}">{knows}</ul>{state}</div>'
+            f'<div class="vs-lesson vs-prose"><p class="vs-dim" lang="{words.language}">'
+            f"{words.minutes.format(f'{lesson.head.minutes:g}')} {words.knows}</p>"
+            f'<ul lang="{escape(lesson.head.language)}">{knows}</ul>{state}</div>'
         )
         if self._about.content != content:
             self._about.content = content

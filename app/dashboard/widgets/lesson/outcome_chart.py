@@ -14,6 +14,7 @@ from app.lessons.blocks import CurveQuestion, LessonRun, PictureLine
 from app.lessons.lesson import LessonStep
 from app.lessons.playing import Trace
 from app.lessons.predictions import predicted
+from app.lessons.words import ENGLISH, LessonWords
 
 WIDTH, HEIGHT = 336, 168
 LEFT, RIGHT, TOP, BOTTOM = 40, 330, 20, 140  # px, edges of the frame
@@ -25,6 +26,7 @@ def outcome_html(
     traces: Sequence[Trace],
     predictions: Sequence[tuple[LessonStep, Answer]],
     colors: Mapping[str, Rgb],
+    words: LessonWords = ENGLISH,
 ) -> str:
     """Pictures of a run as HTML, one below the other for each line that it shows. colors: of the runs, by title."""
     block = run.block
@@ -33,7 +35,7 @@ def outcome_html(
     for line in block.show:
         of = [trace for trace in traces if trace.line.shows(line)]
         if of:
-            pictures.append(_picture(block, line, of, predictions, colors))
+            pictures.append(_picture(block, line, of, predictions, colors, words))
     return "".join(pictures)
 
 
@@ -95,6 +97,7 @@ def _picture(
     traces: Sequence[Trace],
     predictions: Sequence[tuple[LessonStep, Answer]],
     colors: Mapping[str, Rgb],
+    words: LessonWords,
 ) -> str:
     found = predicted(run, line, predictions)
     values = np.concatenate(
@@ -115,25 +118,29 @@ def _picture(
         legend.append(
             f'<span><i class="vs-swatch" style="background: {line_css(color)}"></i>{escape(trace.run)}</span>'
         )
-    parts += [_predicted(_path(frame, drawn)) for drawn in found.courses]
-    parts += [_predicted(f"M {LEFT} {frame.y(value):.1f} L {RIGHT} {frame.y(value):.1f}") for value in found.levels]
+    parts += [_predicted(_path(frame, drawn), words) for drawn in found.courses]
     parts += [
-        _predicted(f"M {frame.x(t):.1f} {TOP} L {frame.x(t):.1f} {BOTTOM}")
+        _predicted(f"M {LEFT} {frame.y(value):.1f} L {RIGHT} {frame.y(value):.1f}", words) for value in found.levels
+    ]
+    parts += [
+        _predicted(f"M {frame.x(t):.1f} {TOP} L {frame.x(t):.1f} {BOTTOM}", words)
         for t in found.instants
         if frame.start <= t <= frame.end
     ]
     if found:
-        legend.append(f'<span><i class="vs-swatch" style="background: {line_css(MEASURED)}"></i>your prediction</span>')
+        legend.append(
+            f'<span><i class="vs-swatch" style="background: {line_css(MEASURED)}"></i>{words.prediction}</span>'
+        )
     return (
         f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(line.title)} over time">'
         f'{"".join(parts)}</svg><div class="vs-lines">{"".join(legend)}</div>'
     )
 
 
-def _predicted(path: str) -> str:
+def _predicted(path: str, words: LessonWords) -> str:
     return (
         f'<path class="vs-predicted" fill="none" stroke="{line_css(MEASURED)}" stroke-width="2" stroke-dasharray="6 4" '
-        f'd="{path}"><title>your prediction</title></path>'
+        f'd="{path}"><title>{words.prediction}</title></path>'
     )
 
 

@@ -20,7 +20,7 @@ KEYS: dict[str, str] = {
     "pageup": "previous event: an edit, a push, a contact",
     "pagedown": "next event",
     "Z": "revert what a slider has applied last",
-    "F": "fork: continue from the shown instant",
+    "F": "fork: from now on, play continues at the shown instant",
     "P": "pin this run, to compare it with others",
     "R": "reset: begin again at t = 0",
     **{str(number): mode.label.lower() for number, mode in enumerate(MODES.values(), start=1)},

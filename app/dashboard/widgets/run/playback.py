@@ -63,7 +63,7 @@ _ACTIONS = (
     _Action("One control period on", lambda _: StepOnce(), "arrowright", name="step", icon="M7 5v14l11-7z"),
     _Action("To the end of the run", lambda _: ToEnd(), "end", name="to the end", icon="M18 5h2v14h-2zM4 5v14l11-7z"),
     _Action(
-        "Fork: continue from the shown instant; what followed is pinned",
+        "Fork: from now on, play continues at the shown instant; what followed is pinned",
         lambda _: Fork(),
         "F",
         name="fork here",

@@ -12,6 +12,7 @@ from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.field_words import refusal_in_words
 from app.dashboard.widgets.run.whatif import WhatIf
+from app.scenario.number_text import rounded
 from app.scenario.units import Units
 from app.session.preview_messages import Preview, PreviewMetrics
 from app.session.snapshot import Snapshot
@@ -48,7 +49,7 @@ class WhatIfPanel:
         self._window = gui.add_panel(visible=False)
         with self._window.add_tab("What if"):
             self._html = gui.add_html("")
-            self._revert = gui.add_button("Revert", hint="Esc while the slider is held.")
+            self._revert = gui.add_button("Cancel", hint="Esc while the slider is held.")
         self._revert.on_click(self._on_revert)
         gui.add_command("Revert the last slider", hotkey="Z").on_trigger(self._on_key)
         self._window.float(x=-12, y=12, width=330)
@@ -89,15 +90,21 @@ class WhatIfPanel:
         held = whatif.held
         if held is not None:
             self._until = now + _SHOWN
+            self._name_button("Cancel")
             self._head = f"<span>{escape(held.label)} = <b>{escape(held.value)}</b></span>"
             self._html.content = _html(self._head, held.then, body_html(whatif, snapshot.system.units))
         elif whatif.undo(snapshot) is None:
             self._until = -math.inf
         else:
             self._html.content = _html(self._head, "applied", "")
+            self._name_button("Revert")
         visible = now < self._until
         if self._window.visible != visible:
             self._window.visible = visible
+
+    def _name_button(self, label: str) -> None:
+        if self._revert.label != label:
+            self._revert.label = label
 
 
 def body_html(whatif: WhatIf, units: Units) -> str:
@@ -197,7 +204,7 @@ def _rows(units: Units, reached: str, columns: Sequence[PreviewMetrics]) -> tupl
             lambda f: (
                 "(18) promises nothing"
                 if f.reaching_time_promised is None
-                else f"s = 0 by (18): ≤ {f.reaching_time_promised:.3g} s"
+                else f"s = 0 by (18): ≤ {rounded(f.reaching_time_promised)} s"
             ),
         ),
         _Row("least margin of (17)", lambda f: force(f.gain_margin)),
@@ -237,4 +244,4 @@ def _seconds(value: float | None) -> str | None:
 
 
 def _small(value: float, zero: float) -> str:
-    return "0" if abs(value) < zero else f"{value:.3g}".replace("-", "−")
+    return "0" if abs(value) < zero else rounded(value)

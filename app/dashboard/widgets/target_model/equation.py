@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from app.dashboard.widgets.fields.matrix_text import short
+from app.scenario.number_text import short
 from app.session.snapshot import Snapshot
 
 _NAMES = ("M_m", "B_m", "K_m", "K_f")
@@ -60,7 +60,8 @@ def _same(line: EquationLine, part: tuple[int, ...], snapshot: Snapshot) -> bool
 def equation_html(snapshot: Snapshot) -> str:
     """Description of the mode, (8) in symbols, and its lines with numbers; the entries that the mode fixes are grey."""
     mode = snapshot.system.mode
-    about = f"{mode.title} {mode.equation}: {mode_summary(snapshot)} Grey numbers are fixed by the mode."
+    units = ", ".join(f"{name} in {unit}" for name, unit in snapshot.system.units.of_model.items() if unit)
+    about = f"{mode.title} {mode.equation}: {mode_summary(snapshot)} {units}. Grey numbers are fixed by the mode."
     rows = [_general(), *(_row(line, snapshot) for line in lines(snapshot))]
     return (
         '<div class="vs-equation"><div class="vs-row vs-about" tabindex="0">'
@@ -161,7 +162,7 @@ def _names(line: EquationLine, snapshot: Snapshot) -> str:
 
 
 def _number(matrix: np.ndarray, indices: tuple[int, ...], _: np.ndarray) -> str:
-    return f"<mn>{_formatted(matrix[indices[0], indices[0]])}</mn>"
+    return f"<mn>{short(matrix[indices[0], indices[0]], 4)}</mn>"
 
 
 def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> str:
@@ -179,11 +180,7 @@ def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> s
 
 def _entry(value: float, *, grey: bool) -> str:
     look = ' class="fixed"' if grey else ""
-    return f"<mtd{look}><mn>{_formatted(value) if value else '·'}</mn></mtd>"
-
-
-def _formatted(value: float) -> str:
-    return short(value).replace("-", "−")
+    return f"<mtd{look}><mn>{short(value, 4) if value else '·'}</mn></mtd>"
 
 
 def is_fixed(snapshot: Snapshot, name: str, i: int) -> bool:

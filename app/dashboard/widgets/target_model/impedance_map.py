@@ -11,6 +11,7 @@ import numpy as np
 
 from app.dashboard.theme.colors import SERIES, line_css
 from app.export.response_files import summary
+from app.scenario.number_text import rounded
 from app.session.push_measurement import Measured
 from app.simulation.sampled_loop.push_response import PushKind, PushResponse, along_axes, passive
 from app.simulation.sampled_loop.sampled_frequencies import LOWEST
@@ -149,8 +150,8 @@ def _dots(drawn: _Drawn, axes: Sequence[int], alike: Mapping[int, list[int]], lo
     return [
         f'<circle class="measured" cx="{_x(points[k].frequency, response):.1f}" '
         f'cy="{_y(float(impedance[k, place]), low, high):.1f}" r="2.6" fill="none" stroke="{colours[axes[place]]}">'
-        f"<title>measured {escape(axis.words)}: {impedance[k, place]:.3g} {axis.kind.impedance_unit} at "
-        f"{points[k].frequency:.3g} Hz</title></circle>"
+        f"<title>measured {escape(axis.words)}: {rounded(float(impedance[k, place]))} {axis.kind.impedance_unit} at "
+        f"{rounded(points[k].frequency)} Hz</title></circle>"
         for k, place in np.argwhere(inside)
         for axis in [response.axes[axes[place]]]
     ]
@@ -178,7 +179,8 @@ def _upright(k: int, response: PushResponse) -> str:
 
 def _level(k: int, low: int, high: int) -> str:
     y = _y(10.0**k, low, high)
-    label = f"{10.0**k:g}" if -2 <= k <= 4 else f'10<tspan dy="-4" font-size="8">{k}</tspan>'
+    short = low >= -2 and high <= 4  # all labels in one style
+    label = f"{10.0**k:g}" if short else f'10<tspan dy="-4" font-size="8">{k}</tspan>'
     return (
         f'<line class="grid" x1="{_LEFT}" x2="{_RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
         f'<text x="{_LEFT - 4}" y="{y + 3.5:.1f}" text-anchor="end">{label}</text>'

@@ -11,12 +11,12 @@ import numpy as np
 
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.fields.field_words import refusal_in_words
-from app.dashboard.widgets.fields.matrix_text import short
 from app.dashboard.widgets.run.whatif import changed
 from app.dashboard.widgets.target_model.pole_drag import draggable
 from app.dashboard.widgets.target_model.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem.theorem_table import number_chip
 from app.scenario.errors import ScenarioError
+from app.scenario.number_text import rounded, short
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.session.commands import Edit, EditModel
@@ -130,7 +130,7 @@ def checks_html(snapshot: Snapshot, edit: Edit | EditModel | None) -> str:
 
 def _stability_chip(judgement: Judgement, prefix: str) -> str:
     word, look = ("stable", "vs-good") if judgement.slowest < 0.0 else ("not stable", "vs-bad")
-    rightmost = f"{judgement.slowest:.3g}".replace("-", "−")
+    rightmost = rounded(judgement.slowest)
     return chip(f"{prefix}{word}, rightmost pole at {rightmost} 1/s", look)
 
 
@@ -149,7 +149,7 @@ def _spread(matrix: np.ndarray) -> str:
     if np.abs(values.imag).max() > 1e-9 * max(np.abs(values).max(), 1e-300):
         return chip("not symmetric", "vs-bad")
     low, high = float(values.real.min()), float(values.real.max())
-    text = short(low) if math.isclose(low, high, rel_tol=1e-6) else f"{short(low)} … {short(high)}"
+    text = short(low, 4) if math.isclose(low, high, rel_tol=1e-6) else f"{short(low, 4)} … {short(high, 4)}"
     return chip(text, "vs-bad") if low < -1e-12 else text
 
 
@@ -182,9 +182,9 @@ def _sampled_poles(snapshot: Snapshot) -> str:
     if not found:
         return ""
     rate = 1e-3 / snapshot.scenario.controller.period
-    head = f"<tr><td>poles</td><td>model ω, ζ</td><td>sampled at {rate:.3g} kHz</td></tr>"
+    head = f"<tr><td>poles</td><td>model ω, ζ</td><td>sampled at {rounded(rate)} kHz</td></tr>"
     rows = "".join(
-        f"<tr><td>{f'{o.count} ×' if o.count > 1 else ''}</td><td>{o.omega:.3g} rad/s, {_ratio(o.zeta)}</td>"
+        f"<tr><td>{f'{o.count} ×' if o.count > 1 else ''}</td><td>{rounded(o.omega)} rad/s, {_ratio(o.zeta)}</td>"
         f"<td>{_span(o.slowest, o.fastest)} rad/s, {'≥ ' if o.count > 1 else ''}{_ratio(o.least_zeta)}</td></tr>"
         for o in found
     )
@@ -193,7 +193,7 @@ def _sampled_poles(snapshot: Snapshot) -> str:
 
 def _span(low: float, high: float) -> str:
     """Range of numbers to three digits, as one number where its ends are written alike."""
-    ends = (f"{low:.3g}", f"{high:.3g}")
+    ends = (rounded(low), rounded(high))
     return ends[0] if ends[0] == ends[1] else " to ".join(ends)
 
 

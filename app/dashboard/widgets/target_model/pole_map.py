@@ -13,6 +13,8 @@ from html import escape
 
 import numpy as np
 
+from app.scenario.number_text import in_one_style, rounded
+
 _R, _HOLE = 112.0, 14.0  # px: radius of the largest circle, and of the circle of the smallest decade
 _X, _Y = 168.0, 128.0  # px: position of the origin
 _SIZE = (336, 148)
@@ -63,7 +65,12 @@ def pole_map_html(now: list[Pole], requested: list[Pole], dragged: Collection[in
     parts = [
         f'<path class="left" d="M {_X - _R} {_Y} A {_R} {_R} 0 0 1 {_X} {_Y - _R} V {_Y} Z"/>',
         f'<path class="right" d="M {_X + _R} {_Y} A {_R} {_R} 0 0 0 {_X} {_Y - _R} V {_Y} Z"/>',
-        *(_circle(k, low, high) for k in range(low, high + 1)),
+        *(
+            _circle(k, low, high, label)
+            for k, label in zip(
+                range(low, high + 1), in_one_style([10.0**k for k in range(low, high + 1)]), strict=True
+            )
+        ),
         *(_ray(zeta) for zeta in _DAMPING),
         f'<line class="axis" x1="{_X - _R - 10}" x2="{_X + _R + 10}" y1="{_Y}" y2="{_Y}"/>',
         f'<line class="axis" x1="{_X}" x2="{_X}" y1="{_Y}" y2="{_Y - _R - 8}"/>',
@@ -98,9 +105,8 @@ def _place(pole: Pole, low: int, high: int) -> tuple[float, float]:
     return _X + r * pole.value.real, _Y - r * pole.value.imag
 
 
-def _circle(k: int, low: int, high: int) -> str:
+def _circle(k: int, low: int, high: int, label: str) -> str:
     r = _radius(10.0**k, low, high)
-    label = f"{10.0**k:g}" if -3 <= k <= 4 else f"1e{k}"
     return (
         f'<path class="grid" d="M {_X - r:.1f} {_Y} A {r:.1f} {r:.1f} 0 0 1 {_X + r:.1f} {_Y}"/>'
         f'<text x="{_X - r:.1f}" y="{_Y + 14}" text-anchor="middle">{label}</text>'
@@ -117,9 +123,10 @@ def _ray(zeta: float) -> str:
 
 def _mark(pole: Pole, low: int, high: int, look: str, number_of: int | None = None) -> str:
     x, y = _place(pole, low, high)
-    imaginary = f" ± {pole.value.imag:.4g} j" if pole.value.imag > _SAME * pole.omega else ""
+    imaginary = f" ± {rounded(pole.value.imag, 4)} j" if pole.value.imag > _SAME * pole.omega else ""
     counted = "1 pole" if pole.count == 1 else f"{pole.count} poles"
-    tip = f"{pole.value.real:.4g}{imaginary} 1/s, ω = {pole.omega:.4g} rad/s, ζ = {pole.zeta:.3g}, {counted}"
+    swing = f"ω = {rounded(pole.omega, 4)} rad/s, ζ = {pole.zeta:.3g}"
+    tip = f"{rounded(pole.value.real, 4)}{imaginary} 1/s, {swing}, {counted}"
     shape = (
         f'<path d="M {x - 4.5:.1f} {y - 4.5:.1f} l 9 9 m 0 -9 l -9 9"/>'
         if look == "now"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from app.scenario.field_info import field_info
+from app.scenario.number_text import rounded
 from app.scenario.schema import STATED_IN, Declared
 from app.scenario.units import unit_in
 from app.session.snapshot import Snapshot
@@ -39,14 +40,14 @@ def _declared(snapshot: Snapshot) -> list[tuple[str, ...]]:
         info, given = field_info(f"declared.{name}"), getattr(snapshot.scenario.declared, name)
         if given is None or (name == "least_inertia" and snapshot.scenario.declared.delta_M is None):
             continue
-        value = escape(given) if isinstance(given, str) else f"{given:.3g}"
+        value = escape(given) if isinstance(given, str) else rounded(given)
         rows.append(
             (
                 _NAMES.get(name, name.replace("_", " ")),
                 info.doc,
                 value,
                 "—",
-                f"{getattr(stated, name):.3g}".replace("nan", "—") if name in STATED_IN else value,
+                rounded(getattr(stated, name)).replace("nan", "—") if name in STATED_IN else value,
                 unit_in(snapshot.system.units, f"declared.{name}", info.unit).removesuffix("1"),
             )
         )
@@ -77,7 +78,9 @@ def _searched(snapshot: Snapshot) -> list[tuple[str, ...]]:
             ("k_G", "change of Ĝ per rad, for these", lipschitz.k_G, "N·m/rad"),
         ]
     low = constants.k_r_low
-    return [("k_r′", "least eigenvalue of H", "—", f"{low * MARGIN:.4g}", f"{low:.4g}", units.of_joints(mass))] + [
-        (name, about, "—", f"{used / MARGIN:.4g}", f"{used:.4g}", units.of_joints(unit))
+    return [
+        ("k_r′", "least eigenvalue of H", "—", rounded(low * MARGIN, 4), rounded(low, 4), units.of_joints(mass))
+    ] + [
+        (name, about, "—", rounded(used / MARGIN, 4), rounded(used, 4), units.of_joints(unit))
         for name, about, used, unit in rows
     ]

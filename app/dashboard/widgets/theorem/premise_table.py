@@ -6,6 +6,7 @@ from html import escape
 
 from app.dashboard.widgets.chips import chip, verdict_now, verdict_of_run
 from app.scenario.caption import percent
+from app.scenario.number_text import rounded
 from app.session.snapshot import Snapshot
 from app.simulation.omega.domain import MARGIN
 from app.simulation.promise.verdict import Finding
@@ -32,8 +33,9 @@ def _constants(snapshot: Snapshot) -> str:
     """Note on the constants of (19) and (20) and how they were found, as HTML."""
     constants = snapshot.system.constants
     unit = snapshot.system.units.of_model["M_m"]
+    low, high = rounded(constants.k_r_low), rounded(constants.k_r_high)
     return (
-        f'<div class="vs-note">(19): k_r′ = {constants.k_r_low:.3g} {unit}, k_r″ = {constants.k_r_high:.3g} {unit} for '
+        f'<div class="vs-note">(19): k_r′ = {low} {unit}, k_r″ = {high} {unit} for '
         f"every declared arm over Ω, found by search, with a margin of {100 * (MARGIN - 1):.0f} %.</div>"
     )
 
@@ -54,4 +56,4 @@ def _row(finding: Finding) -> str:
 
 
 def _small(value: float) -> str:
-    return f"{0.0 if abs(value) < 1e-9 else value:.3g}".replace("-", "−")
+    return rounded(0.0 if abs(value) < 1e-9 else value)

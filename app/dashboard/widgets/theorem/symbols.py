@@ -40,7 +40,8 @@ def _entry(symbol: Symbol) -> str:
     names = "|".join((symbol.written, *symbol.also))
     units = " or ".join(dict.fromkeys(unit for unit in (symbol.unit, symbol.joint_unit) if unit not in ("", "1")))
     unit = f' <span class="vs-unit">[{escape(units)}]</span>' if units else ""
-    cited = f" <cite>equation {escape(symbol.equation)} of the paper</cite>" if symbol.equation else ""
+    equation = "equations" if "," in symbol.equation else "equation"
+    cited = f" <cite>{equation} {escape(symbol.equation)} of the paper</cite>" if symbol.equation else ""
     sentence = symbol.meaning[:1].upper() + symbol.meaning[1:] if symbol.meaning[:2].islower() else symbol.meaning
     return (
         f'<div data-of="{escape(symbol.written)}" data-names="{escape(names)}"><dt>{escape(symbol.written)}</dt>'

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import viser
 
 from app.dashboard.widgets.chips import chip
+from app.scenario.number_text import rounded
 from app.session.snapshot import Snapshot
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
@@ -54,7 +55,7 @@ class _LiveNumbers:
     def number(self, name: str, factor: float = 1.0) -> str:
         """One number; a dash where there is none."""
         value = self.values.get(name, math.nan) * factor
-        return f"<b>{0.0 if abs(value) < 1e-9 else value:.3g}</b>" if math.isfinite(value) else "—"
+        return f"<b>{rounded(0.0 if abs(value) < 1e-9 else value)}</b>" if math.isfinite(value) else "—"
 
     def against(self, name: str, sign: str, limit: str, unit: str) -> str:
         """A number against another one."""
@@ -103,7 +104,7 @@ def _facts_of_gain_and_bound(snapshot: Snapshot, live: _LiveNumbers) -> list[_Fa
     """Rows that only the law of Theorem 1 has: its gain, the bound on s, when s gets there, and the layer's limit."""
     numbers, epoch, units = snapshot.live, snapshot.state.epoch, snapshot.system.units
     allowed = numbers["s_bound"] + numbers["s_band"]
-    bound = f"{allowed * 1e3:.3g}" if math.isfinite(allowed) else "—"
+    bound = rounded(allowed * 1e3) if math.isfinite(allowed) else "—"
     facts = [
         _Fact(
             "gain d (17)",
@@ -151,4 +152,4 @@ def number_chip(value: float, unit: str = "", low: float = -math.inf, high: floa
     if not math.isfinite(value):
         return "—"
     shown = 0.0 if abs(value) <= 1e-9 else value
-    return chip(f"{shown:.3g}{unit}", "vs-good" if low <= value <= high else "vs-bad")
+    return chip(f"{rounded(shown)}{unit}", "vs-good" if low <= value <= high else "vs-bad")
