@@ -168,10 +168,12 @@ def test_promise_is_sharp_for_a_mass(K_s: float, epsilon: float) -> None:
     t = np.linspace(0.0, t_r, 20)
     s = (s_0 + epsilon / K_s) * np.exp(-K_s / k * t) - epsilon / K_s
     assert certificate.t_r == pytest.approx(t_r)
-    np.testing.assert_allclose(envelope(certificate.bound, t), s, atol=1e-12)
+    np.testing.assert_allclose([envelope(certificate.bound, each) for each in t], s, atol=1e-12)
     assert envelope(certificate.bound, 1.1 * t_r) == 0.0
     wider = ReachingCertificate(k / 4, k, K_s, epsilon, V_0=0.5 * k * s_0**2)
-    np.testing.assert_allclose(envelope(wider.bound, t), 2 * s, atol=1e-12)  # sqrt(k_r''/k_r') times as much
+    np.testing.assert_allclose(
+        [envelope(wider.bound, each) for each in t], 2 * s, atol=1e-12
+    )  # sqrt(k_r''/k_r') times as much
     assert wider.t_r == certificate.t_r
 
 

@@ -33,7 +33,7 @@ def test_callback_reads_the_page_value_before_redraw_overwrites_it() -> None:
     drawing.start()
     try:
         with visiting(f"http://127.0.0.1:{server.get_port()}") as page:
-            page.wait(lambda: bool(server.get_clients()))
+            until(lambda: bool(server.get_clients()))
             for value in ("hybrid", "impedance"):
                 page.send({"type": "GuiUpdateMessage", "uuid": dropdown._impl.uuid, "updates": {"value": value}})
             until(lambda: len(received) > 1)

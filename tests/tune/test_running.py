@@ -201,7 +201,7 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
     assert "at most 10 runs of 1 s simulated time" in capsys.readouterr().out
     assert execute([*asked, "--out", str(out)]) == 0
     first = capsys.readouterr().out
-    assert "residual: best.toml better than the own gains, on the worst of the 2 arms" in first
+    assert "residual: best.toml better than the own gains, on the worst of the 2 test arms" in first
     assert execute([*asked, "--out", str(out)]) == 0
     assert "10 runs are there already" in capsys.readouterr().out
     table = pq.read_table(out / outcome.TABLE)
