@@ -20,7 +20,7 @@ from benchmarks.effort import Effort
 from benchmarks.watched_page import WatchedPage, watched_page
 
 SCENARIO, DURATION = "ur5-hybrid", 3.0  # s, of a run
-MAP = ("contact.K_e=1e3:1e5:60:log", "truth.link_scaling=0.85:1.15:60")  # larger than what is computed meanwhile
+TILES = 60  # along each side of the map, for each process: more than it computes meanwhile
 GAINS, AIMS = ("controller.layer=0.002:0.05:log", "controller.K_s=20:400:log"), ("force_error", "torque_variation")
 
 
@@ -28,8 +28,9 @@ def measure(effort: Effort) -> Table:
     """Table of paces."""
     workers = allowance_of(shared=False).workers
     scenario = edited(shipped()[SCENARIO], "simulation.duration", DURATION)
-    sweep = Sweep(scenario, tuple(map(axis_of, MAP)), program=fingerprint())
-    tuning = Tuning(scenario, tuple(map(moved, GAINS)), draw=8, points=1000, aims=AIMS)
+    axes = f"contact.K_e=1e3:1e5:{TILES * workers}:log", f"truth.link_scaling=0.85:1.15:{TILES}"
+    sweep = Sweep(scenario, tuple(map(axis_of, axes)), program=fingerprint())
+    tuning = Tuning(scenario, tuple(map(moved, GAINS)), draw=8, points=1000 * workers, aims=AIMS)
     tuning = msgspec.structs.replace(tuning, program=program(tuning))
     with watched_page(SCENARIO) as page:
         rows = [("nothing", *_row(page, effort.pacing, None, lambda: ()))]

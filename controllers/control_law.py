@@ -191,7 +191,8 @@ class ControlLaw:
 
     kind: its name in a scenario; title: its name on the page; about: a sentence or two for the page and for captions.
     torque: `torque(given, out)` reads a `LawInput` and writes `out.terms`, and `out.d` and `out.q_ddot` if the law has
-    them; terms that it does not write are zero. Decorated with `kernels.inline` it is compiled, else it is plain numpy.
+    them; terms that it does not write are zero. Decorated with `kernels.inline` or `kernels.allocating` it is compiled,
+    else it is plain numpy.
     told: what its torque depends on, names of `TOLD`: "model" stands for M_hat and C_hat, "gravity" for G_hat,
     "bounds" for `Gains.uncertainty` and `ControlOutput.needed`, "force" for the measured F and F_c, "rates" for q_dot
     and the rates that follow from it. A test checks this of the laws of the program.

@@ -84,7 +84,8 @@ def inline(function: Callable[..., Any]) -> Any:
 
 
 def allocating(function: Callable[..., Any]) -> Any:
-    """Inline kernel that may make new arrays. It is slower: numba counts the references to each."""
+    """Inline kernel that may make new arrays. It is slower: numba counts the references to each. Whoever calls it for a
+    new array has to be such a kernel, too."""
     return LinkedKernel(function, _nrt=True)
 
 

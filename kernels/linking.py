@@ -6,9 +6,11 @@ optimises it there once more. For functions that nothing else calls that was a t
 
 from typing import Any, Literal
 
+from numba.core import ir, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.errors import TypingError
 from numba.core.typed_passes import NativeLowering
 
 from kernels.symbols import jit
@@ -51,9 +53,21 @@ class LinkedLowering(NativeLowering):
     _name = "linked_lowering"
 
     def run_pass(self, state: Any) -> Literal[True]:
-        """Write the code of the function that is being compiled."""
+        """Write the code of the function that is being compiled. Raises TypingError."""
+        if not state.flags.nrt:
+            _refuse_new_arrays(state)
         state.library = LinkedLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         return super().run_pass(state)
+
+
+def _refuse_new_arrays(state: Any) -> None:
+    """Refuse a function without counted references that calls one with them for an array: nobody would free it. Raises
+    TypingError."""
+    for call, signature in state.calltypes.items():
+        if isinstance(call, ir.Expr) and call.op == "call" and isinstance(signature.return_type, types.Array):
+            callee = state.typemap[call.func.name]
+            if isinstance(callee, types.Dispatcher) and callee.dispatcher.targetoptions.get("_nrt", True):
+                raise TypingError(f"NRT required but not enabled: {callee} returns a new array", loc=call.loc)
 
 
 class LinkingCompiler(CompilerBase):

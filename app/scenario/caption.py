@@ -129,10 +129,10 @@ def _model(scenario: Scenario, model: Mapping[str, np.ndarray], units: Units, an
 def _law(scenario: Scenario, controller: Controller, units: Units) -> str:
     law, own = scenario.controller, controller.law
     if not own.robust:
-        numbers = (f"{p.name} = {controller.parameters[p.name]:g} {p.unit}".rstrip() for p in own.parameters)
+        numbers = (f"{p.name} = {plain(controller.parameters[p.name])} {p.unit}".rstrip() for p in own.parameters)
         return ", ".join((f"{own.title[:1].upper()}{own.title[1:]}", *numbers, f"T = {law.period * 1e3:g} ms"))
     gains = ", ".join(f"{name} = {_value(getattr(law, name))}{_unit(f'controller.{name}', units)}" for name in _LAW)
-    d = f"d = {law.d:g} {units.force}"
+    d = f"d = {plain(law.d)} {units.force}"
     if law.gain == "theorem":
         d = f"d by (17) with ε = {law.epsilon:g} {units.force}, bounds: {law.bounds}"
     layer = f" over {law.layer:g} {units.of_r('m/s')}" if controller.has_layer else ""
@@ -160,14 +160,14 @@ def _section(scenario: Scenario, name: str, units: Units) -> str:
 
 
 def _changed(section: Struct, path: str, units: Units, *, in_full: bool) -> Iterator[str]:
-    plain = type(section)()
+    usual = type(section)()
     for name in section.__struct_fields__:
         value = getattr(section, name)
         if isinstance(value, Struct):
             yield from _changed(value, f"{path}.{name}", units, in_full=in_full)
         elif isinstance(value, dict):
-            yield from (f"{parameter} {number:g}" for parameter, number in value.items())
-        elif value != getattr(plain, name) or (in_full and isinstance(value, float | tuple) and np.any(value)):
+            yield from (f"{parameter} {plain(number)}" for parameter, number in value.items())
+        elif value != getattr(usual, name) or (in_full and isinstance(value, float | tuple) and np.any(value)):
             label = f"{name} = " if "_" in name and name[0].isupper() else f"{name.replace('_', ' ')} "
             yield f"{'' if name == 'kind' else label}{_value(value)}{_unit(f'{path}.{name}', units)}"
 

@@ -45,7 +45,7 @@ def to_plain(scenario: Scenario) -> dict[str, Any]:
 
 
 def from_toml(text: str) -> Scenario:
-    """Scenario from TOML. Raises ScenarioError for text that is no TOML or no scenario, or sets nothing."""
+    """Scenario from TOML. Raises ScenarioError for text that is no TOML or no scenario, or is empty."""
     if len(text) > LARGEST:
         raise ScenarioError(f"a TOML file of {len(text)} characters; allowed: at most {LARGEST}")
     require_few_dots(text)

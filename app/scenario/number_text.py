@@ -41,6 +41,6 @@ def in_one_style(values: Sequence[float]) -> list[str]:
 def with_power(text: str) -> str:
     """A number as Python writes it, with its exponent as a power of ten: 10⁵ of 1e+05."""
     mantissa, _, exponent = text.partition("e")
-    mantissa = f"{float(mantissa):.{MOST_DIGITS}g}"  # without zeros at its end
+    mantissa = f"{float(mantissa) + 0.0:.{MOST_DIGITS}g}"  # without zeros at its end, and no negative zero
     power = "10" + str(int(exponent)).translate(_RAISE) if exponent else ""
     return "·".join(part for part in (mantissa, power) if part and (part, bool(power)) != ("1", True)).replace("-", "−")

@@ -277,7 +277,7 @@ def located(error: BaseException, path: Path) -> str:
     line = compiling[0] if compiling else lines[-1] if lines else None
     where = str(path) if line is None else f"{path}, line {line}"
     if any(said in text for said in _ALLOCATES):
-        return f"{where}: a new array; allowed: kernels.allocating in place of kernels.inline, or loops without one"
+        return f"{where}: a new array, list or text; allowed: with kernels.allocating in place of kernels.inline"
     texts = [text.strip() for text in text.splitlines()]
     said = next((text for text in texts if text and not text.startswith("Failed in nopython mode")), "")
     said = re.sub(" of type .*| \\(.*, line \\d+\\)$", "", said)  # types as numba writes them fill pages

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from typing import Literal, NamedTuple
 
+from app.scenario.number_text import rounded
+
 # units of lengths and of what belongs to them, and those of the same quantities of angles
 ANGULAR = {"m": "rad", "mm": "mrad", "m/s": "rad/s", "mm/s": "mrad/s", "m/s^2": "rad/s^2", "N": "N·m", "N/s": "N·m/s",
            "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "kg": "kg·m²", "kg/s": "kg·m²/s"}  # fmt: skip
@@ -77,7 +79,7 @@ class Units(NamedTuple):
 
     def with_unit(self, number: float, unit: str) -> str:
         """Number of all joints with its unit. unit: of revolute joints."""
-        return f"{number:.4g} {self.of_joints(unit)}".rstrip()
+        return f"{rounded(number, 4)} {self.of_joints(unit)}".rstrip()
 
     @property
     def jacobian(self) -> str:

@@ -115,6 +115,7 @@ class CompiledRun:
                 read=0,
                 done=0,
                 moving=False,
+                asking=False,
                 unsolved=False,
                 astray=False,
                 alarms=0,
@@ -150,13 +151,10 @@ class CompiledRun:
             try:
                 uneventful = uneventful or loop.update_before_periods(left)
                 self._call(ahead, ahead.periods - left, uneventful if loop.stopped is None else 1)
-            except Exception as error:
+            except (Exception, SystemExit) as error:  # a law of one's own may also raise the latter
                 loop.adopt_periods(data.done, Alarm(0))
-                found = error if data.moving else loop.controlled_arm.explained(error)
-                if data.astray:
-                    found = out_of_reach(float(np.abs(loop.state.arm.views.load.phi).max()))
-                loop.fail("the plant" if data.moving else "the control law", found)
-                data.moving = data.astray = False
+                loop.fail("the plant" if data.moving else "the control law", self._explained(error))
+                data.moving = data.astray = data.asking = False
                 return ahead.periods - left + data.done
             left, uneventful = left - data.done, uneventful - data.done
             loop.adopt_periods(data.done, Alarm(data.alarms))
@@ -166,6 +164,16 @@ class CompiledRun:
             if data.nearest >= 0:
                 loop.premise_watch.judge_posture(data.nearest)
         return ahead.periods - left
+
+    def _explained(self, error: BaseException) -> Exception:
+        """Error that the compiled function has raised, with its reason."""
+        data, loop = self._data.fields, self._loop
+        if data.astray:
+            return out_of_reach(float(np.abs(loop.state.arm.views.load.phi).max()))
+        if data.asking:
+            return loop.controlled_arm.explained(error)
+        assert isinstance(error, Exception)
+        return error
 
     def _call(self, ahead: ReadingsAhead, read: int, periods: int) -> None:
         """Call the compiled function for at most `periods` periods. read: number of readings of `ahead` that earlier

@@ -51,7 +51,7 @@ class Cluster:
                 f"--scheduler {address!r:.100}: this needs certificates; allowed: with those of the scheduler in "
                 "Dask's configuration (distributed.comm.tls), or a tcp:// address in a network that you trust"
             ) from error
-        except (OSError, ValueError, RuntimeError) as error:
+        except (OSError, ValueError, RuntimeError, AssertionError) as error:  # the last one where its thread is late
             raise ScenarioError(
                 f"--scheduler {address!r:.100}: no scheduler answers; allowed: the address that `dask scheduler` "
                 "tells, such as tcp://127.0.0.1:8786"

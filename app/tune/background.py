@@ -33,7 +33,7 @@ class BackgroundTuning(Background):
     @property
     def candidates(self) -> Sequence[Candidate]:
         """Candidates so far, the scenario's own gains first. At the end those that are not offered since they failed on
-        the arms that were not seen have that as their badge."""
+        the test arms have that as their badge."""
         return self._candidates[:] if self.found is None else badged(self.tuning, self.found)
 
     @property

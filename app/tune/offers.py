@@ -9,14 +9,14 @@ from app.tune.candidates import Candidate, aim_of, front
 from app.tune.plan import Tuning
 from app.tune.running import TuningResult
 
-WITHOUT_EFFECT = "it changes nothing on any arm not used for tuning"
+WITHOUT_EFFECT = "it changes nothing on any test arm"
 
 
 def reason_against(tuning: Tuning, found: TuningResult, number: int) -> str:
     """Why a candidate that was tried is not offered, "" where it may be used: it has a badge on the arms that were not
     seen, too, or leaves every metric there as it is with the own gains, as gains without effect do."""
     if badge := found.tried[number].badge:
-        return f"on arms not used for tuning, {badge}"
+        return f"on the test arms, {badge}"
     return WITHOUT_EFFECT if _changes_nothing(tuning, found, number) else ""
 
 

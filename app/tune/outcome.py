@@ -18,6 +18,7 @@ from app.export.printing import file_of
 from app.export.ticks import plain_decades
 from app.process.atomic_write import write_whole
 from app.scenario import data
+from app.scenario.number_text import plain, rounded
 from app.scenario.schema import Scenario
 from app.simulation.builders.environment_builder import robot_of, truth_of
 from app.storage.joint_kinds import units_of
@@ -110,7 +111,10 @@ def zipped(tuning: Tuning, rows: Sequence[RunMetrics], found: TuningResult) -> b
 def _table(tuning: Tuning, found: TuningResult) -> pa.Table:
     """Table of all candidates, with units and meanings."""
     unit_of_aim = {aim: COLUMNS[aim].unit_in(units_of(tuning.scenario)) for aim in tuning.aims}
-    worst = [column(aim, pa.float64(), unit, "worst of the arms seen; inf: none") for aim, unit in unit_of_aim.items()]
+    worst = [
+        column(aim, pa.float64(), unit, "worst of the arms of the search; inf: none")
+        for aim, unit in unit_of_aim.items()
+    ]
     tried = [column(f"{aim}_unseen", pa.float64(), unit, "worst of the test arms") for aim, unit in unit_of_aim.items()]
     schema = pa.schema(
         [
@@ -122,7 +126,9 @@ def _table(tuning: Tuning, found: TuningResult) -> pa.Table:
             *worst,
             *tried,
             column("badge", pa.string(), "", "why it is not offered, on the arms of the search or on the test arms"),
-            column("promised", pa.float64(), "1", "share of the arms seen on which the theorem's promise holds"),
+            column(
+                "promised", pa.float64(), "1", "share of the arms of the search on which the theorem's promise holds"
+            ),
             column("file", pa.string(), "", "scenario that was written of it"),
         ]
     )
@@ -201,9 +207,9 @@ def summary_rows(tuning: Tuning, found: TuningResult) -> list[list[str]]:
     for number, each in found.tried.items():
         if number and number not in files:
             continue
-        gains = [f"{each.values[a.path]:g}" if number else _own_in_words(tuning, a.path) for a in tuning.vary]
+        gains = [plain(each.values[a.path]) if number else _own_in_words(tuning, a.path) for a in tuning.vary]
         metrics = [
-            f"{c.value:.4g}" + (f"\n{_percent(c.change)}, {c.better} of {tuning.unseen}" if number else "")
+            rounded(c.value, 4) + (f"\n{_percent(c.change)}, {c.better} of {tuning.unseen}" if number else "")
             for c in comparisons(tuning, found, number)
         ]
         beating = next((name for other, name in files.items() if found.tried[other].dominates(each)), "")
@@ -225,7 +231,7 @@ def _own(tuning: Tuning, path: str) -> Any:
 
 def _own_in_words(tuning: Tuning, path: str) -> str:
     value = _own(tuning, path)
-    return "the mode's" if value is None else f"{value:g}" if isinstance(value, int | float) else str(value)
+    return "the mode's" if value is None else plain(value) if isinstance(value, int | float) else str(value)
 
 
 def _percent(change: float) -> str:

@@ -1,4 +1,4 @@
-"""Running of a tuning on all cores: batch after batch of candidates, then those to be offered on arms not seen."""
+"""Running of a tuning on all cores: batch after batch of candidates, then those to be offered on test arms."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class TuningResult:
     """Result of a tuning.
 
     candidates: all, judged on the arms that the search sees; the scenario's own gains first.
-    tried: by number, the scenario's own gains and the candidates that are offered, judged on the unseen arms.
-    runs: by the same numbers, the metrics on each unseen arm.
+    tried: by number, the scenario's own gains and the candidates that are offered, judged on the test arms.
+    runs: by the same numbers, the metrics on each test arm.
     """
 
     candidates: list[Candidate]

@@ -35,7 +35,8 @@ class OwnSurface:
     chart: `chart(zeta, parameters, g, G, G_p)` writes the coordinates g = (phi, psi_1, psi_2) in m of the point zeta
     (3,) m from the surface's origin, along the world's axes, the rows G (3, 3) of their gradients, and their Hessians
     G_p (3, 3, 3); all are zero before. phi is penetration; the origin is a point of the surface, with g = 0, about
-    which the coordinates are regular. It is decorated with `kernels.inline`.
+    which the coordinates are regular. It is decorated with `kernels.inline` or
+    `kernels.allocating`.
     """
 
     kind: str

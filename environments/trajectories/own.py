@@ -24,7 +24,8 @@ class OwnTrajectory:
     kind: its name in a scenario (`motion.name`); title: its name on the page; about: a sentence for the page.
     path: `path(t, parameters, value, rate, acceleration)` writes the displacement (k,) m of the k free coordinates from
     their start, its rate and its acceleration at time t (s); they are zero before. It is decorated with
-    `kernels.inline`. At t = 0 the displacement is zero. k is value.shape[0], and depends on mode and arm.
+    `kernels.inline` or `kernels.allocating`. At t = 0 the displacement is zero. k is value.shape[0], and depends on
+    mode and arm.
     """
 
     kind: str

@@ -207,8 +207,8 @@ def ended(monkeypatch: pytest.MonkeyPatch) -> BackgroundTuning:
     return search
 
 
-OVER = "on arms not used for tuning, over its limit: d covers (17) (2 of 2 arms)"
-IN_VAIN = "it changes nothing on any arm not used for tuning"
+OVER = "on the test arms, over its limit: d covers (17) (2 of 2 arms)"
+IN_VAIN = "it changes nothing on any test arm"
 
 
 def test_a_candidate_that_fails_on_arms_that_were_not_seen_becomes_a_cross_and_no_other_takes_its_place(

@@ -6,7 +6,8 @@ from app.scenario.number_text import in_one_style, plain, rounded, short
 
 
 @pytest.mark.parametrize(
-    ("value", "read"), [(1.34e5, "134000"), (1.34e6, "1.34·10⁶"), (1e5, "10⁵"), (-2e-5, "−2·10⁻⁵"), (0.0, "0")]
+    ("value", "read"),
+    [(1.34e5, "134000"), (1.34e6, "1.34·10⁶"), (1e5, "10⁵"), (-2e-5, "−2·10⁻⁵"), (0.0, "0"), (-0.0, "0")],
 )
 def test_an_exponent_is_a_power_of_ten(value: float, read: str) -> None:
     assert plain(value) == read

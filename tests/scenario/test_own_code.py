@@ -245,12 +245,12 @@ def test_a_file_that_is_none_is_said(tmp_path: Path) -> None:
         ),
         (
             "@inline\ndef torque(given, out):\n    out.terms.linear[:] = given.task.J_q.T @ out.e_r\n",
-            "my_law.py, line 6: a new array; allowed: kernels.allocating in place of kernels.inline, or loops without",
+            "my_law.py, line 6: a new array, list or text; allowed: with kernels.allocating in place of kernels.inline",
         ),
         (
             "@inline\ndef double(x, out):\n    out[:] = 2.0 * x\n\n\n"
             "@inline\ndef torque(given, out):\n    double(out.e_r, out.terms.linear)\n",
-            "my_law.py, line 6: a new array; allowed: kernels.allocating",
+            "my_law.py, line 6: a new array, list or text; allowed: with kernels.allocating",
         ),
     ],
     ids=["shape", "field", "input", "gain", "arguments", "compiled", "product", "in a part"],

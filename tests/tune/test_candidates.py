@@ -64,7 +64,7 @@ def test_a_candidate_that_fails_on_new_arms_is_a_cross_in_the_files_too(tmp_path
     write(BOTH, TuningResult([own, good, better], {0: own, 1: good, 2: over}, runs), tmp_path)
     rows = pq.read_table(tmp_path / TABLE).to_pylist()
     assert [(row["badge"], row["file"]) for row in rows[:2]] == [("", None), ("", "front/1.toml")]
-    assert rows[2]["badge"].startswith("on arms not used for tuning, over its limit: d covers (17)")
+    assert rows[2]["badge"].startswith("on the test arms, over its limit: d covers (17)")
     assert rows[2]["file"] is None
     assert "A cross: never" in (tmp_path / FIGURE).read_text()
 

@@ -72,6 +72,7 @@ class RunData(NamedTuple):
     steps: periods since the epoch began, at the call.
     read: readings that were taken before the call.
     done, moving: periods that the call has completed, and whether the law of the next one is evaluated.
+    asking: whether a separate law's torque is being computed.
     unsolved, astray: whether the ideal sensor has no reading, and whether the tool cannot be brought onto the rigid
     surface.
     alarms: `Alarm` flags of the last completed period, not handled yet."""
@@ -110,6 +111,7 @@ class RunData(NamedTuple):
     read: int
     done: int
     moving: bool
+    asking: bool
     unsolved: bool
     astray: bool
     alarms: int
@@ -167,7 +169,9 @@ def _evaluate(run, setting, evaluation, arm, law, t, row):
         for i in range(x.shape[0]):
             x[i], x_dot[i] = now[i], 0.0
         ask(kernels.begin, (setting, evaluation, *terms, arm, run.F, t))
+        run.asking = True
         ask(kernels.torque, (setting, evaluation, parameters, x, x_dot))
+        run.asking = False
         ask(kernels.end, (setting, evaluation, arm, t, row))
     for i in range(run.tau.shape[0]):
         run.tau[i] = evaluation[0].applied[i] + run.pushed[i]

@@ -93,9 +93,10 @@ class ControlledArm:
         self._scratch = row = Record.zeros(Row, system.layout.n).data
         self._settings, self._evaluation, self._arm_data = settings.data, evaluation.data, arm.data
         data = self._settings, self._evaluation
-        self._law, self._law_memory = None, LawMemory.of(system.controller)
+        self._law = None
         before = (*data, *system.nominal.terms, arm.data, arm.views.load.wrench, state.t)
         if system.controller.gains.law >= 0:
+            self._law_memory = LawMemory.of(system.controller)
             self._control_period = compiled_for(control_period, *before, row)
         else:
             self._law = SeparateLaw(system.controller, settings)
@@ -188,9 +189,10 @@ class ControlledArm:
         tau = self._applied + self.push_torque if self._pushed else self._applied
         self._plant.advance(self._state.arm, tau, self._state.t, self._h)
 
-    def explained(self, error: Exception) -> Exception:
-        """The error of an evaluation of the law: with file and line where it comes from a law of a user's own."""
-        return error if self._law is None else self._law.explained(error)
+    def explained(self, error: BaseException) -> Exception:
+        """Error of a separate law's torque, with its file."""
+        assert self._law is not None
+        return self._law.explained(error)
 
     def complete(self, row: np.ndarray) -> int:
         """Write the fields that are known only after the plant's response; returns the `Alarm` flags."""

@@ -3,7 +3,6 @@ state of its own."""
 
 from __future__ import annotations
 
-import traceback
 from collections import namedtuple
 from collections.abc import Callable
 from functools import cache
@@ -58,18 +57,16 @@ class SeparateLaw:
         try:
             self._act(evaluation)
         except (Exception, SystemExit) as error:
-            raise OwnCodeError(located(error, self._file)) from error
+            raise self.explained(error) from error
 
     def address(self, evaluation: np.ndarray) -> int:
         """Address in this process of the compiled torque, for `kernels.pointers.ask` with setting, evaluation and
         memory; 0 for a law in plain numpy."""
         return 0 if self._kernel is None else address_for(self._kernel, self._settings.data, evaluation, *self.memory)
 
-    def explained(self, error: Exception) -> Exception:
-        """The error, or an OwnCodeError with file and line where it comes from the law's file."""
-        lines = traceback.extract_tb(error.__traceback__)
-        ours = any(frame.filename == str(self._file) for frame in lines)
-        return OwnCodeError(located(error, self._file)) if ours else error
+    def explained(self, error: BaseException) -> OwnCodeError:
+        """Error of the law's torque, with its file, and the line where that is known."""
+        return OwnCodeError(located(error, self._file))
 
     def _compiled(self, evaluation: Record[Evaluation]) -> None:
         assert self._kernel is not None

@@ -10,7 +10,7 @@ from html import escape
 import numpy as np
 
 from app.dashboard.widgets.families.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, ColorScale, caption_html
-from app.scenario.number_text import rounded
+from app.scenario.number_text import in_one_style, rounded
 from app.storage.joint_kinds import units_of
 from app.sweep.run_metrics import COLUMNS, metric_title
 from app.sweep.titles import unit_of
@@ -158,11 +158,12 @@ def _star(x: float, y: float) -> str:
 
 
 def _axes(names: Sequence[str], across: ColorScale, up: ColorScale) -> str:
+    left, right = in_one_style((across.low, across.high))
     return "".join([
-        f'<text x="{LEFT + EDGE}" y="{BOTTOM + 11}">{rounded(across.low)}</text>',
-        f'<text x="{RIGHT}" y="{BOTTOM + 11}" text-anchor="end">{rounded(across.high)}</text>',
-        *(f'<text x="{LEFT - 4}" y="{y + 4}" text-anchor="end">{rounded(value)}</text>'
-          for y, value in ((BOTTOM - EDGE, up.low), (TOP + EDGE, up.high))),
+        f'<text x="{LEFT + EDGE}" y="{BOTTOM + 11}">{left}</text>',
+        f'<text x="{RIGHT}" y="{BOTTOM + 11}" text-anchor="end">{right}</text>',
+        *(f'<text x="{LEFT - 4}" y="{y + 4}" text-anchor="end">{value}</text>'
+          for y, value in zip((BOTTOM - EDGE, TOP + EDGE), in_one_style((up.low, up.high)), strict=True)),
         f'<text x="{RIGHT}" y="{BOTTOM + 23}" text-anchor="end">→ {escape(names[0])}</text>',
         f'<text x="4" y="{BOTTOM + 23}">↑ {escape(names[1])}</text>',
     ])  # fmt: skip

@@ -322,15 +322,20 @@ def _labels(axis: Axis) -> list[tuple[int, str]]:
     return list(zip(places, in_one_style([float(axis.values[k]) for k in places]), strict=True))
 
 
-def _ends_in_words(plan: SweepPlan, scale: ColorScale, naming: Naming) -> tuple[str, str]:
-    """Ends of the scale of a map's numbers in words, without a unit."""
+def _ends_in_words(plan: SweepPlan, scale: ColorScale, naming: Naming) -> tuple[str, str, str]:
+    """Low end, middle and high end of the scale of a map's numbers in words, without a unit; "" for the middle of a
+    linear one."""
     if naming.share:
-        return ("0", "1") if plan.sweep.draw else ("no", "yes")
-    return rounded(scale.low), rounded(scale.high)
+        return ("0", "", "1") if plan.sweep.draw else ("no", "", "yes")
+    if not scale.logarithmic:
+        low, high = in_one_style((scale.low, scale.high))
+        return low, "", high
+    low, middle, high = in_one_style((scale.low, math.sqrt(scale.low * scale.high), scale.high))
+    return low, middle, high
 
 
 def _ticks_up(plan: SweepPlan, scale: ColorScale, naming: Naming) -> list[str]:
-    ends, share = _ends_in_words(plan, scale, naming), "share" if plan.sweep.draw else "limit kept"
+    ends, share = _ends_in_words(plan, scale, naming)[::2], "share" if plan.sweep.draw else "limit kept"
     called = escape(share if naming.share else naming.unit or naming.title)
     return [
         *(
@@ -368,11 +373,9 @@ def _bar(plan: SweepPlan, scale: ColorScale, naming: Naming) -> str:
         f'fill="{_color(k / (SHADES - 1))}"/>'
         for k in range(SHADES)
     )
-    left, right = (each if naming.share else f"{each} {naming.unit}" for each in _ends_in_words(plan, scale, naming))
-    middle = ""
-    if scale.logarithmic and not naming.share:
-        between = f"{rounded(math.sqrt(scale.low * scale.high))} {naming.unit}"
-        middle = f'<text x="{(LEFT + RIGHT) / 2:.1f}" y="244" text-anchor="middle">{between}</text>'
+    words = _ends_in_words(plan, scale, naming)
+    left, between, right = (f"{each} {naming.unit}" if each and not naming.share else each for each in words)
+    middle = f'<text x="{(LEFT + RIGHT) / 2:.1f}" y="244" text-anchor="middle">{between}</text>' if between else ""
     return (
         f'{shades}<text x="{LEFT}" y="244">{left}</text>{middle}'
         f'<text x="{RIGHT}" y="244" text-anchor="end">{right}</text>'

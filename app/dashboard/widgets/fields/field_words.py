@@ -7,7 +7,7 @@ import re
 from app.analysis.glossary import GLOSSARY
 from app.dashboard.widgets.fields.matrix_text import written
 from app.scenario.data import differences
-from app.scenario.number_text import plain
+from app.scenario.number_text import MOST_DIGITS, plain
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.sweep.titles import FURTHER, NONE_AT_ZERO, title_of, unit_of, value_in_words
@@ -86,7 +86,7 @@ def _beyond(path: str, found: re.Match[str]) -> str:
     in every task space."""
     units = {unit_of(path, kind) for kind in (Units(), Units(task="joint"), Units(joints="mixed"))}
     unit = f" {units.pop()}".rstrip() if len(units) == 1 else ""
-    value, bound = (plain(float(number)) for number in (found[1], found[3]))
+    value, bound = (plain(float(number), MOST_DIGITS) for number in (found[1], found[3]))
     return f": {value}{unit}; allowed: {_BOUNDS[found[2]]} {bound}{unit}"
 
 
