@@ -207,7 +207,7 @@ def summary_rows(tuning: Tuning, found: TuningResult) -> list[list[str]]:
     for number, each in found.tried.items():
         if number and number not in files:
             continue
-        gains = [plain(each.values[a.path]) if number else _own_in_words(tuning, a.path) for a in tuning.vary]
+        gains = [plain(float(each.values[a.path])) if number else _own_in_words(tuning, a.path) for a in tuning.vary]
         metrics = [
             rounded(c.value, 4) + (f"\n{_percent(c.change)}, {c.better} of {tuning.unseen}" if number else "")
             for c in comparisons(tuning, found, number)
