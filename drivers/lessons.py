@@ -97,7 +97,7 @@ class Taker:
             self.press(self.ready.inner_text())
 
     def fill(self, label: str, text: str) -> None:
-        """Write into the field with this label."""
+        """Write into the field with this label, and press Enter."""
         row = self.page.locator("form:visible", has=self.page.get_by_text(label, exact=True))
         field = row.locator("input[type=text]:visible, .mantine-TextInput-input:visible").last
         if self.means != "keyboard":
@@ -141,14 +141,14 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[LessonSte
         match step.block:
             case ChoiceQuestion() as question:
                 for _ in range(3):  # the widgets of the step may still be moving under the mouse
-                    taker.press("ABCDE"[question.right - 1])
+                    taker.press(f"{'ABCDE'[question.right - 1]})")
                     with contextlib.suppress(PageTimeout):
                         taker.ready.wait_for(timeout=20e3)
                         break
             case NumberQuestion() as question:
                 unit, value = measurements[question.measure].unit, measurements[question.measure].value
                 taker.fill(f"{words.your_answer} [{unit}]" if unit else words.your_answer, f"{value:.5g}")
-                taker.press(words.lock_answer)
+                taker.ready.wait_for()
             case CurveQuestion() as question:
                 run = next(each for each in runs(lesson) if each.number > step.number)
                 trace = next(each for each in outcomes[run.number].traces if each.line.shows(question.line))
