@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Literal
 
 import tyro
-from playwright.sync_api import Error, Page, expect, sync_playwright
+from playwright.sync_api import Error, Locator, Page, expect, sync_playwright
 from playwright.sync_api import TimeoutError as PageTimeout
 
 from app.access.classroom import POINTS
@@ -27,6 +27,7 @@ from app.dashboard.page import Dashboard
 from app.lessons.blocks import ChoiceQuestion, CurveQuestion, Explain, Goal, LessonRun, NumberQuestion, StartScenario
 from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
 from app.lessons.playing import play, runs
+from app.lessons.words import LessonWords, words_of
 from app.scenario.data import load
 from app.session.commands import SetSpeed
 from app.session.runner import Runner
@@ -47,7 +48,6 @@ from drivers.pages import (
 
 Means = Literal["keyboard", "mouse", "phone"]
 SIZES = {"keyboard": (1280, 720), "mouse": (1280, 720), "phone": (390, 844)}
-READY = re.compile("^(Next|Finish)$")  # names of the button where nothing is left to be done in a step
 # Script that returns the parts of the lesson's text that stick out of the panel or are cut.
 LOOKS = """() => {
   const faults = [];
@@ -65,10 +65,16 @@ LOOKS = """() => {
 
 @dataclass
 class Taker:
-    """Taker of a lesson: a page, and the means by which it is used."""
+    """Taker of a lesson: a page, the means by which it is used, and the words of the program in the lesson."""
 
     page: Page
     means: Means
+    words: LessonWords
+
+    @property
+    def ready(self) -> Locator:
+        """Button to the next step, as it is named where nothing is left to be done in this one."""
+        return self.page.get_by_role("button", name=re.compile(f"^({self.words.next}|{self.words.finish})$"))
 
     def press(self, name: str) -> None:
         """Press the button with this name, or whose name begins with it and a space."""
@@ -84,15 +90,14 @@ class Taker:
     def next(self) -> None:
         """Go to the next step."""
         self.page.locator(".vs-lesson[data-step]").wait_for()
-        button = self.page.get_by_role("button", name=READY)
-        expect(button).to_be_enabled(timeout=PATIENCE * 1e3)
+        expect(self.ready).to_be_enabled(timeout=PATIENCE * 1e3)
         if self.means == "keyboard":
             self.page.keyboard.press("j")
         else:
-            self.press(button.inner_text())
+            self.press(self.ready.inner_text())
 
     def fill(self, label: str, text: str) -> None:
-        """Write into the field with this label."""
+        """Write into the field with this label, and press Enter."""
         row = self.page.locator("form:visible", has=self.page.get_by_text(label, exact=True))
         field = row.locator("input[type=text]:visible, .mantine-TextInput-input:visible").last
         if self.means != "keyboard":
@@ -128,7 +133,7 @@ class Taker:
 
 def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[LessonStep], None]) -> list[str]:
     """Take a lesson to its end. Returns the faults, a sentence each. look: called with each step."""
-    page, faults = taker.page, list[str]()
+    page, words, faults = taker.page, taker.words, list[str]()
     outcomes = {step.number: play(step, memory) for step in runs(lesson)}
     measurements = {name: value for outcome in outcomes.values() for name, value in outcome.measurements.items()}
     for step in lesson.steps:
@@ -136,32 +141,31 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[LessonSte
         match step.block:
             case ChoiceQuestion() as question:
                 for _ in range(3):  # the widgets of the step may still be moving under the mouse
-                    taker.press("ABCDE"[question.right - 1])
+                    taker.press(f"{'ABCDE'[question.right - 1]})")
                     with contextlib.suppress(PageTimeout):
-                        page.get_by_role("button", name=READY).wait_for(timeout=20e3)
+                        taker.ready.wait_for(timeout=20e3)
                         break
             case NumberQuestion() as question:
-                unit = measurements[question.measure].unit
-                taker.fill(
-                    f"your answer [{unit}]" if unit else "your answer", f"{measurements[question.measure].value:.5g}"
-                )
-                taker.press("Lock my answer")
+                unit, value = measurements[question.measure].unit, measurements[question.measure].value
+                taker.fill(f"{words.your_answer} [{unit}]" if unit else words.your_answer, f"{value:.5g}")
+                taker.ready.wait_for()
             case CurveQuestion() as question:
                 run = next(each for each in runs(lesson) if each.number > step.number)
                 trace = next(each for each in outcomes[run.number].traces if each.line.shows(question.line))
                 taker.draw(_course(question, trace.t, trace.values))
                 let_send(page)
-                taker.press("Lock my line")
+                taker.press(words.lock_line)
                 page.locator(".vs-pad[data-locked='1']").wait_for()
-            case LessonRun():
-                taker.press("Run")
-                page.get_by_role("button", name="Run again (").wait_for()
+            case LessonRun() as block:
+                taker.press(words.of_run(block.title, block.seconds, again=False))
+                again = words.of_run(block.title, block.seconds, again=True)
+                page.get_by_role("button", name=again, exact=True).wait_for()
                 page.locator(".vs-lines").first.wait_for()
             case Goal() as goal:
                 for control in goal.controls:
                     taker.fill(control.label, f"{control.reference:g}")
-                taker.press("Try it from the beginning")
-                page.get_by_text("reached", exact=True).wait_for()
+                taker.press(words.anew)
+                page.get_by_text(words.reached, exact=True).wait_for()
             case Explain() if page.locator(".vs-prose .vs-scored .vs-warn").count():
                 faults.append(
                     f"step {step.number}: the reference is not right here: "
@@ -174,8 +178,8 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[LessonSte
         look(step)
         if step.number < len(lesson.steps):
             taker.next()
-    taker.press("Leave the lesson")
-    page.get_by_text("done", exact=True).wait_for()
+    taker.press(words.leave)
+    page.get_by_text(words.done, exact=True).wait_for()
     return faults
 
 
@@ -230,9 +234,9 @@ def main(
             number, title = name.partition("-")[0].lstrip("0"), lesson.head.title
             menu = page.get_by_label("Lesson", exact=True).filter(visible=True).last
             choose_from(menu, f"{number}. {title}", exact=False)
-            page.get_by_role("button", name="Begin").wait_for()
-            taker, began = Taker(page, means), time.monotonic()
-            taker.press("Begin")
+            taker, began = Taker(page, means, words_of(lesson.head.language)), time.monotonic()
+            page.get_by_role("button", name=taker.words.begin, exact=True).wait_for()
+            taker.press(taker.words.begin)
 
             def look(step: LessonStep, name: str = name) -> None:
                 if pictures is not None:
@@ -247,7 +251,7 @@ def main(
                 page.screenshot(path=picture)
                 bad += 1
                 print(f"{name} by {means}: {faults[0]}; see {picture}")
-                page.get_by_role("button", name="Leave the lesson").click()
+                page.get_by_role("button", name=taker.words.leave).click()
                 continue
             bad += bool(faults)
             print(f"{name} by {means}: done in {time.monotonic() - began:.0f} s", *faults, sep="\n  ", flush=True)

@@ -177,8 +177,11 @@ def _reaches(goal: Goal, step: LessonStep, values: dict[str, float], memory: Mem
 def _goal(step: LessonStep, memory: Memory) -> Iterator[str]:
     goal = step.block
     assert isinstance(goal, Goal)
-    at_reference = reached(step, {control.path: control.reference for control in goal.controls}, memory)
-    yield from (f"with the reference, {problem}" for problem in unmet(goal.conditions, at_reference))
+    try:
+        at_reference = reached(step, {control.path: control.reference for control in goal.controls}, memory)
+        yield from (f"with the reference, {problem}" for problem in unmet(goal.conditions, at_reference))
+    except GoalRunStopped as error:
+        yield f"with the reference, {error}"
     if _reaches(goal, step, {control.path: control.wrong for control in goal.controls}, memory):
         yield "the planted wrong values reach the goal"
     if _reaches(goal, step, {}, memory):

@@ -42,17 +42,18 @@ def goal_result(
     stopped: whether the run has stopped for good."""
     goal = step.block
     assert isinstance(goal, Goal)
-    when = words.judged.format(f"{goal.seconds:g}")
+    seconds = words.number(f"{goal.seconds:g}")
+    when = words.judged.format(seconds)
     half = 0.5 * system.scenario.controller.period
     begun, *later = recording.epochs
     if on_the_way := [epoch.t for epoch in later if epoch.t < goal.seconds - half]:
-        return GoalResult(words.changed_at.format(f"{on_the_way[0]:.1f}", when))
+        return GoalResult(words.changed_at.format(words.number(f"{on_the_way[0]:.1f}"), when))
     if end < goal.seconds - half:
         if stopped:
-            return GoalResult(words.stopped_before.format(f"{goal.seconds:g}"))
-        return GoalResult(words.to_go.format(when, f"{goal.seconds - end:.1f}"))
+            return GoalResult(words.stopped_before.format(seconds))
+        return GoalResult(words.to_go.format(when, words.number(f"{goal.seconds - end:.1f}")))
     if not _is_of(step, begun.scenario):  # the run of an earlier step, of which the last rows are still to come
-        return GoalResult(words.to_go.format(when, f"{goal.seconds:g}"))
+        return GoalResult(words.to_go.format(when, seconds))
     known = {name: taken(system, recording, goal.seconds, each) for name, each in goal.measures.items()}
     return GoalResult(missed=tuple(unmet(goal.conditions, known)))
 

@@ -11,7 +11,9 @@ import numpy as np
 
 from app.analysis.metrics import RUN_METRICS, force_error, metrics_of, path_error, settling_time
 from app.lessons.blocks import Condition, Measure
+from app.lessons.words import ENGLISH, words_of
 from app.scenario.errors import ScenarioError
+from app.scenario.number_text import short
 from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
@@ -56,9 +58,8 @@ METRIC_UNITS: dict[str, Callable[[Units], str]] = {
     "torque_total_variation": lambda units: units.of_joints("N·m/s"),
 }
 HAPPENING = ("settling_time", "reaching_time", "band_time")  # metrics that are None while it has not happened
-DIGITS = 3
+DIGITS, LEAST = 3, 1e-9  # of a number: the digits that are shown, and the size below which it is shown as 0
 OVER_TIME = ("settles", "below")  # statistics that are times
-COMMA = ("de",)  # languages with a decimal comma
 
 
 @dataclass(frozen=True)
@@ -69,16 +70,15 @@ class MeasuredNumber:
     unit: str
 
     def __str__(self) -> str:
-        if not math.isfinite(self.value):
-            return "not within the run"
-        number = f"{0.0 if abs(self.value) < 1e-9 else self.value:.{DIGITS}g}"
-        if "e" in number:
-            number = f"{self.value:.0f}" if abs(self.value) >= 1.0 else f"{self.value:.2g}"
-        return f"{number.replace('-', '−')} {self.unit if self.unit != '1' else ''}".rstrip()
+        return self.text(ENGLISH.language)
 
     def text(self, language: str) -> str:
         """Number and unit as the texts of a lesson in this language write them."""
-        return str(self).replace(".", ",") if language in COMMA else str(self)
+        words = words_of(language)
+        if not math.isfinite(self.value):
+            return words.never
+        number = words.number(short(0.0 if abs(self.value) < LEAST else self.value, DIGITS))
+        return f"{number} {self.unit if self.unit != '1' else ''}".rstrip()
 
 
 @dataclass(frozen=True)

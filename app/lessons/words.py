@@ -7,9 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class LessonWords:
-    """Words around what a lesson says itself. language: code as in HTML."""
+    """Words around what a lesson says itself.
+    language: code as in HTML.
+    decimal: mark before the decimals of a number.
+    phases: of a run on the page, by name of the phase."""
 
     language: str
+    decimal: str
     place: str
     minutes: str
     knows: str
@@ -24,11 +28,22 @@ class LessonWords:
     missing: str
     run: str
     run_again: str
+    phases: dict[str, str]
+    refused: str
+    stopped: str
+    never: str
     restore: str
+    restore_hint: str
     leave: str
+    leave_hint: str
+    key: str
     lock_answer: str
     lock_line: str
+    lock_hint: str
     your_answer: str
+    two_numbers: str
+    no_number: str
+    no_line: str
     given: str
     prediction: str
     predicted: str
@@ -42,9 +57,14 @@ class LessonWords:
     line_right: str
     line_wrong: str
     figure: str
+    figure_hint: str
+    over_time: str
+    as_predicted: str
+    draw: str
     measured: str
     controls: str
     anew: str
+    anew_hint: str
     reached: str
     not_yet: str
     wanted: dict[str, str]
@@ -54,10 +74,27 @@ class LessonWords:
     stopped_before: str
     changed: str
     changed_run: str
+    begun: str
+    done: str
+    goal_missed: str
+    goals_missed: str
+    answers_right: str
+    deletes: str
+    to_goal: str
+    to_goal_hint: str
+
+    def number(self, text: str) -> str:
+        """Number that is written with a point, with the decimal mark of the language."""
+        return text.replace(".", self.decimal)
+
+    def of_run(self, title: str, seconds: float, *, again: bool) -> str:
+        """Label of the button that plays a run."""
+        return (self.run_again if again else self.run).format(title, self.number(f"{seconds:g}"))
 
 
 ENGLISH = LessonWords(
     language="en",
+    decimal=".",
     place="{} of {}",
     minutes="{} minutes.",
     knows="Afterwards you will know",
@@ -79,11 +116,22 @@ ENGLISH = LessonWords(
     missing="The numbers that are missing are being computed.",
     run="Run: {} ({} s)",
     run_again="Run again: {} ({} s)",
+    phases={"running": "running …", "paused": "paused …", "stopped": "stopped …"},
+    refused="Refused: {}",
+    stopped="Stopped: {}",
+    never="not within the run",
     restore="Return to the lesson's scene",
+    restore_hint="Loads the step's scenario again.",
     leave="Leave the lesson",
+    leave_hint="Next time it continues from here.",
+    key="Key: {}",
     lock_answer="Lock my answer",
     lock_line="Lock my line",
+    lock_hint="It counts once, before the run.",
     your_answer="your answer",
+    two_numbers="your answer: {} can be read in two ways; allowed: {} or {}",
+    no_number="your answer: {}; allowed: a number, such as 12.5",
+    no_line="your line: nothing is drawn yet; allowed: draw it on the axes, or use the arrow keys",
     given="Your answer:",
     prediction="your prediction",
     predicted="predicted",
@@ -97,9 +145,14 @@ ENGLISH = LessonWords(
     line_right="your line is off by {} (RMS)",
     line_wrong="your line is off by {} (RMS); it counts within {}",
     figure="Figure",
+    figure_hint="Saves this picture on white.",
+    over_time="{} over time",
+    as_predicted="{}, as predicted",
+    draw="{}: draw with the mouse, or choose an instant with ← →, and its value with ↑ ↓",
     measured="Measured",
     controls="Your controls",
     anew="Try it from the beginning",
+    anew_hint="What happens at the beginning, such as a push, happens again.",
     reached="reached",
     not_yet="not yet",
     wanted={"above": "wanted: above", "below": "wanted: below"},
@@ -109,9 +162,18 @@ ENGLISH = LessonWords(
     stopped_before="The run has stopped before t = {} s: try it again.",
     changed="You changed something since: try it again.",
     changed_run="You changed this run while it went on: the picture shows it as the lesson describes it.",
+    begun="begun",
+    done="done",
+    goal_missed="done, goal not met",
+    goals_missed="done, {} of {} goals not met",
+    answers_right="{} of {} answers right",
+    deletes="Taking it again deletes your answers. Save them first if you want to keep them.",
+    to_goal="Back to the goal",
+    to_goal_hint="The last step once more; the answers stay.",
 )
 GERMAN = LessonWords(
     language="de",
+    decimal=",",
     place="{} von {}",
     minutes="{} Minuten.",
     knows="Danach ist klar,",
@@ -133,11 +195,22 @@ GERMAN = LessonWords(
     missing="Die fehlenden Zahlen werden berechnet.",
     run="Lauf: {} ({} s)",
     run_again="Lauf wiederholen: {} ({} s)",
+    phases={"running": "läuft …", "paused": "angehalten …", "stopped": "abgebrochen …"},
+    refused="Abgelehnt: {}",
+    stopped="Abgebrochen: {}",
+    never="nicht während des Laufs",
     restore="Zur Szene der Lektion zurück",
+    restore_hint="Lädt das Szenario des Schritts noch einmal.",
     leave="Lektion verlassen",
+    leave_hint="Das nächste Mal geht es hier weiter.",
+    key="Taste: {}",
     lock_answer="Antwort festlegen",
     lock_line="Linie festlegen",
+    lock_hint="Sie zählt einmal, vor dem Lauf.",
     your_answer="Antwort",
+    two_numbers="Antwort: {} ist auf zwei Arten lesbar; erlaubt: {} oder {}",
+    no_number="Antwort: {}; erlaubt: eine Zahl wie 12,5",
+    no_line="Linie: noch nichts gezeichnet; erlaubt: auf den Achsen zeichnen oder die Pfeiltasten benutzen",
     given="Gegebene Antwort:",
     prediction="Vorhersage",
     predicted="vorhergesagt",
@@ -151,9 +224,14 @@ GERMAN = LessonWords(
     line_right="die Linie liegt um {} daneben (quadratisches Mittel)",
     line_wrong="die Linie liegt um {} daneben (quadratisches Mittel); sie zählt bis {}",
     figure="Bild",
+    figure_hint="Speichert dieses Bild auf Weiß.",
+    over_time="{} über der Zeit",
+    as_predicted="{}, wie vorhergesagt",
+    draw="{}: mit der Maus zeichnen, oder mit ← → einen Zeitpunkt wählen und mit ↑ ↓ seinen Wert",
     measured="Gemessen",
     controls="Regler",
     anew="Von vorn versuchen",
+    anew_hint="Was am Anfang geschieht, etwa ein Stoß, geschieht noch einmal.",
     reached="erreicht",
     not_yet="noch nicht",
     wanted={"above": "verlangt: über", "below": "verlangt: unter"},
@@ -163,6 +241,14 @@ GERMAN = LessonWords(
     stopped_before="Der Lauf hat vor t = {} s aufgehört: noch einmal versuchen.",
     changed="Seither wurde etwas geändert: noch einmal versuchen.",
     changed_run="Dieser Lauf wurde währenddessen geändert: das Bild zeigt ihn, wie ihn die Lektion beschreibt.",
+    begun="begonnen",
+    done="fertig",
+    goal_missed="fertig, Ziel nicht erreicht",
+    goals_missed="fertig, {} von {} Zielen nicht erreicht",
+    answers_right="{} von {} Antworten richtig",
+    deletes="Noch einmal von vorn löscht die Antworten. Wer sie behalten will, speichert sie vorher.",
+    to_goal="Zurück zum Ziel",
+    to_goal_hint="Noch einmal der letzte Schritt; die Antworten bleiben.",
 )
 _BY_LANGUAGE = {words.language: words for words in (ENGLISH, GERMAN)}
 

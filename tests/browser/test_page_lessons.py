@@ -182,5 +182,6 @@ def test_the_buttons_of_a_german_lesson_are_in_german(session: PageSession):
     expect(page.get_by_role("button", name="Lauf überspringen")).to_be_visible()
     page.get_by_role("button", name="Lektion verlassen").click()
     page.get_by_role("button", name="Weiter bei Schritt 2").wait_for()
+    expect(page.locator(".vs-prose .vs-chip", has_text="begonnen")).to_be_visible()
     session.choose("Lesson", "1. What a target model is")
     session.tab("Task")

@@ -39,7 +39,7 @@ from app.lessons.course import LessonCourse
 from app.lessons.lesson import LessonStep, shipped_lessons
 from app.lessons.measures import MeasuredNumber
 from app.lessons.playing import POINTS, Trace, _trace, performance, play, runs
-from app.lessons.words import ENGLISH
+from app.lessons.words import ENGLISH, GERMAN
 from app.scenario.data import edited, load, shipped
 from app.scenario.errors import ScenarioError
 from app.session.commands import SetSpeed
@@ -273,11 +273,21 @@ def test_another_lesson_begins_with_an_empty_answer_and_a_comma_of_three_digits_
     assert number._text.value == "1,000"
     asyncio.run(number._on_lock(None))
     assert complaints == ["your answer: 1,000 can be read in two ways; allowed: 1.000 or 1000"]
-    for text, value in (("29,5", 29.5), ("−0,125", -0.125), ("1000", 1000.0)):
+    course.words = GERMAN
+    number.show(step, None, course)
+    for text, complaint in (
+        ("1,250", "Antwort: 1,250 ist auf zwei Arten lesbar; erlaubt: 1,2500 oder 1250"),
+        ("viel", "Antwort: 'viel'; erlaubt: eine Zahl wie 12,5"),
+    ):
+        number._text.value = text
+        asyncio.run(number._on_lock(None))
+        assert complaints.pop() == complaint
+    for text, value in (("29,5", 29.5), ("−0,125", -0.125), ("1000", 1000.0), ("1,2500", 1.25)):
         number._text.value = text
         asyncio.run(number._on_lock(None))
         assert given.pop() == value
-    number.show(step, Answer(12.0, 1.0, "right"), course)
+    number.show(step, Answer(12.5, 1.0, "right"), course)
+    assert number._text.value == "12,5"
     course.lesson.name = "another"
     number.show(step, None, course)
     assert number._text.value == ""
@@ -286,7 +296,8 @@ def test_another_lesson_begins_with_an_empty_answer_and_a_comma_of_three_digits_
 @pytest.mark.parametrize("drawn", ["", "{", "[" * 100_000, '"\ud800"'], ids=["none", "cut", "deep", "no UTF-8"])
 def test_what_is_no_drawn_line_is_said(drawn: str) -> None:
     complaints: list[str] = []
-    answer = SimpleNamespace(_field=SimpleNamespace(value=drawn), _desk=SimpleNamespace(complain=complaints.append))
+    desk = SimpleNamespace(complain=complaints.append)
+    answer = SimpleNamespace(_field=SimpleNamespace(value=drawn), _desk=desk, _words=ENGLISH)
     asyncio.run(CurveAnswer._on_lock(cast(CurveAnswer, answer), None))
     assert complaints == ["your line: nothing is drawn yet; allowed: draw it on the axes, or use the arrow keys"]
 

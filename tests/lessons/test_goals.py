@@ -7,6 +7,7 @@ import pytest
 from app.lessons.blocks import Goal
 from app.lessons.goals import GoalResult, goal_result
 from app.lessons.lesson import load
+from app.lessons.words import ENGLISH, GERMAN, LessonWords
 from app.scenario.data import with_values
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.constants_store import kept_memory
@@ -23,8 +24,8 @@ def loop_with(damping: float) -> tuple[Goal, ClosedLoop]:
     )
 
 
-def judgement(loop: ClosedLoop) -> GoalResult:
-    return goal_result(LESSON, loop.system, loop.recording, loop.t, stopped=loop.stopped is not None)
+def judgement(loop: ClosedLoop, words: LessonWords = ENGLISH) -> GoalResult:
+    return goal_result(LESSON, loop.system, loop.recording, loop.t, stopped=loop.stopped is not None, words=words)
 
 
 def run_to(loop: ClosedLoop, t: float) -> None:
@@ -37,6 +38,9 @@ def test_a_goal_is_judged_at_its_instant_and_waiting_changes_nothing(damping: fl
     goal, loop = loop_with(damping)
     run_to(loop, goal.seconds - 0.1)
     assert judgement(loop).waiting.endswith("another 0.1 s to go.")
+    assert judgement(loop, GERMAN).waiting == (
+        "Das Ziel wird bei t = 4 s beurteilt, in einem Lauf von Anfang an, ohne Änderung auf dem Weg: noch 0,1 s."
+    )
     run_to(loop, goal.seconds)
     at_its_instant = judgement(loop)
     assert at_its_instant.reached == reached
@@ -50,6 +54,7 @@ def test_a_run_that_was_changed_on_its_way_is_not_judged() -> None:
     loop.edit(with_values(loop.system.scenario, {"target_model.B_m.2": CALM}))
     run_to(loop, 2.0 * goal.seconds)
     assert judgement(loop).waiting.startswith("Changed at t = 1.0 s: try it again.")
+    assert judgement(loop, GERMAN).waiting.startswith("Bei t = 1,0 s geändert: noch einmal versuchen.")
 
 
 def test_a_run_that_has_stopped_is_not_waited_for() -> None:

@@ -194,11 +194,14 @@ conditions = [{ measure = "force", below = 1000.0 }]
 def test_a_goal_whose_run_stops_is_missed() -> None:
     """The wrong value loses contact, which is where the run begins, too, before anything is done."""
     text = LESSON[: LESSON.index("A spring of")] + STOPPING
-    for reference, stops in (("reference = 2.0", False), ("reference = 0.2", True)):
-        problems = check(read(text.replace("reference = 2.0", reference), "test", "test/lesson.md")).problems
+    stops, reaches = "with the reference, the run stops: t = 0.0", "the planted wrong values reach the goal"
+    for reference, wrong, sentences in ((2.0, 0.2, []), (0.2, 0.2, [stops]), (0.2, 2.0, [stops, reaches])):
+        values = f"reference = {reference}, wrong = {wrong}"
+        changed = text.replace("reference = 2.0, wrong = 0.2", values)
+        problems = check(read(changed, "test", "test/lesson.md")).problems
         about_goal = [problem for problem in problems if "goal: " in problem]
-        assert len(about_goal) == stops, problems
-        assert all("the run stops: t = 0.0" in problem for problem in about_goal)
+        assert len(about_goal) == len(sentences), problems
+        assert all(f"goal: {told}" in problem for told, problem in zip(sentences, about_goal, strict=True))
 
 
 EDIT = 'edits = [{ at = 0.5, set = "target_model.K_m.2", value = 900.0 }]'

@@ -35,7 +35,6 @@ from app.lessons.course import LessonCourse
 from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
 from app.lessons.markup import html_of, inline_html
 from app.lessons.playing import last_q, performance, play
-from app.lessons.words import LessonWords
 from app.scenario.data import field_of
 from app.scenario.errors import ScenarioError
 from app.session.commands import Load, Pause, Play, Reset
@@ -68,16 +67,10 @@ class LessonsPanel:
             self._run = gui.add_button("Run", visible=False, color="green")
             self._run.on_click(self._on_run)
             self._picture = gui.add_html("")
-            self._figure = gui.add_button_group(
-                "Figure", tuple(FIGURE_FORMATS), visible=False, hint="Saves this picture on white."
-            )
+            self._figure = gui.add_button_group("Figure", tuple(FIGURE_FORMATS), visible=False)
             self._goal = GoalControls(desk)
-            self._next = gui.add_button("Next", hint="Key: J")
-            self._back = gui.add_button("Back", color="gray", hint="Key: K")
-            self._restore = gui.add_button(
-                "Return to the lesson's scene", color="gray", hint="Loads the step's scenario again."
-            )
-            self._leave = gui.add_button("Leave the lesson", color="gray", hint="Next time it continues from here.")
+            self._next = gui.add_button("")
+            self._back, self._restore, self._leave = (gui.add_button("", color="gray") for _ in range(3))
         self._next.on_click(self._on_next)
         self._back.on_click(self._on_back)
         self._restore.on_click(self._on_restore)
@@ -221,7 +214,7 @@ class LessonsPanel:
         step, answer = course.step, course.answer
         self._goal.show(step, course, snapshot, self._entered)
         performing = snapshot.performing and step.run
-        playing = f"{snapshot.phase} …" if performing else ""
+        playing = course.words.phases[snapshot.phase] if performing else ""
         of = (course.lesson.name, step.number, answer, course.progress, len(course.outcomes), self._busy, playing)
         if of == self._shown:
             return
@@ -251,6 +244,9 @@ class LessonsPanel:
         relabel(self._restore, words.restore)
         relabel(self._leave, words.leave)
         relabel(self._figure, words.figure)
+        self._next.hint, self._back.hint = words.key.format("J"), words.key.format("K")
+        self._restore.hint, self._leave.hint = words.restore_hint, words.leave_hint
+        self._figure.hint = words.figure_hint
         self._next.disabled = busy
         self._next.color = None if course.ready else "gray"
         self._back.disabled = busy or step.number == 1
@@ -260,7 +256,7 @@ class LessonsPanel:
         self._run.visible = run is not None
         if run is not None:
             again = step.number in course.outcomes
-            label = (course.words.run_again if again else course.words.run).format(run.title, f"{run.seconds:g}")
+            label = course.words.of_run(run.title, run.seconds, again=again)
             self._run.label = playing if playing and again else label
             self._run.disabled = busy
 
@@ -286,7 +282,7 @@ def _text(course: LessonCourse, *, computing: bool) -> str:
         knows = "".join(f"<li>{inline_html(item)}</li>" for item in course.lesson.head.knows)
         parts.append(f'<p class="vs-dim" {lang}>{words.knows}</p><ul>{knows}</ul>')
     if isinstance(step.block, blocks.Explain):
-        parts += [_scored(of, answer, measured, words) for of, answer in course.explained()]
+        parts += [_scored(of, answer, course) for of, answer in course.explained()]
     parts.append(html_of(step.text, measured))
     if computing and course.missing and step.names_numbers:
         parts.append(f'<p class="vs-dim" {lang}>{words.missing}</p>')
@@ -298,33 +294,40 @@ def _text(course: LessonCourse, *, computing: bool) -> str:
     return f'<div class="vs-lesson vs-prose" lang="{escape(course.lesson.head.language)}">{"".join(parts)}</div>'
 
 
-def _scored(step: LessonStep, answer: Answer, measured: dict[str, str], words: LessonWords) -> str:
-    """Score of an answer as HTML. words: in the lesson's language."""
+def _scored(step: LessonStep, answer: Answer, course: LessonCourse) -> str:
+    """Score of an answer as HTML: words of the program, and in it the options, which are the lesson's own text."""
     if answer.score is None or step.question is None:
         return ""
+    words, given, feedback = course.words, "", inline_html(answer.feedback)
     mark = chip(words.right, "vs-good") if answer.score >= 1.0 else chip(words.wrong, "vs-warn")
-    given = ""
     if isinstance(step.block, blocks.ChoiceQuestion) and isinstance(answer.given, int):
-        option = inline_html(step.block.options[answer.given - 1], measured)
-        given = f"{words.given} <i>{option}</i>."
-    sentence = answer.feedback[:1].upper() + answer.feedback[1:]
-    feedback = "" if answer.feedback == "right" else inline_html(sentence, measured)
-    return f'<div class="vs-scored" lang="{words.language}">{mark} {given} {feedback}</div>'
+        chosen, right = (
+            f'<span lang="{escape(course.lesson.head.language)}">{inline_html(option, course.measured)}</span>'
+            for option in (step.block.options[answer.given - 1], step.block.options[step.block.right - 1])
+        )
+        given = f"{words.given} <i>{chosen}</i>."
+        feedback = "" if answer.score >= 1.0 else words.what_happens.format(right)
+    return f'<div class="vs-scored" lang="{words.language}">{mark} {given} {feedback[:1].upper()}{feedback[1:]}</div>'
 
 
 def _notes(run: LessonStep, course: LessonCourse, snapshot: Snapshot) -> str:
     """Notes on a run as HTML: a refused edit, an early stop, and changes by hand of the run in the scene."""
-    outcome = course.outcomes[run.number]
+    outcome, words = course.outcomes[run.number], course.words
     notes = []
     if outcome.refusal:
-        notes.append(f"Refused: {refusal_in_words(outcome.refusal)}")
+        notes.append(words.refused.format(_english(refusal_in_words(outcome.refusal))))
     if outcome.stopped:
-        notes.append(f"Stopped: {outcome.stopped}")
+        notes.append(words.stopped.format(_english(outcome.stopped)))
     if run is course.step and snapshot.phase != "running" and snapshot.scenario.name == _name_of(run):
         now = last_q(snapshot.recording)
         if len(now) and abs(snapshot.end - _ends(run)) < 1e-6 and not np.array_equal(now, outcome.q):
-            notes.append(course.words.changed_run)
-    return "".join(f'<div class="vs-note">{escape(note)}</div>' for note in notes)
+            notes.append(words.changed_run)
+    return "".join(f'<div class="vs-note" lang="{words.language}">{note}</div>' for note in notes)
+
+
+def _english(sentence: str) -> str:
+    """Sentence of the simulation, which is in English in every lesson, as HTML."""
+    return f'<span lang="en">{escape(sentence)}</span>'
 
 
 def _name_of(run: LessonStep) -> str:

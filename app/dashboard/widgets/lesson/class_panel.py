@@ -15,6 +15,7 @@ from app.dashboard.widgets.lesson.outcome_chart import courses_html
 from app.lessons.class_desk import AskedQuestion
 from app.lessons.course import LessonCourse
 from app.lessons.markup import inline_html
+from app.lessons.words import words_of
 from app.scenario.number_text import rounded
 
 BINS = 10
@@ -92,7 +93,8 @@ def answers_html(question: ClassQuestion, answers: Sequence[Given]) -> str:
             question.start, question.end, len(answers[0]) if answers and isinstance(answers[0], list) else 2
         )
         courses = [np.column_stack([times, given]) for given in answers if isinstance(given, list)]
-        picture = courses_html(question.axis, (question.start, question.end, question.low, question.high), courses)
+        ends = question.start, question.end, question.low, question.high
+        picture = courses_html(question.axis, ends, courses, words_of(question.language))
     else:
         picture = _bars(_counted(question, answers))
     # what stands beside numbers is a sentence of this program

@@ -23,8 +23,9 @@ from app.lessons.course import LessonCourse
 from app.lessons.goals import goal_result
 from app.lessons.lesson import LessonStep
 from app.lessons.measures import Unmet
-from app.lessons.words import LessonWords
+from app.lessons.words import ENGLISH, words_of
 from app.scenario.errors import ScenarioError
+from app.scenario.number_text import plain
 from app.session.commands import Play, Reset
 from app.session.snapshot import Snapshot
 
@@ -90,11 +91,11 @@ class NumberAnswer:
         self._form = desk.gui.add_form(None, visible=False)
         with self._form:
             self._text = desk.gui.add_text("", "")
-        hint = "It counts once, before the run. Key: Enter"
-        self._lock = desk.gui.add_button("Lock my answer", visible=False, hint=hint)
+        self._lock = desk.gui.add_button("", visible=False)
         self._text.on_update(from_pages(self._on_text))
         self._lock.on_click(self._on_lock)
         self._question: object = None  # the shown one
+        self._words = ENGLISH  # of its lesson
 
     async def _on_text(self, _: PageEvent) -> None:
         entered = self._text.value.endswith(ENTERED)
@@ -107,16 +108,16 @@ class NumberAnswer:
         self._lock_answer()
 
     def _lock_answer(self) -> None:
-        text = without_marks(self._text.value).strip().replace("−", "-")
+        text, words = without_marks(self._text.value).strip().replace("−", "-"), self._words
         if _GROUPED.fullmatch(text):
-            ways = f"{text.replace(',', '.')} or {text.replace(',', '')}"
-            self._desk.complain(f"your answer: {text} can be read in two ways; allowed: {ways}")
+            # a decimal comma is told from one of thousands by a fourth digit behind it
+            decimal = text.replace(",", ".") if words.decimal == "." else f"{text}0"
+            self._desk.complain(words.two_numbers.format(text, decimal, text.replace(",", "")))
             return
-        text = text.replace(",", ".")
         try:
-            self._answer(float(text))
+            self._answer(float(text.replace(",", ".")))
         except ValueError:
-            self._desk.complain(f"your answer: {text!r:.40}; allowed: a number, such as 12.5")
+            self._desk.complain(words.no_number.format(f"{text!r:.40}"))
 
     def show(self, step: LessonStep, answer: Answer | None, course: LessonCourse) -> None:
         asks = isinstance(step.block, blocks.NumberQuestion)
@@ -124,13 +125,15 @@ class NumberAnswer:
         self._lock.visible = asks and course.open
         if not asks:
             return
-        relabel(self._lock, course.words.lock_answer)
+        words = self._words = course.words
+        relabel(self._lock, words.lock_answer)
+        self._lock.hint = f"{words.lock_hint} {words.key.format('Enter')}"
         unit = answer_unit(step, course)
-        self._text.label = f"{course.words.your_answer} [{unit}]" if unit else course.words.your_answer
+        self._text.label = f"{words.your_answer} [{unit}]" if unit else words.your_answer
         self._text.disabled = not course.open
         question = course.lesson.name, step.number, answer is not None
-        if answer is not None:
-            self._text.value = f"{answer.given:g}"
+        if answer is not None and isinstance(answer.given, int | float):
+            self._text.value = words.number(plain(answer.given))
         elif self._question != question:  # another one, or this one when the lesson is taken again
             self._text.value = ""
         self._question = question
@@ -153,8 +156,9 @@ class CurveAnswer:
         self._desk, self._answer = desk, answer
         self._html = desk.gui.add_html("", visible=False)
         self._field = desk.gui.add_text("", "", visible=False)
-        self._lock = desk.gui.add_button("Lock my line", visible=False, hint="It counts once, before the run.")
+        self._lock = desk.gui.add_button("", visible=False)
         self._lock.on_click(self._on_lock)
+        self._words = ENGLISH  # of the lesson
 
     async def _on_lock(self, _: object) -> None:
         try:
@@ -162,7 +166,7 @@ class CurveAnswer:
         except (msgspec.DecodeError, UnicodeError, RecursionError):
             points = None
         if not points:
-            self._desk.complain("your line: nothing is drawn yet; allowed: draw it on the axes, or use the arrow keys")
+            self._desk.complain(self._words.no_line)
         else:
             self._answer(points)
 
@@ -170,13 +174,15 @@ class CurveAnswer:
         asks = isinstance(step.block, blocks.CurveQuestion)
         self._html.visible = self._field.visible = asks
         self._lock.visible = asks and course.open
-        relabel(self._lock, course.words.lock_line)
+        words = self._words = course.words
+        relabel(self._lock, words.lock_line)
+        self._lock.hint = words.lock_hint
         if not isinstance(step.block, blocks.CurveQuestion):
             self._html.content = ""
             self._field.value = ""
             return
         drawn = answer.given if answer is not None and isinstance(answer.given, list) else None
-        content = pad_html(step.block, drawn)
+        content = pad_html(step.block, drawn, words)
         if self._html.content != content:  # sent again, the axes would lose the strokes that are being drawn
             self._html.content = content
             self._field.value = ""  # of other axes
@@ -193,8 +199,7 @@ class GoalControls:
         self._missed: tuple[str, ...] = ()  # HTML
         self._folder = desk.gui.add_folder("Your controls", visible=False)
         self._state = desk.gui.add_html("")
-        hint = "Key: R. What happens at the beginning, such as a push, happens again."
-        self._anew = desk.gui.add_button("Try it from the beginning", visible=False, hint=hint)
+        self._anew = desk.gui.add_button("", visible=False)
         self._anew.on_click(self._on_anew)
 
     async def _on_anew(self, _: object) -> None:
@@ -219,8 +224,10 @@ class GoalControls:
                     for each in goal.controls
                 ]
             self._of = entered
-        relabel(self._folder, course.words.controls)
-        relabel(self._anew, course.words.anew)
+        words = course.words
+        relabel(self._folder, words.controls)
+        relabel(self._anew, words.anew)
+        self._anew.hint = f"{words.key.format('R')}. {words.anew_hint}"
         for row in self._rows:
             row.show(snapshot)
         content = self._html(course, snapshot)
@@ -235,18 +242,20 @@ class GoalControls:
             self._state.content = ""
 
     def _html(self, course: LessonCourse, snapshot: Snapshot) -> str:
+        words = course.words
+        lang = f'lang="{words.language}"'
         if course.step.number in course.progress.goals:
-            return f'<div class="vs-scored">{chip(course.words.reached, "vs-good")}</div>'
+            return f'<div class="vs-scored" {lang}>{chip(words.reached, "vs-good")}</div>'
         if self._missed_in != snapshot.run:
             try:
                 stopped = snapshot.phase == "stopped"
                 result = goal_result(
-                    course.step, snapshot.latest, snapshot.recording, snapshot.end, stopped=stopped, words=course.words
+                    course.step, snapshot.latest, snapshot.recording, snapshot.end, stopped=stopped, words=words
                 )
             except ScenarioError as error:
                 return f'<div class="vs-note">{escape(str(error))}</div>'
             if result.waiting:
-                return f'<div class="vs-note">{result.waiting}</div>'
+                return f'<div class="vs-note" {lang}>{result.waiting}</div>'
             if result.reached:
                 try:
                     course.reached_goal()
@@ -257,19 +266,21 @@ class GoalControls:
             assert isinstance(course.step.block, blocks.Goal)
             goal = course.step.block
             self._missed_in = snapshot.run
-            self._missed = tuple(missed_html(each, goal, course.words) for each in result.missed)
+            self._missed = tuple(missed_html(each, goal, course.lesson.head.language) for each in result.missed)
         missed = "".join(
-            f'<div class="vs-scored">{chip(course.words.not_yet, "vs-warn")} {each}</div>' for each in self._missed
+            f'<div class="vs-scored" {lang}>{chip(words.not_yet, "vs-warn")} {each}</div>' for each in self._missed
         )
         changed = len(snapshot.recording.epochs) > 1
-        return missed + (f'<div class="vs-note">{course.words.changed}</div>' if missed and changed else "")
+        return missed + (f'<div class="vs-note" {lang}>{words.changed}</div>' if missed and changed else "")
 
 
-def missed_html(missed: Unmet, goal: blocks.Goal, words: LessonWords) -> str:
-    """Condition of a goal that does not hold as HTML. words: in the lesson's language."""
-    title = goal.measures[missed.measure].title or missed.measure
-    measured, limit = (escape(number.text(words.language)) for number in (missed.value, missed.limit))
-    return f'<span lang="{words.language}">{escape(title)}: {measured}; {words.wanted[missed.wanted]} {limit}</span>'
+def missed_html(missed: Unmet, goal: blocks.Goal, language: str) -> str:
+    """Condition of a goal that does not hold as HTML, within words of the program. language: of the lesson, which the
+    program may not speak."""
+    title = escape(goal.measures[missed.measure].title or missed.measure)
+    measured, limit = (escape(number.text(language)) for number in (missed.value, missed.limit))
+    wanted = words_of(language).wanted[missed.wanted]
+    return f'<span lang="{escape(language)}">{title}</span>: {measured}; {wanted} {limit}'
 
 
 def _binding(control: blocks.GoalSlider) -> FieldBinding:

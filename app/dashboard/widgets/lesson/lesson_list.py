@@ -32,8 +32,7 @@ class LessonList:
             self._choice = desk.gui.add_dropdown("Lesson", tuple(self._titles), hint="They build on one another.")
             self._about = desk.gui.add_html("")
             self._begin = desk.gui.add_button("Begin")
-            hint = "The last step once more; the answers stay."
-            self._goal = desk.gui.add_button("Back to the goal", color="gray", visible=False, hint=hint)
+            self._goal = desk.gui.add_button("", color="gray", visible=False)
             hint = "All answers so far, as a file; otherwise they stay on the server."
             self._files = desk.gui.add_button_group("Your answers", ("CSV", "JSON"), hint=hint)
             self._class_file = desk.gui.add_button("Answers of the class (CSV)", color="gray", visible=False)
@@ -84,21 +83,23 @@ class LessonList:
         state, label, goal = "", words.begin, False
         if done is not None:
             scores = [answer.score for answer in done.answers.values() if answer.score is not None]
-            result = f" {sum(scores):g} of {len(scores)} answers right" if scores else ""
+            result = f" {words.answers_right.format(f'{sum(scores):g}', len(scores))}" if scores else ""
             state = f"<p>{_state(lesson, done)}{result}</p>"
             label = words.go_on.format(done.step)
             if _ended(lesson, done):
                 label, goal = words.again, done.step in _missed(lesson, done)
-                state += "<p>Taking it again deletes your answers. Save them first if you want to keep them.</p>"
+                state += f"<p>{words.deletes}</p>"
         content = (
             f'<div class="vs-lesson vs-prose"><p class="vs-dim" lang="{words.language}">'
-            f"{words.minutes.format(f'{lesson.head.minutes:g}')} {words.knows}</p>"
-            f'<ul lang="{escape(lesson.head.language)}">{knows}</ul>{state}</div>'
+            f"{words.minutes.format(words.number(f'{lesson.head.minutes:g}'))} {words.knows}</p>"
+            f'<ul lang="{escape(lesson.head.language)}">{knows}</ul><div lang="{words.language}">{state}</div></div>'
         )
         if self._about.content != content:
             self._about.content = content
         if self._begin.label != label:
             self._begin.label = label
+        if goal:
+            self._goal.label, self._goal.hint = words.to_goal, words.to_goal_hint
         if self._goal.visible != goal:
             self._goal.visible = goal
 
@@ -115,13 +116,14 @@ def _missed(lesson: Lesson, progress: LessonProgress) -> set[int]:
 
 def _state(lesson: Lesson, progress: LessonProgress) -> str:
     """Whether the lesson has been gone through, and whether its goals were met, as a chip."""
+    words = words_of(lesson.head.language)
     if not progress.finished:
-        return chip("begun", "vs-warn")
+        return chip(words.begun, "vs-warn")
     goals = [step.number for step in lesson.steps if step.goal]
     missed = len(_missed(lesson, progress))
     if not missed:
-        return chip("done", "vs-good")
-    return chip(f"done, {'goal' if len(goals) == 1 else f'{missed} of {len(goals)} goals'} not met", "vs-warn")
+        return chip(words.done, "vs-good")
+    return chip(words.goal_missed if len(goals) == 1 else words.goals_missed.format(missed, len(goals)), "vs-warn")
 
 
 def _title(name: str, lesson: Lesson) -> str:

@@ -15,6 +15,7 @@ from app.lessons.lesson import LessonStep
 from app.lessons.playing import Trace
 from app.lessons.predictions import predicted
 from app.lessons.words import ENGLISH, LessonWords
+from app.scenario.number_text import plain
 
 WIDTH, HEIGHT = 336, 168
 LEFT, RIGHT, TOP, BOTTOM = 40, 330, 20, 140  # px, edges of the frame
@@ -39,7 +40,7 @@ def outcome_html(
     return "".join(pictures)
 
 
-def pad_html(question: CurveQuestion, drawn: Sequence[tuple[float, float]] | None) -> str:
+def pad_html(question: CurveQuestion, drawn: Sequence[tuple[float, float]] | None, words: LessonWords) -> str:
     """Axes on which a curve is drawn by mouse, finger or arrow keys, as HTML. drawn: points of the locked curve."""
     frame = _Frame(question.start, question.end, question.low, question.high)
     course = "" if drawn is None else _path(frame, np.array(drawn))
@@ -53,18 +54,20 @@ def pad_html(question: CurveQuestion, drawn: Sequence[tuple[float, float]] | Non
         )
     )
     role = 'role="img"' if drawn is not None else 'tabindex="0" role="application"'
-    label = f"{question.line.title}: draw with the mouse, or choose an instant with ← →, and its value with ↑ ↓"
+    label = words.draw.format(question.line.title)
     return (
         f'<div class="vs-pad" data-locked="{"" if drawn is None else "1"}">'
         f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" {ends} data-left="{LEFT}" data-right="{RIGHT}" '
         f'data-top="{TOP}" data-bottom="{BOTTOM}" {role} aria-label="{escape(label)}">'
-        f"{_grid(frame, f'{question.line.title} [{question.line.unit}]')}"
+        f"{_grid(frame, f'{question.line.title} [{question.line.unit}]', words)}"
         f'<path class="vs-drawn" fill="none" stroke="{line_css(MEASURED)}" stroke-width="2.5" d="{course}"/>'
         f'<circle class="vs-pen" r="4" fill="{line_css(MEASURED)}" visibility="hidden"/></svg></div>'
     )
 
 
-def courses_html(title: str, ends: tuple[float, float, float, float], courses: Sequence[np.ndarray]) -> str:
+def courses_html(
+    title: str, ends: tuple[float, float, float, float], courses: Sequence[np.ndarray], words: LessonWords
+) -> str:
     """Picture of curves (N, 2) of t and value over each other, as HTML. ends: of the axes: start, end, low, high."""
     frame = _Frame(*ends)
     lines = "".join(
@@ -72,9 +75,10 @@ def courses_html(title: str, ends: tuple[float, float, float, float], courses: S
         f'd="{_path(frame, course)}"/>'
         for course in courses
     )
+    label = escape(words.as_predicted.format(title))
     return (
-        f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(title)}, as predicted">'
-        f"{_grid(frame, title)}{lines}</svg>"
+        f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">'
+        f"{_grid(frame, title, words)}{lines}</svg>"
     )
 
 
@@ -106,7 +110,7 @@ def _picture(
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     room = 0.06 * (high - low) or 1.0
     frame = _Frame(0.0, max(float(trace.t[-1]) for trace in traces), low - room, high + room)
-    parts = [_grid(frame, f"{line.title} [{line.unit}]")]
+    parts = [_grid(frame, f"{line.title} [{line.unit}]", words)]
     legend = []
     for number, trace in enumerate(traces):
         last = number == len(traces) - 1
@@ -131,8 +135,9 @@ def _picture(
         legend.append(
             f'<span><i class="vs-swatch" style="background: {line_css(MEASURED)}"></i>{words.prediction}</span>'
         )
+    label = escape(words.over_time.format(line.title))
     return (
-        f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(line.title)} over time">'
+        f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">'
         f'{"".join(parts)}</svg><div class="vs-lines">{"".join(legend)}</div>'
     )
 
@@ -156,16 +161,16 @@ def _path(frame: _Frame, points: np.ndarray) -> str:
     return " ".join(path)
 
 
-def _grid(frame: _Frame, title: str) -> str:
+def _grid(frame: _Frame, title: str, words: LessonWords) -> str:
     parts = [f'<text x="{LEFT}" y="12">{escape(title)}</text>']
     parts += [
         f'<line class="grid" x1="{frame.x(t):.1f}" x2="{frame.x(t):.1f}" y1="{TOP}" y2="{BOTTOM}"/>'
-        f'<text x="{frame.x(t):.1f}" y="{BOTTOM + 13}" text-anchor="middle">{t:g}</text>'
+        f'<text x="{frame.x(t):.1f}" y="{BOTTOM + 13}" text-anchor="middle">{words.number(plain(t))}</text>'
         for t in _ticks(frame.start, frame.end)
     ]
     parts += [
         f'<line class="grid" x1="{LEFT}" x2="{RIGHT}" y1="{frame.y(value):.1f}" y2="{frame.y(value):.1f}"/>'
-        f'<text x="{LEFT - 4}" y="{frame.y(value) + 3.5:.1f}" text-anchor="end">{f"{value:g}".replace("-", "−")}</text>'
+        f'<text x="{LEFT - 4}" y="{frame.y(value) + 3.5:.1f}" text-anchor="end">{words.number(plain(value))}</text>'
         for value in _ticks(frame.low, frame.high)
     ]
     parts.append(f'<text x="{RIGHT}" y="{HEIGHT - 3}" text-anchor="end">t [s]</text>')
