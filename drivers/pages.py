@@ -13,6 +13,7 @@ from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 
 VIEWPORT = {"width": 1280, "height": 720}
+PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
 # Script that marks the first steps as seen, as in a browser that has opened the page before. A page without an address
 # has no storage.
 NO_HINTS = "try { localStorage.setItem('vsmrc.hints', 'dismissed'); } catch { }"
