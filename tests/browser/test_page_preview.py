@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from app.dashboard.page import Dashboard
+from app.session.commands import Play
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from drivers.pages import PHONE, PageSession, resting_box
@@ -79,7 +80,10 @@ def test_a_preview_keeps_its_place_and_so_does_what_was_applied_while_the_time_i
     drag_away(session)
     applied = corner(window)
     assert applied != previewed
-    session.grip("time t [s]", at=0.5)
+    session.runner.post(Play())
+    session.pause_after(2.0)
+    session.grip("time t [s]", at=0.9)  # after the edit: before it nothing could be taken back
+    session.wait(lambda now: now.looking_back)
     assert corner(window) == applied
     expect(window.get_by_role("button", name="Revert")).to_be_visible()
     page.mouse.up()
