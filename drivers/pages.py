@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from playwright.sync_api import FloatRect, Locator, Page, TimeoutError, expect
 
 from app.dashboard.theme.style import MARKS
+from app.session.commands import Pause
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 
 VIEWPORT = {"width": 1280, "height": 720}
+PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
 # Script that marks the first steps as seen, as in a browser that has opened the page before. A page without an address
 # has no storage.
 NO_HINTS = "try { localStorage.setItem('vsmrc.hints', 'dismissed'); } catch { }"
@@ -279,6 +281,12 @@ class PageSession:
     def ahead(self) -> float:
         """Time from now to the right end of the lines of the first plot on the screen, s; nan while none is drawn."""
         return self.page.evaluate(f"{SHOWN}[0]?.data?.[0]?.at(-1) ?? NaN")
+
+    def pause_after(self, t: float) -> None:
+        """Pause the run once it has come to t (s)."""
+        self.wait(lambda now: now.t > t)
+        self.runner.post(Pause())
+        self.wait(lambda now: now.phase == "paused")
 
     def wait(self, condition: Callable[[Snapshot], bool], seconds: float = PATIENCE) -> None:
         """Wait until the loop fulfils the condition. A failure shows the loop's state, the numbers on the page and the

@@ -27,13 +27,14 @@ const MOST = { left: 404, right: 400 }, LEAST = { left: 276, right: 340 }, REST 
 const pulled = new Set(); // sides that the user has pulled
 const edgeOf = (e) => (e.target instanceof Element ? e.target.closest("[data-dock-region-resize]") : null);
 document.addEventListener("pointerdown", (e) => { if (e.isTrusted && edgeOf(e)) pulled.add(edgeOf(e).dataset.dockRegionResize); }, true);
+const phone = matchMedia("(max-width: 36em)"); // viser's layout for a phone
+const portrait = matchMedia("(min-width: 36.01em) and (max-width: 1100px) and (orientation: portrait)"); // as in page.css
 const share = () => {
   const root = document.documentElement, controls = document.querySelector("[data-dock-region=right]")?.offsetWidth ?? 0;
-  const staged = root.matches("[data-stage]"), phone = innerWidth <= 576; // viser's layout for a phone
-  const upright = !staged && !phone && innerWidth <= 1100 && innerWidth < innerHeight;
+  const staged = root.matches("[data-stage]"), upright = !staged && portrait.matches;
   root.toggleAttribute("data-upright", upright && !!document.querySelector("[data-dock-region-resize=left]"));
   root.style.setProperty("--vs-controls-width", `${controls}px`);
-  if (phone || staged) return;
+  if (phone.matches || staged) return;
   for (const edge of document.querySelectorAll("[data-dock-region-resize]")) {
     const side = edge.dataset.dockRegionResize, is = width(edge);
     if (is < 60 || pulled.has(side) || (upright && side === "left")) continue; // closed, folded or above the scene
@@ -56,7 +57,7 @@ for (const kind of ["pointerdown", "pointerup"]) document.addEventListener(kind,
 document.addEventListener("click", (e) => { if (folds(e)) fold(e); }, true);
 document.addEventListener("keydown", (e) => { if (folds(e) && /^(Enter| )$/.test(e.key)) fold(e); }, true);
 setInterval(() => {
-  if (innerWidth <= 576) page.removeAttribute("data-folded"); // viser's layout for a phone has no handle to take it back
+  if (phone.matches) page.removeAttribute("data-folded"); // it has no handle to take it back
   const open = !folded(), name = open ? "Collapse panel area" : "Expand panel area";
   for (const handle of document.querySelectorAll(FOLD)) {
     if (handle.ariaExpanded !== String(open)) handle.ariaExpanded = String(open);

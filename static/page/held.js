@@ -43,7 +43,9 @@ const fill = () => {
 const phone = matchMedia("(max-width: 36em)");
 const undo = document.createElement("button");
 undo.className = "vs-undo";
-const revert = () => [...document.querySelectorAll("button:not(.vs-undo)")].find((each) => each.textContent.trim() === "Revert");
+// beside the text of what-if: others of the page have the same names
+const revert = () => [...document.querySelector(".vs-held")?.closest("div:has(button)")?.querySelectorAll("button") ?? []]
+  .find((each) => /^(Revert|Cancel)$/.test(each.textContent.trim()));
 let reverted = ""; // text of the row whose button was pressed, until the server has answered
 undo.addEventListener("click", () => { revert()?.click(); reverted = undo.textContent; undo.remove(); });
 const offer = () => {
@@ -62,7 +64,7 @@ setInterval(() => {
   offer();
 }, 200);
 new MutationObserver(() => {
-  const row = document.querySelector("form[data-held]:not(div:has(> .vs-ticks) + form)"); // the timeline changes nothing
+  const row = document.querySelector("form[data-held=value]");
   if (borrowed && borrowed.row !== row) putBack();
   if (!borrowed && row && phone.matches) borrow(row);
 }).observe(document.body, { subtree: true, attributes: true, attributeFilter: ["data-held"] });

@@ -55,9 +55,10 @@ document.addEventListener("keydown", (e) => {
 }, true);
 // A tick of the timeline is looked at: its instant is typed into the field of the time, which stands behind the ticks.
 // A finger seeks when it is lifted there, since it may begin to scroll.
+const TIME = "div:has(> .vs-ticks) + form";
 const seekOf = (target) => (target instanceof Element && target.closest("[data-seek]")?.dataset.seek) || null;
 const seek = (t) => {
-  const input = document.querySelector("div:has(> .vs-ticks) + form .mantine-TextInput-input");
+  const input = document.querySelector(`${TIME} .mantine-TextInput-input`);
   if (input && t !== null) sendMarked(input, t, LEFT);
 };
 let touched = null; // { id, t } of a finger on a tick
@@ -82,7 +83,8 @@ document.addEventListener("focusout", (e) => {
 const SLOT = 60; // ms, longer than viser waits between two messages
 let held = null, byKey = false;
 const slider = (e) => e.target instanceof Element ? e.target.closest("form .mantine-Slider-root") : null;
-const hold = (row, key) => { held = row; byKey = key; row.dataset.held = ""; row.vsmrcTurn = null; };
+// the timeline changes no value, so that nothing is previewed or taken back
+const hold = (row, key) => { held = row; byKey = key; row.dataset.held = row.matches(TIME) ? "time" : "value"; row.vsmrcTurn = null; };
 const letGo = (mark) => {
   if (!held) return;
   const row = held, turn = (row.vsmrcTurn = {});

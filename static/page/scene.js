@@ -1,5 +1,6 @@
 // Where the scene is, between docks of whatever width, as variables of the style sheet.
 const phone = matchMedia("(max-width: 36em)");
+const PREVIEW = 460; // px that the window of a preview takes in a wide scene (page.css), with the gaps beside it
 const place = () => {
   const box = document.querySelector("canvas[data-engine]")?.getBoundingClientRect();
   for (const side of box ? ["left", "top", "width", "height"] : [])
@@ -10,23 +11,25 @@ const place = () => {
   document.documentElement.style.setProperty("--vs-over-top", `${Math.round(under)}px`);
   // what lies over it stands one below the other: buttons, the window of a held slider, messages; and nothing is scrolled
   // under the status line
-  for (const part of ["acts", "strip", "status", "timeline"]) {
-    const found = document.querySelector(`.vs-${part}`), elsewhere = part === "acts" && phone.matches; // phone.css
-    const high = elsewhere ? 0 : found?.offsetHeight ?? 0;
-    document.documentElement.style.setProperty(`--vs-${part}-height`, `${high}px`);
-  }
+  const narrow = !!box && box.width < 180; // no room for the equation, nor for the timeline
+  const inPanel = { acts: phone.matches, timeline: narrow || phone.matches };
+  const high = (part) => (!inPanel[part] && document.querySelector(`.vs-${part}`)?.offsetHeight) || 0;
+  for (const part of ["acts", "strip", "status", "timeline"])
+    document.documentElement.style.setProperty(`--vs-${part}-height`, `${high(part)}px`);
   // below the window of a held slider, which a message must not move under the mouse
   const held = document.querySelector("[data-floating-window]:has(.vs-held)")?.getBoundingClientRect();
-  const [strip, timeline] = [".vs-strip", ".vs-timeline"].map((part) => document.querySelector(part)?.offsetHeight ?? 0);
-  const room = box && held?.height ? box.bottom - timeline - 24 - held.bottom : 0; // between the window and the timeline
-  const above = room > Math.max(strip, 48) && held.top < box.top + 0.4 * box.height;
+  const room = box && held?.height ? box.bottom - high("timeline") - 24 - held.bottom : 0; // between the window and the timeline
+  const above = room > Math.max(high("strip"), 48) && held.top < box.top + 0.4 * box.height;
   if (above) document.documentElement.style.setProperty("--vs-strip-top", `${Math.round(held.bottom + 8)}px`);
   else document.documentElement.style.removeProperty("--vs-strip-top");
   // over the windows, unless one of them lies over the panel
   const panel = document.querySelector("[data-dock-region]:has(.vs-strip)")?.getBoundingClientRect();
   const beside = [...document.querySelectorAll("[data-floating-window]")].every((w) => w.getBoundingClientRect().right <= panel?.left + 1);
   document.documentElement.toggleAttribute("data-over", !!panel && beside);
-  document.documentElement.toggleAttribute("data-narrow", !!box && box.width < 180); // no room for the equation
+  document.documentElement.toggleAttribute("data-narrow", narrow);
+  // the equation and a preview, which lies at the right end, do not fit beside each other
+  const equation = document.querySelector("[data-floating-window]:has(.vs-equation)")?.getBoundingClientRect();
+  document.documentElement.toggleAttribute("data-crowded", !!box && !!equation && box.right - equation.right < PREVIEW);
 };
 setInterval(place, 200);
 // A selection that begins in a message ends with it.

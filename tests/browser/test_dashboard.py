@@ -108,40 +108,6 @@ def test_escape_takes_a_held_slider_back(session: PageSession):
     session.wait(lambda _: abs(float(thumb.get_attribute("aria-valuenow") or "nan") - 20.0 / 60.0) < 2e-3)
 
 
-@pytest.mark.usefixtures("messages_stay")
-def test_the_window_of_a_preview_can_be_moved_away_and_takes_the_value_back(session: PageSession):
-    move, _ = session.grip("F_d [N]")
-    move(0.9)
-    session.page.mouse.up()
-    session.wait(lambda now: now.scenario.force.value > 40.0)
-    window = session.page.locator("[data-floating-window]", has=session.page.locator(".vs-held"))
-    window.get_by_text("applied").wait_for()
-    handle = window.locator("[data-dock-griphandle]")
-
-    def dragged(_: Snapshot) -> bool:
-        """Whether a drag has moved it: a notice on a slow loop, which comes by itself, may push it from the mouse."""
-        handle.hover()
-        grip = handle.bounding_box()
-        assert grip is not None
-        x, y = grip["x"] + grip["width"] / 2, grip["y"] + grip["height"] / 2
-        session.page.mouse.move(x, y)
-        session.page.mouse.down()
-        session.page.mouse.move(x - 70.0, y + 50.0, steps=3)
-        session.page.mouse.up()
-        return window.evaluate("(window) => getComputedStyle(window).translate") == "-70px 50px"
-
-    session.wait(dragged)
-    window.get_by_role("button", name="Revert").click()
-    session.wait(lambda now: now.scenario.force.value == 20.0)
-    move, _ = session.grip("F_d [N]")
-    move(0.8)
-    session.page.mouse.up()
-    session.wait(lambda now: now.scenario.force.value > 40.0)
-    session.page.keyboard.press("z")
-    session.wait(lambda now: now.scenario.force.value == 20.0)
-    session.page.evaluate("document.documentElement.style.cssText = ''")
-
-
 # how far apart the least and the largest of the last line's band are at the right end of the first plot of a force
 _SPREAD = f"""() => {{
   const chart = {SHOWN}[1], [upper, lower] = chart?.bands[0]?.series ?? [];

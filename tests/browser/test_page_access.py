@@ -21,12 +21,11 @@ from app.dashboard.theme.colors import RUN_DASHES, RUNS, css
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause
 from app.session.runner import Runner
-from drivers.pages import PageSession, resting_box, wait_without_notice
+from drivers.pages import PHONE, PageSession, resting_box, wait_without_notice
 from drivers.waiting import until
 from tests.support.axe import violations
 from tests.support.layout import lasting
 
-PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
 APART = 10.0  # least CIE Delta E 2000 of two lines of one plot that have the same style; 1 is just noticeable
 WIDER = 1.5  # factor between two widths that makes them different styles
 SMALL = """() => {

@@ -7,12 +7,11 @@ from playwright.sync_api import expect
 from app.dashboard.plots.law_drawings import CAUSES
 from app.session.commands import Pause, Play
 from drivers.pages import SHOWN, PageSession
-from tests.browser.test_page_plots import pause_after
 
 
 def test_the_legend_has_the_values_of_now_and_hides_a_line(session: PageSession):
     page = session.page
-    pause_after(session, 1.0)
+    session.pause_after(1.0)
     page.mouse.move(700, 300)  # over no plot
     legend_entry = (
         "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.innerText.startsWith(name))?.innerText"
@@ -33,7 +32,7 @@ def test_the_legend_has_the_values_of_now_and_hides_a_line(session: PageSession)
 
 def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: PageSession):
     page = session.page
-    pause_after(session, 1.0)
+    session.pause_after(1.0)
     session.tab("Guarantee")
     page.mouse.move(700, 300)  # over no plot
     value = "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.checkVisibility() && \
@@ -60,7 +59,7 @@ def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: P
 
 def test_a_part_of_a_sum_is_hidden_and_stands_alone_with_both_edges_of_its_area(session: PageSession):
     page = session.page
-    pause_after(session, 1.0)
+    session.pause_after(1.0)
     session.tab("Torque")
     stack = f"{SHOWN}.find((c) => c.series.filter((s) => s.label === 'gravity').length === 2)"
     page.wait_for_function(stack)

@@ -197,6 +197,14 @@ def test_a_search_finds_candidates_of_which_one_is_previewed_and_then_applied(se
     page.keyboard.press("Enter")
     expect(page.locator(".vs-held")).to_contain_text("click again: apply")
     expect(page.get_by_role("button", name="Cancel", exact=True)).to_be_visible()  # nothing is applied yet
+    page.locator(".vs-preview .vs-foreseen").hover()
+    page.mouse.wheel(0, 500)  # on a low screen, too, all results can be scrolled to, and stay while they are drawn anew
+    page.wait_for_timeout(1500)
+    page.wait_for_function("""() => {
+      const row = [...document.querySelectorAll(".vs-preview .vs-foreseen tr")].at(-1);
+      const box = row.getBoundingClientRect();
+      return row.contains(document.elementFromPoint(box.x + 20, box.y + box.height / 2));
+    }""")
     expect(chart).to_have_attribute("data-previewed", "")  # until then Esc leaves nothing
     assert session.now.scenario.controller == before
     page.keyboard.press("Escape")

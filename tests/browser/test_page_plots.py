@@ -28,13 +28,6 @@ DRAWN = f"""async (wait) => {{
 }}"""
 
 
-def pause_after(session: PageSession, t: float) -> None:
-    """Pause the run once it has come to t (s)."""
-    session.wait(lambda now: now.t > t)
-    session.runner.post(Pause())
-    session.wait(lambda now: now.phase == "paused")
-
-
 def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: PageSession):
     page = session.page
     setup = Setup.of(session.runner.snapshot, 0, 0)
@@ -210,7 +203,7 @@ def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: PageSess
 
 def test_two_cursors_measure_a_step(session: PageSession):
     page = session.page
-    pause_after(session, 2.0)  # so that the step comes, and the window ends, at an instant that is known
+    session.pause_after(2.0)  # so that the step comes, and the window ends, at an instant that is known
     step = {"kind": "step", "start": 20.0, "value": 30.0, "time": session.now.t + 0.5, "rise": 0.1}
     session.runner.post(Edit("force", step))
     session.runner.post(Play())

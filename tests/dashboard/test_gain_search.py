@@ -14,7 +14,7 @@ import pytest
 import viser
 
 from app.dashboard.widgets.families.candidate_chart import candidates_html
-from app.dashboard.widgets.families.gain_search import AGAIN, LEAVE, GainSearch
+from app.dashboard.widgets.families.gain_search import AGAIN, NOT_OFFERED, GainSearch
 from app.dashboard.widgets.families.swept_fields import FIELDS, FieldChoice, field_of_row, prepared
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.field_binding import FieldBinding, NumberRow, SliderScale, log_scale
@@ -243,7 +243,7 @@ def test_what_the_sentences_at_the_end_do_not_offer_cannot_be_applied(
         search._choose(ended, number, 1)
         held = page.whatif.held
         assert held is not None
-        assert (held.label, held.then) == (f"candidate {number}", LEAVE)
+        assert (held.label, held.then) == (f"candidate {number}", NOT_OFFERED)
         assert held.value == f"boundary layer 0.0{number} m/s"
         search._choose(ended, number, 1)
         assert page.complaints.pop() == f"candidate {number}: not offered, {reason}"

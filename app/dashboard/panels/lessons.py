@@ -15,6 +15,7 @@ from app.dashboard.transport.callback_errors import Fault, guarded
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.field_words import refusal_in_words
+from app.dashboard.widgets.labels import relabel
 from app.dashboard.widgets.lesson.class_panel import ClassPanel
 from app.dashboard.widgets.lesson.lesson_answers import (
     CurveAnswer,
@@ -22,7 +23,6 @@ from app.dashboard.widgets.lesson.lesson_answers import (
     NumberAnswer,
     OptionAnswer,
     answer_unit,
-    relabel,
 )
 from app.dashboard.widgets.lesson.lesson_list import LessonList
 from app.dashboard.widgets.lesson.outcome_chart import outcome_html

@@ -49,8 +49,8 @@ AIMS = {
     "residual of (8)": "residual",
 }
 BUDGETS = {"32": 32, "64": 64, "128": 128}
-LEAVE = "not offered · Esc: leave it"
-AGAIN = "click again: apply · Esc: leave it"
+NOT_OFFERED = "not offered"
+AGAIN = "click again: apply"
 
 
 class GainSearch(BackgroundWork[BackgroundTuning]):
@@ -190,7 +190,7 @@ class GainSearch(BackgroundWork[BackgroundTuning]):
         self._chosen, self._due = candidate.number, 0.0
         name = name_of(candidate.number)
         gains = gains_in_words(work, candidate, self._names) or name
-        then = LEAVE if candidate.badge and candidate.number else AGAIN
+        then = NOT_OFFERED if candidate.badge and candidate.number else AGAIN
         self._desk.whatif.hold(HeldControl(edit, name, gains, self, client, snapshot.run, then))
 
     def _edit(self, snapshot: Snapshot, candidate: Candidate) -> EditAll:

@@ -16,6 +16,7 @@ from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.fields.controls import Desk, NumberField
 from app.dashboard.widgets.fields.field_binding import FieldBinding, SliderScale
 from app.dashboard.widgets.fields.model_fields import DiagonalBinding
+from app.dashboard.widgets.labels import relabel
 from app.dashboard.widgets.lesson.outcome_chart import pad_html
 from app.lessons import blocks
 from app.lessons.answers import Answer
@@ -31,12 +32,6 @@ from app.session.snapshot import Snapshot
 
 MOST_OPTIONS = 5
 _GROUPED = re.compile(r"-?[1-9]\d{0,2},\d{3}")  # with a comma of decimals, or of thousands
-
-
-def relabel(handle: viser.GuiButtonHandle | viser.GuiButtonGroupHandle | viser.GuiFolderHandle, label: str) -> None:
-    """Give a button or a folder this label."""
-    if handle.label != label:
-        handle.label = label
 
 
 class OptionAnswer:

@@ -27,7 +27,7 @@ class HeldControl:
     label, value: of the control, as text.
     control: by identity.
     client: whose page the control is held on; run: in which it is held.
-    then: ways to go on, in words for the user.
+    then: way to go on, in words for the user; Esc cancels.
     moved: value of every place that the edit sets.
     dropped: called with this where the hold ends without the control: its value is not applied any more."""
 
@@ -37,7 +37,7 @@ class HeldControl:
     control: object
     client: int
     run: int
-    then: str = "let go: apply · Esc: cancel"
+    then: str = "let go: apply"
     moved: Mapping[object, float] = field(default_factory=dict)
     dropped: Callable[[HeldControl], None] = lambda _: None
 

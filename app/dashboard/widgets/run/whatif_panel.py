@@ -11,6 +11,7 @@ from html import escape
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.field_words import refusal_in_words
+from app.dashboard.widgets.labels import relabel
 from app.dashboard.widgets.run.whatif import WhatIf
 from app.scenario.number_text import rounded
 from app.scenario.units import Units
@@ -49,8 +50,8 @@ class WhatIfPanel:
         self._window = gui.add_panel(visible=False)
         with self._window.add_tab("What if"):
             self._html = gui.add_html("")
-            self._revert = gui.add_button("Cancel", hint="Esc while the slider is held.")
-        self._revert.on_click(self._on_revert)
+            self._take_back_button = gui.add_button("Cancel")
+        self._take_back_button.on_click(self._on_take_back)
         gui.add_command("Revert the last slider", hotkey="Z").on_trigger(self._on_key)
         self._window.float(x=-12, y=12, width=330)
         self._head, self._until = "", -math.inf
@@ -68,7 +69,7 @@ class WhatIfPanel:
     async def _on_arms(self, _: PageEvent) -> None:
         self._desk.whatif.arms = BANDS[self._arms.value]
 
-    async def _on_revert(self, _: object) -> None:
+    async def _on_take_back(self, _: object) -> None:
         self._take_back()
 
     async def _on_key(self, _: object) -> None:
@@ -90,21 +91,24 @@ class WhatIfPanel:
         held = whatif.held
         if held is not None:
             self._until = now + _SHOWN
-            self._name_button("Cancel")
+            self._name_button("Cancel", "Esc does the same.")
             self._head = f"<span>{escape(held.label)} = <b>{escape(held.value)}</b></span>"
-            self._html.content = _html(self._head, held.then, body_html(whatif, snapshot.system.units))
+            hint = f'{escape(held.then)}<span class="vs-by-key"> · Esc: cancel</span>'
+            body = body_html(whatif, snapshot.system.units)
+            self._html.content = f'<div class="vs-held vs-preview">{_headed(self._head, hint)}{body}</div>'
         elif whatif.undo(snapshot) is None:
             self._until = -math.inf
         else:
-            self._html.content = _html(self._head, "applied", "")
-            self._name_button("Revert")
+            self._html.content = f'<div class="vs-held">{_headed(self._head, "applied")}</div>'
+            self._name_button("Revert", "Z does the same.")
         visible = now < self._until
         if self._window.visible != visible:
             self._window.visible = visible
 
-    def _name_button(self, label: str) -> None:
-        if self._revert.label != label:
-            self._revert.label = label
+    def _name_button(self, label: str, hint: str) -> None:
+        relabel(self._take_back_button, label)
+        if self._take_back_button.hint != hint:
+            self._take_back_button.hint = hint
 
 
 def body_html(whatif: WhatIf, units: Units) -> str:
@@ -226,9 +230,8 @@ def _table(preview: Preview, units: Units) -> str:
     return f'<table class="vs-facts vs-foreseen">{"".join(lines)}</table>'
 
 
-def _html(head: str, hint: str, body: str) -> str:
-    row = f'<div class="vs-row">{head}<span class="vs-dim vs-right">{hint}</span></div>'
-    return f'<div class="vs-held">{row}{body}</div>'
+def _headed(head: str, hint: str) -> str:
+    return f'<div class="vs-row">{head}<span class="vs-dim vs-right">{hint}</span></div>'
 
 
 def _grows(columns: Sequence[PreviewMetrics]) -> bool:
