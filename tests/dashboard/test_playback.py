@@ -115,6 +115,8 @@ def test_a_refusal_names_its_field_so_that_one_knows_which_is_meant() -> None:
     assert refusal_in_words(refusal) == "ε, margin of the gain d in (17): −1; allowed: above 0"
     beyond = "contact.K_e: 1e+09; allowed: a number <= 10000000"
     assert refusal_in_words(beyond) == "K_e, stiffness of the surface: 10⁹ N/m; allowed: at most 10⁷ N/m"
+    stiff = "contact.K_e: 1e+07 N/m is too stiff for 1 step(s)"
+    assert refusal_in_words(stiff) == "K_e, stiffness of the surface: 10⁷ N/m is too stiff for 1 step(s)"
     little = beyond.replace("1e+09", "10000000.5")
     assert "10000000.5 N/m; allowed: at most 10⁷ N/m" in refusal_in_words(little)
     assert refusal_in_words("motion.radius: -1; allowed: more") == "radius (desired motion): -1; allowed: more"

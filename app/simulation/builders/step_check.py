@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from app.scenario.errors import TooStiff
 from app.scenario.field_info import field_info
-from app.scenario.number_text import plain
 from app.scenario.schema import Scenario
 from environments.plant import Plant
 from environments.step_resolution import Mobility, StiffElement, resolved, stiff_elements, substeps_needed
@@ -19,8 +18,8 @@ def require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> No
     for o in unresolved(scenario, plant, mobility):
         enough = substeps_needed(integrator, o, EASE * period, int(field_info("simulation.substeps").largest or 1))
         raise TooStiff(
-            f"{o.field}: {plain(o.value)} {o.unit} is too stiff for {plant.substeps} step(s) of {integrator} per "
-            f"control period of {period:g} s, the simulation would diverge; allowed: "
+            f"{o.field}: {o.value:g} {o.unit} is too stiff for {plant.substeps} step(s) of {integrator} per control "
+            f"period of {period:g} s, the simulation would diverge; allowed: "
             + ("" if enough is None else f"simulation.substeps >= {enough}, or ")
             + "a smaller value",
             enough,

@@ -24,6 +24,7 @@ _OF = re.compile(r"^[a-z_]+(?:\.\w+)*(?=: )")
 _FIELD = re.compile(r"\b[a-z_]+(?:\.\w+)+(?: = (?:'([\w-]+)'|(true|false))(?![\w']))?")
 # a number that is beyond a bound
 _BEYOND = re.compile(r"(?<=\w): (-?[\d.e+-]+); allowed: a number (<=|>=|<|>) (-?[\d.e+-]+)$")
+_EXPONENT = re.compile(r"(?<![\w.])-?\d[\d.]*e[+-]?\d+\b")
 _BOUNDS = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
 # the field of a blend and its own words for a refusal
 _ENTRY = re.compile(r"^([a-z_]+(?:\.\w+)+)\[(\d+)\]:")
@@ -78,6 +79,7 @@ def refusal_in_words(sentence: str) -> str:
     if of is None or not (of[0] in Scenario.__struct_fields__ or _is_field(of[0])):
         return sentence  # it begins with a file of the user, who looks for its names there
     sentence = _BEYOND.sub(lambda found: _beyond(of[0], found), sentence)
+    sentence = _EXPONENT.sub(lambda found: plain(float(found[0]), MOST_DIGITS), sentence)
     return _FIELD.sub(_called_with_value, sentence)
 
 
