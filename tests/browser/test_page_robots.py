@@ -28,12 +28,12 @@ def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_fo
     assert tab.now.phase == "running", tab.now.reason
     assert Path(tab.now.scenario.robot.urdf or "").read_bytes() == BENT.read_bytes()
     tab.page.get_by_text("bent3r: 3 joints").wait_for()
-    tab.enter("posture", "0.3, 0.9, 1.9")
+    tab.enter("posture [rad]", "0.3, 0.9, 1.9")
     tab.wait(lambda now: now.scenario.robot.posture == (0.3, 0.9, 1.9))
     tab.choose("Tool frame", "flange")
     tab.wait(lambda now: now.robot.tool_frame == "flange")
     before = tab.now
-    tab.enter("posture", "0, 3, 1")
+    tab.enter("posture [rad]", "0, 3, 1")
     tab.page.locator(".vs-message", has_text="3 rad for joint 'shoulder'; allowed: -1.8 to 1.8 rad").wait_for()
     evil = {"name": "<b>evil.urdf", "mimeType": "text/xml", "buffer": b"<!DOCTYPE a><robot/>"}
     upload.set_input_files(evil)
