@@ -47,7 +47,7 @@ def tune(
     settings: Settings = (),
 ) -> int:
     """Search for better gains of a scenario. The worst of many true arms decides how good a candidate is. At the end,
-    the best gains are tested on test arms, which the search did not use. If you stop the search, the same command
+    the best gains are tried on test arms, which the search did not use. If you stop the search, the same command
     continues it.
 
     Args:

@@ -15,7 +15,6 @@ from app.dashboard.transport.callback_errors import Fault, guarded
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.field_words import refusal_in_words
-from app.dashboard.widgets.labels import relabel
 from app.dashboard.widgets.lesson.class_panel import ClassPanel
 from app.dashboard.widgets.lesson.lesson_answers import (
     CurveAnswer,
@@ -240,10 +239,10 @@ class LessonsPanel:
         self._next.label = (
             words.computing if busy else words.finish if last else words.next if course.ready else words.skip[step.kind]
         )
-        relabel(self._back, words.back)
-        relabel(self._restore, words.restore)
-        relabel(self._leave, words.leave)
-        relabel(self._figure, words.figure)
+        self._back.label = words.back
+        self._restore.label = words.restore
+        self._leave.label = words.leave
+        self._figure.label = words.figure
         self._next.hint, self._back.hint = words.key.format("J"), words.key.format("K")
         self._restore.hint, self._leave.hint = words.restore_hint, words.leave_hint
         self._figure.hint = words.figure_hint

@@ -24,7 +24,6 @@ from app.dashboard.widgets.families.swept_fields import (
 )
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.field_binding import NumberRow
-from app.dashboard.widgets.labels import relabel
 from app.export.export_jobs import MadeJob, file_name
 from app.export.formats import FIGURE_FORMATS
 from app.scenario.departures import DRAWN
@@ -213,7 +212,7 @@ class RobustnessMap(BackgroundWork[BackgroundSweep]):
             side.avoid(snapshot.scenario, other.field)
             side.show(snapshot.system.units)
         units = snapshot.system.units if self._work is None else units_of(self._work.plan.sweep.scenario)
-        relabel(self._within, f"Limit [{self._unit(units)}]")
+        self._within.label = f"Limit [{self._unit(units)}]"
         super().show(snapshot)
 
     def _drawn(self, work: BackgroundSweep, snapshot: Snapshot) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.field_binding import FieldBinding, NumberRow
-from app.dashboard.widgets.labels import relabel
 from app.scenario.data import found_at, with_value, with_values
 from app.scenario.errors import ScenarioError
 from app.scenario.idle_fields import idle
@@ -173,7 +172,7 @@ class FieldChoice:
 
     def _show(self) -> None:
         unit = unit_of(self.field.path, self._units) if self.field else ""
-        relabel(self._range, f"{self._label} from, to [{unit}]" if unit else f"{self._label} from, to")
+        self._range.label = f"{self._label} from, to [{unit}]" if unit else f"{self._label} from, to"
         if self._range.visible != (self.field is not None):
             self._range.visible = self.field is not None
 

@@ -14,7 +14,6 @@ from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.matrix_text import read_matrix, written_rows
 from app.dashboard.widgets.fields.model_fields import blending, model_edit, only
-from app.dashboard.widgets.labels import relabel
 from app.dashboard.widgets.target_model.model_checks import blend_html
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
@@ -161,7 +160,7 @@ class MatrixEditor:
         matrix = self._current(snapshot)
         rows, columns, width = self._window(n)
         for i, row in enumerate(self._rows[width]):
-            relabel(row, snapshot.coordinates[rows + i].name)
+            row.label = snapshot.coordinates[rows + i].name
             row.value = tuple(matrix[rows + i, columns : columns + width])
         self._text.value = self._draft.texts.get(self._name, written_rows(matrix))
         self._over.value = self._seconds

@@ -16,7 +16,6 @@ from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.fields.controls import Desk, NumberField
 from app.dashboard.widgets.fields.field_binding import FieldBinding, SliderScale
 from app.dashboard.widgets.fields.model_fields import DiagonalBinding
-from app.dashboard.widgets.labels import relabel
 from app.dashboard.widgets.lesson.outcome_chart import pad_html
 from app.lessons import blocks
 from app.lessons.answers import Answer
@@ -121,7 +120,7 @@ class NumberAnswer:
         if not asks:
             return
         words = self._words = course.words
-        relabel(self._lock, words.lock_answer)
+        self._lock.label = words.lock_answer
         self._lock.hint = f"{words.lock_hint} {words.key.format('Enter')}"
         unit = answer_unit(step, course)
         self._text.label = f"{words.your_answer} [{unit}]" if unit else words.your_answer
@@ -170,7 +169,7 @@ class CurveAnswer:
         self._html.visible = self._field.visible = asks
         self._lock.visible = asks and course.open
         words = self._words = course.words
-        relabel(self._lock, words.lock_line)
+        self._lock.label = words.lock_line
         self._lock.hint = words.lock_hint
         if not isinstance(step.block, blocks.CurveQuestion):
             self._html.content = ""
@@ -220,8 +219,8 @@ class GoalControls:
                 ]
             self._of = entered
         words = course.words
-        relabel(self._folder, words.controls)
-        relabel(self._anew, words.anew)
+        self._folder.label = words.controls
+        self._anew.label = words.anew
         self._anew.hint = f"{words.key.format('R')}. {words.anew_hint}"
         for row in self._rows:
             row.show(snapshot)

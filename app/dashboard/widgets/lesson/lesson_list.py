@@ -9,7 +9,6 @@ import viser
 
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.fields.controls import Desk
-from app.dashboard.widgets.labels import relabel
 from app.lessons.answers import LessonProgress, csv_of, json_of
 from app.lessons.lesson import Lesson
 from app.lessons.markup import inline_html
@@ -97,7 +96,7 @@ class LessonList:
         )
         if self._about.content != content:
             self._about.content = content
-        relabel(self._begin, label)
+        self._begin.label = label
         if goal:
             self._goal.label, self._goal.hint = words.to_goal, words.to_goal_hint
         if self._goal.visible != goal:

@@ -11,7 +11,6 @@ from html import escape
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.field_words import refusal_in_words
-from app.dashboard.widgets.labels import relabel
 from app.dashboard.widgets.run.whatif import WhatIf
 from app.scenario.number_text import rounded
 from app.scenario.units import Units
@@ -106,9 +105,7 @@ class WhatIfPanel:
             self._window.visible = visible
 
     def _name_button(self, label: str, hint: str) -> None:
-        relabel(self._take_back_button, label)
-        if self._take_back_button.hint != hint:
-            self._take_back_button.hint = hint
+        self._take_back_button.label, self._take_back_button.hint = label, hint
 
 
 def body_html(whatif: WhatIf, units: Units) -> str:

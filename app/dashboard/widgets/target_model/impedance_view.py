@@ -10,7 +10,6 @@ import viser
 
 from app.dashboard.transport.callback_errors import Fault, guarded
 from app.dashboard.widgets.fields.controls import Desk
-from app.dashboard.widgets.labels import relabel
 from app.dashboard.widgets.page.file_delivery import FileDelivery
 from app.dashboard.widgets.target_model.impedance_map import impedance_html
 from app.export.export_jobs import ExportError, FigureJob, MadeJob, file_name
@@ -135,7 +134,7 @@ class ImpedanceView:
         for handle in (self._button, self._files):
             if handle.visible != (response is not None):
                 handle.visible = response is not None
-        relabel(self._button, "Measuring …" if self._busy.locked() else "Measure with a push")
+        self._button.label = "Measuring …" if self._busy.locked() else "Measure with a push"
         if self._drawn[0] is response and self._drawn[1] is measurement:
             return
         self._drawn = response, measurement
