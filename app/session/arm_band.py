@@ -6,6 +6,7 @@ import threading
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -14,8 +15,9 @@ from app.process.cores import usable_cores
 from app.process.priority import lower_priority
 from app.scenario.departures import Departure
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.compiled_run import CompiledRun, PostureChecks
+from app.simulation.compiled_run import CompiledRun
 from app.simulation.omega.search_memory import Memory
+from app.simulation.recording import Recording
 from app.simulation.state import State
 from app.simulation.system import System
 
@@ -79,18 +81,16 @@ class _Arm:
     """
 
     def __init__(self, loop: ClosedLoop, stretch: BandStretch) -> None:
-        # the promise decides about the run only where breaking it stops the run
-        judged = loop.system.scenario.simulation.bound_violation == "stop"
-        self.loop, self._stretch = loop, stretch
-        self._run = CompiledRun(loop, None if judged else PostureChecks.none(loop))
+        self.loop, self._stretch, self._run = loop, stretch, CompiledRun(loop)
         columns, count = loop.recording.columns, len(stretch.points)
         widths = {name: columns[name].stop - columns[name].start for name in SIGNALS}
         self.signals = {name: np.full((count, width) if width > 1 else count, np.nan) for name, width in widths.items()}
         self.reached = self.ended = 0
 
-    def advance(self) -> None:
-        """Run the arm a slice further, and keep the signals that the band needs."""
-        recording, points, begun = self.loop.recording, self._stretch.points, self.ended
+    def advance(self, recording: Recording) -> None:
+        """Run the arm a slice further, and keep the signals that the band needs. recording: for the slice only."""
+        self.loop.recording = recording
+        points, begun = self._stretch.points, self.ended
         done = self._run.advance(min(SLICE, self._stretch.rows - begun))
         first, last = np.searchsorted(points, (begun, begun + done))
         known = recording.picked(points[first:last] - begun, SIGNALS)
@@ -99,6 +99,20 @@ class _Arm:
         recording.forget()
         self.ended = begun + done
         self.reached = self._stretch.rows if self.loop.stopped else self.ended
+
+
+def _memory_of_slice(loop: ClosedLoop) -> Recording:
+    """Recording of the present slice of one arm after the other: with memory for each arm, the rows of a slice would
+    not stay in the processor's cache."""
+    recording = Recording(loop.system.layout.n, SLICE)
+    recording.epochs.append(loop.state.epoch)
+    return recording
+
+
+@cache
+def _departure(number: int, n: int) -> Departure:
+    """Departure of an arm with this number and n coordinates."""
+    return Departure.inside(np.random.default_rng([SEED, number, n]), n)
 
 
 class ArmsAhead:
@@ -153,6 +167,7 @@ class ArmsAhead:
 
     def _advance(self) -> None:
         """Run slices, each of the arm that has fewest rows, until all rows are computed."""
+        recording = _memory_of_slice(self._arms[0].loop)
         while not self._left.is_set():
             with self._lock:
                 behind = [arm for arm in self._waiting if arm.reached < self._stretch.rows]
@@ -161,7 +176,7 @@ class ArmsAhead:
                 arm = min(behind, key=lambda each: each.reached)
                 self._waiting.remove(arm)
             try:
-                arm.advance()
+                arm.advance(recording)
             except BaseException:
                 self._left.set()
                 raise
@@ -183,11 +198,10 @@ class TrueArms:
         """Start running `count` arms over a stretch. `ArmsAhead.leave` has to be called before the next start. Raises
         ScenarioError where an arm cannot be built, and ValueError where the compiled run has an `obstacle`."""
         begun = self._begun = ClosedLoop.from_state(stretch.begins, 1, self._begun and self._begun.system, self._memory)
-        scenario, n = begun.system.scenario, begun.system.robot.n
+        scenario, n, recording = begun.system.scenario, begun.system.robot.n, _memory_of_slice(begun)
         loops = []
         for number in range(count):
-            departure = Departure.inside(np.random.default_rng([SEED, number, n]), n)
-            truth = departure.truth(scenario.declared, of=scenario.truth)
-            loops.append(begun.with_truth(truth, SLICE, self._systems.get(number)))
+            truth = _departure(number, n).truth(scenario.declared, of=scenario.truth)
+            loops.append(begun.with_truth(truth, recording, self._systems.get(number)))
             self._systems[number] = loops[-1].system
         return ArmsAhead(loops, stretch, self._pool, self._count)

@@ -169,18 +169,22 @@ class ClosedLoop:
         self._become(self._changed(new.after(self.system, self.t)))
         self.recording.epochs.append(self.state.epoch)
 
-    def with_truth(self, truth: TruthSection, history: int, previous: System | None) -> ClosedLoop:
-        """Run of another true arm from the present state on, with a recording of its own. Law and reference do not
-        depend on the true arm and continue as they are. Raises ScenarioError.
+    def with_truth(self, truth: TruthSection, recording: Recording, previous: System | None) -> ClosedLoop:
+        """Run of another true arm from the present state on. Law and reference do not depend on the true arm and
+        continue as they are. The premises are judged only where a broken promise would stop the run. Raises
+        ScenarioError.
 
+        recording: in which the run's first epoch begins.
         previous: a system whose parts are used again where they are the same.
         """
         system = with_truth(self.system, truth, previous)
-        recording, settings = Recording(system.layout.n, history), self.controlled_arm.settings_with(system)
-        twin = ClosedLoop(system, self.state.copy(), recording, settings)
-        twin.recording.epochs.append(self.state.epoch)
+        judged = system.scenario.simulation.bound_violation == "stop"
+        twin = ClosedLoop(
+            system, self.state.copy(), recording, self.controlled_arm.settings_with(system, judged=judged)
+        )
+        recording.epochs.append(self.state.epoch)
         twin.state.evaluation.data["held"]["known"] = False  # the period before was computed for another arm
-        if system.scenario.simulation.bound_violation == "stop":  # so the promise for this arm counts
+        if judged:
             twin.premise_watch.begin()
         return twin
 

@@ -56,28 +56,21 @@ class PostureChecks(NamedTuple):
         # the loop's watch can change
         return cls(close, loop.system.stations.of, lambda: loop.premise_watch.judged_station, watch.known_until)
 
-    @classmethod
-    def none(cls, loop: ClosedLoop) -> PostureChecks:
-        """Checks that never find anything to judge, for a run whose premises are not asked for: it takes a third less
-        time. The arm's motion is the same to the last bit, unless a broken promise stops the run."""
-        return cls(np.inf, np.zeros_like(loop.system.stations.of), lambda: 0, np.inf)
-
 
 class CompiledRun:
     """Compiled run of a loop; after an edit of the loop another one has to be made.
-    checks: of the posture, by default those of `ClosedLoop.step`.
 
     Raises ValueError where there is an `obstacle`.
     """
 
-    def __init__(self, loop: ClosedLoop, checks: PostureChecks | None = None) -> None:
+    def __init__(self, loop: ClosedLoop) -> None:
         reason = obstacle(loop)
         if reason is not None:
             raise ValueError(reason)
         system, n = loop.system, loop.system.robot.n
         plant = system.plant
         self._loop, rows = loop, loop.recording.new_rows(1)
-        self._checks = PostureChecks.of(loop) if checks is None else checks
+        self._checks = PostureChecks.of(loop)
         nominal_chain, true_chain = system.nominal.chain, plant.chain
         self._data = Record(
             RunData(

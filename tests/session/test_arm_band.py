@@ -20,6 +20,8 @@ from app.simulation import assembly
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
+from app.simulation.recording import Recording
+from drivers import kernels
 from drivers.waiting import until
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -106,7 +108,9 @@ def test_arms_in_two_threads_share_no_model_of_the_arm(monkeypatch: pytest.Monke
     band = whole(arms.run(stretch, COUNT))
     for number in range(COUNT):
         own = ClosedLoop.from_state(loop.state.copy())
-        alone = own.with_truth(truth_of(own.system.scenario, number, own.recording.n), stretch.rows, None)
+        alone = own.with_truth(
+            truth_of(own.system.scenario, number, own.recording.n), Recording(own.recording.n, stretch.rows), None
+        )
         CompiledRun(alone).advance(stretch.rows)
         its = alone.recording.signals(("e_r",))["e_r"][stretch.points]
         np.testing.assert_array_equal(band.signals["e_r"].reshape(COUNT, *its.shape)[number], its)
@@ -170,6 +174,7 @@ def test_a_band_that_cannot_be_says_why() -> None:
 
 @pytest.fixture
 def previewer() -> Iterator[Previewer]:
+    kernels.main()  # where some are not compiled yet, the process answers by Pinocchio, without a band
     previewer = Previewer()
     yield previewer
     previewer.close()

@@ -9,6 +9,7 @@ from app.scenario.data import edited
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.period.controlled_arm import ControlledArm
+from app.simulation.recording import Recording
 from tests.support.cases import short
 
 pytestmark = pytest.mark.slow  # long or many simulations
@@ -56,8 +57,9 @@ def test_the_controller_stays_where_it_is_told_of_no_change() -> None:
 def test_another_true_arm_has_the_settings_of_a_system_built_with_it(name: str) -> None:
     loop = ClosedLoop.from_scenario(edited(short(name), "declared.delta_G", 30.0))
     truth = msgspec.structs.replace(loop.system.scenario.truth, payload_mass=0.4, viscous=2.0, torque_limit=80.0)
-    twin = loop.with_truth(truth, 10, None)
+    twin = loop.with_truth(truth, Recording(loop.recording.n), None)
     built = ControlledArm(twin.system, twin.state).settings
+    built.data["judged"] = False  # a broken promise stops none of them
     assert (
         twin.controlled_arm.kernel_data.setting.tobytes()
         == built.data.tobytes()

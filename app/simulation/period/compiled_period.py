@@ -340,7 +340,8 @@ def run_periods(
             else:
                 _evaluate(data, setting, evaluation, arm, law, t[k], row)
             data.moving = True
-            if (data.steps + k) % periods_between_checks(data.period) == 0 or evaluation[0].check_due:
+            regular = (data.steps + k) % periods_between_checks(data.period) == 0
+            if setting[0].judged and (regular or evaluation[0].check_due):
                 nearest = ask_integer(data.period_kernels.check, (setting, evaluation, centres))
                 near = evaluation[0].table.value[DOMAIN] <= data.close and stations[nearest] == data.station
                 if not near or t[k] > data.known_until + 0.5 * data.period:

@@ -57,6 +57,8 @@ class Setting(NamedTuple):
     period: s, of control.
     online: whether estimates are taken at q, not beforehand (Remark 3).
     heavy: the contact's force depends on tau.
+    judged: whether the premises are judged, period by period. They take a tenth of the time; the arm's motion does not
+    depend on them.
     torque_limit: (n,) N m, of the drives.
     true_arm: to judge whether it is inside the declared set."""
 
@@ -66,6 +68,7 @@ class Setting(NamedTuple):
     period: float
     online: bool
     heavy: bool
+    judged: bool
     torque_limit: np.ndarray
     limits: Limits
     true_arm: TrueArm
@@ -217,15 +220,24 @@ def _conclude(setting, evaluation, arm, t, row):
     add_up(output)
     limited(setting.torque_limit, output.tau, evaluation.applied)
     _prepare_residual(setting.gains.model, evaluation.seen, evaluation.reference, output, evaluation.residual)
+    if setting.judged:
+        _judge_premises(setting, evaluation, arm, t)
+    else:
+        evaluation.check_due, evaluation.promise_alarms = False, 0
+    _remember(evaluation, evaluation.held)
+    write_row(row, t, arm, evaluation)
+
+
+@inline
+def _judge_premises(setting, evaluation, arm, t):
+    """Judge the premises that change from period to period, the promise, and whether a posture check is due."""
+    output, held = evaluation.output, evaluation.held
     _fill_table(setting, evaluation, arm, t)
-    held = evaluation.held
     pushed = held.known and push_changed(evaluation.push, held, evaluation.posture_check.held_limit)
     evaluation.check_due = pushed or _may_have_left(evaluation)
     if output.d > RISEN * evaluation.posture_check.d_now:
         _check_posture(setting, evaluation)
-    _remember(evaluation, held)
     evaluation.promise_alarms = _promise_alarms(evaluation, t)
-    write_row(row, t, arm, evaluation)
 
 
 @inline

@@ -127,9 +127,11 @@ class ControlledArm:
             self._settings, self._evaluation, self._arm_data, self._plant.workspace, self._state.x, self._law_memory
         )
 
-    def settings_with(self, system: System) -> Record[Setting]:
-        """The settings for a system that differs in the true arm only: a copy takes a tenth of the time."""
+    def settings_with(self, system: System, *, judged: bool) -> Record[Setting]:
+        """The settings for a system that differs in the true arm only: a copy takes a tenth of the time. judged: see
+        `Setting`."""
         twin = self.settings.copy()
+        twin.data["judged"] = judged
         twin.write("true_arm", _true_arm_of(system))
         twin.data["torque_limit"] = system.plant.truth.torque_limit
         return twin
@@ -274,6 +276,7 @@ def _setting_of(system: System, *, online: bool) -> Setting:
         period=scenario.controller.period,
         online=online,
         heavy=plant.kind.heavy,
+        judged=True,
         torque_limit=np.broadcast_to(plant.truth.torque_limit, system.robot.n),
         limits=Limits(scenario.simulation.sigma_min, SPEED_LIMIT, *system.robot.ranges, rigid, meets, pressed),
         true_arm=_true_arm_of(system),
