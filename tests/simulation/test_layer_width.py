@@ -52,6 +52,30 @@ def test_from_the_radius_on_a_period_takes_what_19_counts_on_though_the_gain_gro
     assert taken(0.97 * float(check.radius)) < 0.0
 
 
+@pytest.mark.parametrize(("share", "jumps"), [(1.98, True), (2.02, False)])
+def test_a_jump_over_zero_counts_where_a_period_can_cross_half_of_the_layer(share: float, jumps: bool) -> None:
+    """V_band of (d) with s_2 of (c) in docs/theory.md, whose gain grows with s. Heavy rotors make the inertia nearly
+    that of every direction, otherwise the largest one would hide the jump."""
+    rotors, fields = {"robot__rotor_inertia": [2.0] * 6}, {"controller__bounds": "paper", "controller__period": 0.004}
+
+    def checked(layer: float) -> ClosedLoop:
+        loop = ClosedLoop.from_scenario(short("ur5-joint", controller__layer=layer, **rotors, **fields))
+        loop.step()
+        return loop
+
+    loop = checked(0.05)
+    T, gains, check = loop.period, loop.system.controller.gains, loop.state.evaluation.part("posture_check")
+    g = float(loop.state.evaluation.part("table").value[Premise.GAIN_BY_CHATTER])
+    K = gains.K_s_largest + 0.25 * gains.K_s_smallest
+    s_2 = T * check.d / (check.H_min * (1.0 - g) - 0.5 * T * K)
+    assert s_2 > 1.03 * T * check.d / (check.H_min - 0.5 * T * K)
+    assert check.H_max < 3.0 * check.H_min
+    s_V = share * s_2
+    found = checked(s_V).state.evaluation.part("posture_check")
+    assert found.radius == pytest.approx(s_V)
+    assert found.V_band == pytest.approx(0.5 * (4.0 * check.H_min if jumps else check.H_max) * s_V**2)
+
+
 def test_nothing_is_promised_where_the_gain_grows_by_more_than_a_period_can_take() -> None:
     """Chattering feeds back 0.9 of d, and K_s takes 0.6 of s: each alone is allowed."""
     fields = {"controller__bounds": "paper", "controller__period": 0.0025, "controller__K_s": [800.0] * 6}
