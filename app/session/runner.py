@@ -16,6 +16,7 @@ import numpy as np
 import structlog
 
 from app.process.free_memory import give_back
+from app.process.time_slice import shorten_time_slice
 from app.scenario.schema import Scenario
 from app.session.commanded_run import CommandedRun
 from app.session.commands import Blend, Command, Edit, EditModel, FieldEdit, HoldTool, PushNow, Seek, needs_kernels
@@ -27,9 +28,10 @@ from app.storage.uploaded_urdfs import Reach
 
 log = structlog.get_logger()
 
-BATCH = 0.01  # s of wall time whose steps are computed together, unless a hand holds the tool
-UNWATCHED = 0.1  # s, BATCH while nobody has read a snapshot for `FORGOTTEN` s
+BATCH = 0.005  # s of wall time whose steps are computed together, unless a hand holds the tool
+UNWATCHED = 0.1  # s, the same while nobody has read a snapshot for `FORGOTTEN` s
 FORGOTTEN = 1.0
+TIME_SLICE = 0.0002  # s, of the loop's thread: more than the steps of a batch take
 LEAST_REST = 0.0002  # s, the shortest rest of the thread: at high speeds several steps share it, also with a hand
 PUBLISH = 1 / 60  # s, between two snapshots that are read; also the longest rest, and the longest batch of steps
 UNREAD = 0.25  # s, until a snapshot that nobody has read is replaced
@@ -114,6 +116,10 @@ class Runner:
         return number
 
     def _run(self) -> None:
+        try:
+            shorten_time_slice(TIME_SLICE)
+        except OSError as error:  # e.g. forbidden in a container: the loop is only later on a busy machine
+            log.info("time slice as usual", reason=error.strerror)
         while not self._closing.is_set():
             try:
                 self._pace()
