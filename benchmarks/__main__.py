@@ -10,7 +10,9 @@ import tyro
 from benchmarks import machine, report
 from benchmarks.effort import FULL, QUICK
 
-Subject = Literal["step", "page", "latency", "start", "pacing", "preview", "background", "sweeps", "memory", "sessions"]
+Subject = Literal[
+    "step", "page", "latency", "start", "compilation", "pacing", "preview", "background", "sweeps", "memory", "sessions"
+]
 
 
 def main(only: Annotated[tuple[Subject, ...], tyro.conf.arg(metavar="SUBJECT")] = (), quick: bool = False) -> None:

@@ -15,6 +15,7 @@ class Effort(NamedTuple):
     runs: of a sweep, on one core and on each of several.
     messages: number of a slider's messages.
     starts: of the program.
+    compilations: scenarios whose kernels are compiled.
     minutes: simulated, between two of the six readings of the memory."""
 
     rounds: int
@@ -25,10 +26,31 @@ class Effort(NamedTuple):
     runs: int
     messages: int
     starts: int
+    compilations: int
     minutes: float
 
 
 FULL = Effort(
-    rounds=15, steps=1000, traffic=10.0, pacing=60.0, drag=10.0, runs=200, messages=400, starts=5, minutes=10.0
+    rounds=15,
+    steps=1000,
+    traffic=10.0,
+    pacing=60.0,
+    drag=10.0,
+    runs=200,
+    messages=400,
+    starts=5,
+    compilations=3,
+    minutes=10.0,
 )
-QUICK = Effort(rounds=3, steps=300, traffic=2.0, pacing=3.0, drag=2.0, runs=40, messages=30, starts=1, minutes=0.2)
+QUICK = Effort(
+    rounds=3,
+    steps=300,
+    traffic=2.0,
+    pacing=3.0,
+    drag=2.0,
+    runs=40,
+    messages=30,
+    starts=1,
+    compilations=1,
+    minutes=0.2,
+)
