@@ -8,8 +8,9 @@ import pytest
 
 from app.analysis.metrics import TAIL, account, metrics_of, path_error, settling_time
 from app.analysis.perturbation import PerturbationAnalysis
-from app.scenario.data import edited, shipped
+from app.scenario.data import edited, load, shipped
 from app.scenario.schema import Scenario
+from app.session.changes import in_mode
 from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
@@ -148,3 +149,14 @@ def test_rows_that_were_thinned_count_by_the_time_that_they_stand_for() -> None:
     assert thinned.effort == pytest.approx(full.effort, rel=0.01)
     assert thinned.variation == pytest.approx(full.variation, rel=0.05)
     assert metrics_of(kept).torque_total_variation == pytest.approx(metrics_of(whole).torque_total_variation, rel=0.05)
+
+
+def test_a_surface_in_the_way_of_motion_control_hides_no_error() -> None:
+    """Motion control has no force to control: what it misses along the normal counts."""
+    held = edited(in_mode(load("ur5-hybrid"), "motion"), "motion", "hold")
+    loop = running(edited(held, "surface.origin", [0.0, 0.0, 0.19]), 0.3)
+    late = loop.recording.stretch(0.8 * loop.t)
+    e_r = late["e_r"][:, :3]
+    assert (late["multiplier"] > 10.0).all()
+    assert metrics_of(loop).motion_error_tail == pytest.approx(np.linalg.norm(e_r, axis=1).max(), rel=0.01)
+    assert np.linalg.norm(e_r[:, :2], axis=1).max() < 0.9 * np.linalg.norm(e_r, axis=1).max()
