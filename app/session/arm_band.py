@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -116,17 +116,22 @@ def _departure(number: int, n: int) -> Departure:
 
 
 class ArmsAhead:
-    """True arms that are run over a stretch in threads of a pool, each at most a slice ahead of the others."""
+    """True arms that are run over a stretch in threads of a pool, each at most a slice ahead of the others. The loop of
+    each arm is built when a thread is free for it, while the other threads run arms that are there."""
 
-    def __init__(self, loops: list[ClosedLoop], stretch: BandStretch, pool: ThreadPoolExecutor, threads: int) -> None:
-        self._arms, self._stretch = [_Arm(loop, stretch) for loop in loops], stretch
-        self._waiting, self._lock, self._left = self._arms[:], threading.Lock(), threading.Event()
-        self._running: list[Future[None]] = [pool.submit(self._advance) for _ in range(threads)]
+    def __init__(
+        self, begun: ClosedLoop, loops: list[Callable[[], ClosedLoop]], stretch: BandStretch, pool: ThreadPoolExecutor
+    ) -> None:
+        """begun: the run of the scenario's own true arm. loops: functions that build those of the others."""
+        self._begun, self._loops, self._stretch = begun, loops, stretch
+        self._arms, self._waiting = list[_Arm](), list[_Arm]()
+        self._lock, self._left = threading.Lock(), threading.Event()
+        self._running: list[Future[None]] = [pool.submit(self._advance) for _ in range(usable_cores())]
 
     @property
     def reached(self) -> int:
         """Number of rows that all arms have computed."""
-        return min(arm.reached for arm in self._arms)
+        return min(arm.reached for arm in self._arms) if len(self._arms) == len(self._loops) else 0
 
     @property
     def rows(self) -> int:
@@ -144,7 +149,8 @@ class ArmsAhead:
         wait(self._running)
 
     def band(self) -> Band | None:
-        """Band of the rows that all arms have computed, None for no row. Raises what the run of an arm has raised."""
+        """Band of the rows that all arms have computed, None for no row. Raises what the run of an arm has raised, and
+        ScenarioError where an arm cannot be built."""
         for running in self._running:
             if running.done():
                 running.result()
@@ -167,21 +173,31 @@ class ArmsAhead:
 
     def _advance(self) -> None:
         """Run slices, each of the arm that has fewest rows, until all rows are computed."""
-        recording = _memory_of_slice(self._arms[0].loop)
-        while not self._left.is_set():
-            with self._lock:
-                behind = [arm for arm in self._waiting if arm.reached < self._stretch.rows]
-                if not behind:
+        recording = _memory_of_slice(self._begun)
+        try:
+            while not self._left.is_set():
+                with self._lock:
+                    arm = self._next()
+                if arm is None:
                     return
-                arm = min(behind, key=lambda each: each.reached)
-                self._waiting.remove(arm)
-            try:
                 arm.advance(recording)
-            except BaseException:
-                self._left.set()
-                raise
-            with self._lock:
-                self._waiting.append(arm)
+                with self._lock:
+                    self._waiting.append(arm)
+        except BaseException:
+            self._left.set()
+            raise
+
+    def _next(self) -> _Arm | None:
+        """Arm to run next, which nobody else runs meanwhile; None where there is none."""
+        if len(self._arms) < len(self._loops):
+            self._arms.append(_Arm(self._loops[len(self._arms)](), self._stretch))
+            return self._arms[-1]
+        behind = [arm for arm in self._waiting if arm.reached < self._stretch.rows]
+        if not behind:
+            return None
+        arm = min(behind, key=lambda each: each.reached)
+        self._waiting.remove(arm)
+        return arm
 
 
 class TrueArms:
@@ -191,17 +207,18 @@ class TrueArms:
         self._memory = memory
         self._begun: ClosedLoop | None = None
         self._systems: dict[int, System] = {}  # by the arm's number; two threads cannot step with the same one
-        self._count = usable_cores()
-        self._pool = ThreadPoolExecutor(self._count, "arms", lower_priority, (NICENESS,))
+        self._pool = ThreadPoolExecutor(usable_cores(), "arms", lower_priority, (NICENESS,))
 
     def run(self, stretch: BandStretch, count: int) -> ArmsAhead:
         """Start running `count` arms over a stretch. `ArmsAhead.leave` has to be called before the next start. Raises
-        ScenarioError where an arm cannot be built, and ValueError where the compiled run has an `obstacle`."""
+        ScenarioError where the scenario cannot be built."""
         begun = self._begun = ClosedLoop.from_state(stretch.begins, 1, self._begun and self._begun.system, self._memory)
         scenario, n, recording = begun.system.scenario, begun.system.robot.n, _memory_of_slice(begun)
-        loops = []
-        for number in range(count):
+
+        def loop(number: int) -> ClosedLoop:
             truth = _departure(number, n).truth(scenario.declared, of=scenario.truth)
-            loops.append(begun.with_truth(truth, recording, self._systems.get(number)))
-            self._systems[number] = loops[-1].system
-        return ArmsAhead(loops, stretch, self._pool, self._count)
+            built = begun.with_truth(truth, recording, self._systems.get(number))
+            self._systems[number] = built.system
+            return built
+
+        return ArmsAhead(begun, [partial(loop, number) for number in range(count)], stretch, self._pool)

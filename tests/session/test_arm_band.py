@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from app.scenario.data import edited, shipped
 from app.scenario.departures import Departure
+from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import SEED, SIGNALS, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.preview import PreviewRun
@@ -170,6 +172,27 @@ def test_a_band_that_cannot_be_says_why() -> None:
     assert preview_run_of(loop, loop.system.scenario).bandless == ""
     by_steps = PreviewRun(PreviewRequest(1, loop.state.copy(), loop.system.scenario, HORIZON, arms=COUNT))
     assert "compiled" in by_steps.bandless
+
+
+def test_what_an_arm_cannot_be_built_for_is_raised_and_the_others_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    loop = running(shipped()["ur5-hybrid"])
+    stretch = PreviewRun(
+        PreviewRequest(1, loop.state.copy(), loop.system.scenario, 1000.0, arms=COUNT), engine="compiled"
+    ).stretch
+    build, built = ClosedLoop.with_truth, list[ClosedLoop]()
+
+    def last_fails(*arguments: Any) -> ClosedLoop:
+        if len(built) == COUNT - 1:
+            raise ScenarioError("truth.payload_mass: too heavy")
+        built.append(build(*arguments))
+        return built[-1]
+
+    monkeypatch.setattr(ClosedLoop, "with_truth", last_fails)
+    ahead = true_arms().run(stretch, COUNT)
+    until(lambda: not ahead.going)
+    assert ahead.reached == 0
+    with pytest.raises(ScenarioError, match="too heavy"):
+        ahead.band()
 
 
 @pytest.fixture
