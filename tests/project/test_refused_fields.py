@@ -170,6 +170,9 @@ def test_scenario_files_that_are_none(tmp_path: Path) -> None:
     for text, message in (
         ("mode = ", "not a TOML file"),
         ("# nothing\n", "an empty scenario"),
+        ("[robot]\n", "an empty scenario"),
+        ("[robot]\n[controller.own.spiral]\n", "an empty scenario"),
+        ("[legs]\n", "legs: no such field"),
         ("colour = 'red'", "colour"),
         ("[robot]\nlegs = 2", "legs"),
     ):
