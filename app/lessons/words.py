@@ -16,6 +16,7 @@ class LessonWords:
 
     language: str
     decimal: str
+    lesson: str
     place: str
     minutes: str
     knows: str
@@ -116,6 +117,7 @@ class LessonWords:
 ENGLISH = LessonWords(
     language="en",
     decimal=".",
+    lesson="Lesson",
     place="{} of {}",
     minutes="{} minutes.",
     knows="Afterwards you will know",
@@ -210,6 +212,7 @@ ENGLISH = LessonWords(
 GERMAN = LessonWords(
     language="de",
     decimal=",",
+    lesson="Lektion",
     place="{} von {}",
     minutes="{} Minuten.",
     knows="Danach ist klar,",

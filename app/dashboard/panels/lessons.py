@@ -222,6 +222,7 @@ class LessonsPanel:
             return
         self._shown = of
         busy = self._busy is not None
+        self._folder.label = course.words.lesson
         self._head.content = _head(course)
         self._text.content = _text(course, computing=busy)
         self._options.show(step, answer, course)
