@@ -32,6 +32,7 @@ from app.cli.typed_options import require_options
 from app.process import log
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
+from app.scenario.number_text import with_powers
 from parameters import allowed
 
 events = structlog.get_logger()
@@ -76,7 +77,7 @@ def execute(arguments: list[str]) -> int:
         require_options(arguments[0], COMMANDS[arguments[0]], arguments[1:], others)
         return tyro.extras.subcommand_cli_from_dict(COMMANDS, args=arguments, prog="vsmrc", config=OPTIONS)
     except (ScenarioError, PortTaken) as error:
-        print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
+        print(f"vsmrc: {printable(with_powers(str(error)))}", file=sys.stderr)
         return BAD_INPUT
     except UnwritableOutput as error:
         print(f"vsmrc: {printable(str(error))}", file=sys.stderr)

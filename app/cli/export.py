@@ -32,8 +32,7 @@ from app.export.formats import ALL_PLOTS, Format, Kind
 from app.scenario.errors import ScenarioError, scenario_errors
 
 if TYPE_CHECKING:
-    from app.scenario.schema import Scenario
-    from app.simulation.recording import Recording
+    from app.storage.recording_files import SavedRun
 
 KINDS_OF_FILES: tuple[Kind, ...] = get_args(Kind)
 ON_PAPER: tuple[Kind, ...] = get_args(Format)
@@ -109,14 +108,14 @@ def export(
         )
     require_folder(out)
     use_own(use)
-    scenario, recording, stopped = _recorded(run, engine, settings)
-    if stopped is not None:
+    played = _recorded(run, engine, settings)
+    if stopped := played.stopped:
         print(f"stopped: {stopped}")
     with written_to(out):
-        stretch = ExportedStretch(scenario, recording, begins, ends)
+        stretch = ExportedStretch(played.scenario, played.recording, begins, ends, stopped)
         for path in write(stretch, kinds, FigureChoice(chosen, series, options), out):
             print(f"written: {path}")
-    return DONE if stopped is None else STOPPED
+    return STOPPED if stopped and not run.endswith(".npz") else DONE
 
 
 def _time_range(start: float | None, end: float | None) -> tuple[float, float]:
@@ -130,25 +129,25 @@ def _time_range(start: float | None, end: float | None) -> tuple[float, float]:
     return begins, ends
 
 
-def _recorded(run: str, engine: str | None, settings: Settings) -> tuple[Scenario, Recording, str | None]:
-    """Scenario and recording of a file, or of a scenario that is simulated now, and why that stopped, if it did."""
+def _recorded(run: str, engine: str | None, settings: Settings) -> SavedRun:
+    """Run of a file, or of a scenario that is simulated now."""
     from app.session import headless_run
     from app.storage.constants_store import kept_memory
-    from app.storage.recording_files import read_npz
+    from app.storage.recording_files import SavedRun, read_npz
 
     if not run.endswith(".npz"):
         scenario, by = configured(run, settings), engine_of(engine)
         note_unused(scenario)
         note_without_effect(settings, scenario)
         loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
-        return scenario, loop.recording, loop.stopped
+        return SavedRun(scenario, loop.recording, loop.stopped or "")
     if settings:
         raise ScenarioError("--set: a recording cannot be changed any more; allowed: with a scenario")
     if typed(engine):
         raise ScenarioError(f"--engine {engine}: a recording is not computed again; allowed: with a scenario")
-    scenario, recording = read_npz(Path(run))
-    note_unused(scenario)
-    return scenario, recording, None
+    saved = read_npz(Path(run))
+    note_unused(saved.scenario)
+    return saved
 
 
 def _require_kinds(kinds: list[Kind], takers: tuple[Kind, ...], options: Mapping[str, object]) -> None:

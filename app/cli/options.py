@@ -18,6 +18,7 @@ import tyro
 from app.scenario.data import OWN, edited, field_of, found_at, kind_of, load, shipped, with_value
 from app.scenario.errors import ScenarioError
 from app.scenario.idle_fields import idle
+from app.scenario.number_text import plain
 from app.scenario.schema import Scenario
 from app.simulation.engines import Engine
 from controllers.laws import KINDS
@@ -285,4 +286,4 @@ def shown(value: object) -> str:
     """A metric's value as the terminal shows it."""
     if isinstance(value, list):
         return "  ".join(shown(v) for v in value)
-    return f"{value:.4g}" if isinstance(value, float) else "—" if value is None else str(value)
+    return plain(value, 4) if isinstance(value, float) else "—" if value is None else str(value)

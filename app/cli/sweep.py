@@ -28,6 +28,7 @@ from app.cli.options import (
 from app.cli.status import BAD_INPUT, DONE, FAULT
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
+from app.scenario.number_text import with_powers
 
 if TYPE_CHECKING:
     from app.sweep.cluster import Cluster
@@ -213,5 +214,5 @@ def _sweep_into(out: Path, request: Sweep, on: int | Cluster | None) -> int:
     if not refused:
         return DONE
     (reason, times), everything = refused.most_common(1)[0], refused.total() == count
-    print(f"{refused.total()} of {count} runs were refused, {times} of them for: {printable(reason)}")
+    print(f"{refused.total()} of {count} runs were refused, {times} of them for: {printable(with_powers(reason))}")
     return BAD_INPUT if everything else DONE

@@ -42,12 +42,14 @@ OF_ONE_INSTANT: tuple[Kind, ...] = ("csv", "npz", "toml")  # figures and playbac
 
 @dataclass(frozen=True)
 class ExportedStretch:
-    """Stretch of a run: the recorded rows with start <= t <= end (s)."""
+    """Stretch of a run: the recorded rows with start <= t <= end (s).
+    stopped: why the run stopped at its end, "" where it did not."""
 
     scenario: Scenario
     recording: Recording
     start: float
     end: float
+    stopped: str = ""
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Pat
                 write_whole(path, lambda file: file.write(content))
             case "csv" | "npz":
                 write_data = {"csv": write_csv, "npz": write_npz}[kind]
-                rows = table(scenario, recording, stretch.start, stretch.end)
+                rows = table(scenario, recording, stretch.start, stretch.end, stretch.stopped)
                 write_whole(path, lambda file: write_data(rows, file, on_progress=on_progress))
             case "html":
                 plots = BESIDE_PLAYBACK if choice.plots == (ALL_PLOTS,) else choice.plots
@@ -137,7 +139,9 @@ def _figure(stretch: ExportedStretch, choice: FigureChoice) -> Figure:
     snapshot = snapshot_of(ClosedLoop.from_scenario(stretch.scenario, history=1, memory=kept_memory()))
     if not stretch.recording.epochs:  # files of earlier versions do not hold the changes during the run
         stretch.recording.epochs.extend(snapshot.recording.epochs)
-    snapshot = as_recorded(replace(snapshot, recording=stretch.recording), stretch.start, stretch.end)
+    snapshot = as_recorded(
+        replace(snapshot, recording=stretch.recording, stop=stretch.stopped), stretch.start, stretch.end
+    )
     setup = Setup.of(snapshot, 0, 0)
     figure = figure_of(plots_of(choice.plots), snapshot, setup, stretch.start, stretch.end)
     if not figure.charts:

@@ -65,7 +65,7 @@ class PageContent:
         wake: Callable[[], None],
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
-        self._complaint = complaint = Complaint(runner)
+        self._complaint = complaint = Complaint(runner, lambda: self._lock.words)
         self._shipped = shipped()
         self._previewer = previewer
         self._whatif = WhatIf(previewer, wake)
@@ -167,7 +167,8 @@ class PageContent:
 
     def _refresh(self, snapshot: Snapshot, now: float) -> None:
         complaint = self._complaint.text(snapshot, now)
-        self._status.content = status_html(snapshot, self.hang or complaint, self._shipped.get(snapshot.scenario.name))
+        begun_from = self._shipped.get(snapshot.scenario.name)
+        self._status.content = status_html(snapshot, self.hang or complaint, begun_from, self._lock.words)
         for part in (
             self._playback,
             self._whatif_panel,

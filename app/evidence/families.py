@@ -120,6 +120,8 @@ def conclude(results: Sequence[object]) -> Findings:
         "broken": str(sum(each.broken for each in robust)),
         "ratio": f"{max(each.ratio for each in robust):.2f}",
         "points": str(len(tables["vsmrc"])),
+        "edge": _error_at(columns["vsmrc"], 1e4, 1.15),
+        "beyond": _error_at(columns["vsmrc"], 1e4, 1.3),
         **{
             f"{short}_{name}": f"{np.nanmax(worst[law][inside[law] if name == 'inside' else ~inside[law]]):.2g}"
             for law, short in zip(LAWS, ("robust", "torque"), strict=True)
@@ -132,6 +134,13 @@ def conclude(results: Sequence[object]) -> Findings:
     }
     maps = {law: _map(law, tables[law]) for law in LAWS}
     return Findings(numbers, {}, {"map": maps["vsmrc"], "torque_map": maps["computed-torque"], "band": _band(bands)})
+
+
+def _error_at(columns: dict[str, np.ndarray], stiffness: float, scaling: float) -> str:
+    """Force error of the run of a map at this stiffness (N/m) and factor on the true masses, mN, as text; "–" where the
+    map has no such run."""
+    there = np.isclose(columns["contact.K_e"], stiffness) & np.isclose(columns["truth.link_scaling"], scaling)
+    return f"{1e3 * columns['force_error'][there][0]:.2g}" if there.any() else "–"
 
 
 def _map(law: str, rows: list[RunMetrics]) -> bytes:

@@ -10,6 +10,7 @@ from string import Template
 from typing import Any, NamedTuple, TypeVar
 
 from app.process.markdown import Table
+from app.scenario.number_text import with_powers
 
 T = TypeVar("T")
 
@@ -61,9 +62,11 @@ class EvidenceSection:
     def text(self, findings: Findings, pictures: str) -> str:
         """Text of the section in Markdown. pictures: folder of the figures. Raises KeyError where the prose names a
         number that the findings lack."""
-        tables = {name: table.markdown() for name, table in findings.tables.items()}
+        tables = {name: _with_powers(table).markdown() for name, table in findings.tables.items()}
         figures = {f"{name}_figure": f"{pictures}/{self.name}-{name}.svg" for name in findings.figures}
-        return Template(self._prose).substitute(findings.numbers, **tables, **figures)
+        return Template(with_powers(self._prose)).substitute(
+            {name: with_powers(number) for name, number in findings.numbers.items()}, **tables, **figures
+        )
 
     @property
     def heading(self) -> str:
@@ -73,3 +76,9 @@ class EvidenceSection:
     @property
     def _prose(self) -> str:
         return Path(__file__).with_name(f"{self.name}.md").read_text(encoding="utf-8")
+
+
+def _with_powers(table: Table) -> Table:
+    """Table whose numbers have powers of ten, not exponents."""
+    header, *rows = (tuple(map(with_powers, line)) for line in (table.header, *table.rows))
+    return Table(header, rows)

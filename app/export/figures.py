@@ -71,11 +71,14 @@ class FigureChart:
 
 @dataclass(frozen=True)
 class Figure:
-    """Figure: charts, and the caption below them. one_column: number of charts up to which they stand in one column."""
+    """Figure: charts, and the caption below them.
+    one_column: number of charts up to which they stand in one column.
+    decimal: mark before the decimals of the axes' numbers."""
 
     charts: tuple[FigureChart, ...]
     caption: str
     one_column: int = ONE_COLUMN
+    decimal: str = "."
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from app.export.figures import DOUBLE, MM, SINGLE, TYPE, Curve, Figure, FigureChart, FigureOptions
 from app.export.inks import inks_of, printed
 from app.export.lettering import width_of, wrapped, write
-from app.export.ticks import plain_decades, plain_steps
+from app.export.ticks import plain_decades, plain_steps, with_decimal_mark
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,7 +82,7 @@ class Sheet:
     """Sheet of paper on which a figure is laid out; lengths are in inches, from the lower left corner."""
 
     def __init__(self, figure: Figure, options: FigureOptions) -> None:
-        self._options = options
+        self._options, self._decimal = options, figure.decimal
         self._factor = factor = options.type_size / TYPE
         count = len(figure.charts)
         width = options.width or (SINGLE if count <= figure.one_column else DOUBLE)
@@ -181,6 +181,8 @@ class Sheet:
         axes = canvas.add_axes(box)
         looks = looks_of(chart)
         _plot(axes, chart, looks)
+        for axis in (axes.xaxis, axes.yaxis) if self._decimal != "." else ():
+            with_decimal_mark(axis, self._decimal)
         axes.tick_params(pad=2, length=2)
         if chart.unit:
             axes.set_ylabel(f"[{chart.unit}]")

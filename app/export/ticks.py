@@ -27,6 +27,25 @@ def plain_steps(axis: Axis) -> None:
         axis.set_tick_params(labelsize=usual * (DIGITS + 1) / longest)
 
 
+def with_decimal_mark(axis: Axis, mark: str) -> None:
+    """Write the decimals of an axis's numbers behind this mark."""
+    from matplotlib.ticker import Formatter
+
+    class Marked(Formatter):
+        """Formatter of numbers as another one writes them, with this mark."""
+
+        def __init__(self, written: Formatter) -> None:
+            self._written = written
+
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return self._written(x, pos).replace(".", mark)
+
+        def set_locs(self, locs: list[float]) -> None:
+            self._written.set_locs(locs)
+
+    axis.set_major_formatter(Marked(axis.get_major_formatter()))
+
+
 def _digits(ticks: np.ndarray) -> int:
     """Number of digits, `DIGITS` or more, with which ticks (N,) are told to a hundredth of the step between them."""
     near = 0.01 * np.diff(ticks).min(initial=np.inf)

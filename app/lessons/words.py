@@ -10,10 +10,13 @@ class LessonWords:
     """Words around what a lesson says itself.
     language: code as in HTML.
     decimal: mark before the decimals of a number.
-    phases: of a run on the page, by name of the phase."""
+    phases: of a run on the page, by name of the phase.
+    failed, goes_on, locked, locked_but: of the strip over the scene, which also shows `refused` and `stopped`.
+    ask_class to class_told: of the questions that a class is asked."""
 
     language: str
     decimal: str
+    lesson: str
     place: str
     minutes: str
     knows: str
@@ -82,10 +85,29 @@ class LessonWords:
     deletes: str
     to_goal: str
     to_goal_hint: str
+    failed: str
+    goes_on: str
+    locked: str
+    locked_but: str
+    ask_class: str
+    ask_class_again: str
+    ask_class_hint: str
+    show_answers: str
+    show_answers_hint: str
+    answers: dict[str, str]
+    answers_before: str
+    between: str
+    below: str
+    above: str
+    class_told: str
 
     def number(self, text: str) -> str:
         """Number that is written with a point, with the decimal mark of the language."""
         return text.replace(".", self.decimal)
+
+    def counted(self, answers: int) -> str:
+        """Number of answers in words."""
+        return self.answers["one" if answers == 1 else "many"].format(answers)
 
     def of_run(self, title: str, seconds: float, *, again: bool) -> str:
         """Label of the button that plays a run."""
@@ -95,6 +117,7 @@ class LessonWords:
 ENGLISH = LessonWords(
     language="en",
     decimal=".",
+    lesson="Lesson",
     place="{} of {}",
     minutes="{} minutes.",
     knows="Afterwards you will know",
@@ -170,10 +193,26 @@ ENGLISH = LessonWords(
     deletes="Taking it again deletes your answers. Save them first if you want to keep them.",
     to_goal="Back to the goal",
     to_goal_hint="The last step once more; the answers stay.",
+    failed="Failed: {}",
+    goes_on="An edit or Reset (R) begins a new run; the timeline looks back.",
+    locked="{}: locked by the goal of a lesson; allowed: leave the lesson",
+    locked_but="{}: locked by the goal of a lesson; allowed: {}, or leave the lesson",
+    ask_class="Ask the class",
+    ask_class_again="Ask again",
+    ask_class_hint="By the link and the QR code of “Share”.",
+    show_answers="Show the answers",
+    show_answers_hint="Takes no more answers.",
+    answers={"one": "{} answer", "many": "{} answers"},
+    answers_before="{} when it was asked last",
+    between="{} to {} {}",
+    below="below {} {}",
+    above="above {} {}",
+    class_told="{}; watch the screen",
 )
 GERMAN = LessonWords(
     language="de",
     decimal=",",
+    lesson="Lektion",
     place="{} von {}",
     minutes="{} Minuten.",
     knows="Danach ist klar,",
@@ -249,6 +288,21 @@ GERMAN = LessonWords(
     deletes="Noch einmal von vorn löscht die Antworten. Wer sie behalten will, speichert sie vorher.",
     to_goal="Zurück zum Ziel",
     to_goal_hint="Noch einmal der letzte Schritt; die Antworten bleiben.",
+    failed="Fehlgeschlagen: {}",
+    goes_on="Eine Änderung oder Reset (R) beginnt einen neuen Lauf; die Zeitleiste blickt zurück.",
+    locked="{}: gesperrt durch das Ziel der Lektion; erlaubt: die Lektion verlassen",
+    locked_but="{}: gesperrt durch das Ziel der Lektion; erlaubt: {}, oder die Lektion verlassen",
+    ask_class="Die Klasse fragen",
+    ask_class_again="Noch einmal fragen",
+    ask_class_hint="Über Link und QR-Code von „Share“.",
+    show_answers="Antworten zeigen",
+    show_answers_hint="Dann zählt keine weitere Antwort.",
+    answers={"one": "{} Antwort", "many": "{} Antworten"},
+    answers_before="{}, als zuletzt gefragt wurde",
+    between="{} bis {} {}",
+    below="unter {} {}",
+    above="über {} {}",
+    class_told="{}; bitte nach vorn schauen",
 )
 _BY_LANGUAGE = {words.language: words for words in (ENGLISH, GERMAN)}
 

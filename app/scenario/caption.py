@@ -109,6 +109,11 @@ def promised(signals: Mapping[str, np.ndarray]) -> str:
     return f"Theorem 1's promise for the sampled loop holds {span}."
 
 
+def stopped_at(reason: str) -> str:
+    """Words, in one line, on why a run stopped. reason: begins with the instant."""
+    return f"Stopped at {' '.join(reason.split())}"
+
+
 def percent(share: float) -> str:
     """Share as a percentage with up to four digits, 100 only of the whole."""
     return f"{100 * share if share in (0.0, 1.0) else min(max(100 * share, 0.01), 99.99):.4g}"

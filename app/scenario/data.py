@@ -45,7 +45,7 @@ def to_plain(scenario: Scenario) -> dict[str, Any]:
 
 
 def from_toml(text: str) -> Scenario:
-    """Scenario from TOML. Raises ScenarioError for text that is no TOML or no scenario, or is empty."""
+    """Scenario from TOML. Raises ScenarioError for text that is no TOML or no scenario, or sets no field of one."""
     if len(text) > LARGEST:
         raise ScenarioError(f"a TOML file of {len(text)} characters; allowed: at most {LARGEST}")
     require_few_dots(text)
@@ -57,9 +57,10 @@ def from_toml(text: str) -> Scenario:
         raise ScenarioError(f"not a scenario: nested without end; allowed: at most {DEEPEST} deep") from error
     except ValueError as error:  # Python reads no more digits than these
         raise ScenarioError("not a scenario: a whole number of thousands of digits; allowed: at most 19") from error
-    if not data:
+    scenario = from_plain(data)
+    if not _fields(data, ""):
         raise ScenarioError("an empty scenario; allowed: a text that sets at least one field")
-    return from_plain(data)
+    return scenario
 
 
 def require_few_dots(text: str) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 DIGITS, MOST_DIGITS = 6, 15  # of a number: usually, and at most
 _RAISED = "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
 _RAISE = str.maketrans("-0123456789", _RAISED)
+# a number with an exponent as Python writes it, which is no part of a name, a path or a text in quotes
+_EXPONENT = re.compile(r"""(?<![\w.+/'"-])-?\d+(?:\.\d+)?e[+-]\d{2,3}(?![\w/'"-]|\.\w)""")
 
 
 def plain(value: float, digits: int = DIGITS) -> str:
@@ -44,3 +47,8 @@ def with_power(text: str) -> str:
     mantissa = f"{float(mantissa) + 0.0:.{MOST_DIGITS}g}"  # without zeros at its end, and no negative zero
     power = "10" + str(int(exponent)).translate(_RAISE) if exponent else ""
     return "·".join(part for part in (mantissa, power) if part and (part, bool(power)) != ("1", True)).replace("-", "−")
+
+
+def with_powers(text: str) -> str:
+    """Text in which numbers that Python has written with an exponent have a power of ten."""
+    return _EXPONENT.sub(lambda found: with_power(found[0]), text)

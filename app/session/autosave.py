@@ -319,7 +319,7 @@ def _named_aside(aside: Path, runs: Sequence[Path]) -> set[str]:
 
 
 def _pinned(saved: SavedRun, path: Path) -> Pinned:
-    scenario, recording = read_npz(path)
+    scenario, recording, _ = read_npz(path)
     loop = ClosedLoop.from_scenario(scenario, history=1, memory=kept_memory())
     if recording.n != loop.system.layout.n or not len(recording):
         raise StateError(f"{path} does not fit its own scenario")

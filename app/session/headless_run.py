@@ -100,8 +100,9 @@ def write(loop: ClosedLoop, metrics: Metrics, out: Path) -> None:
     """
     scenario = loop.recording.epochs[0].scenario
     out.mkdir(parents=True, exist_ok=True)
+    data = table(scenario, loop.recording, stopped=loop.stopped or "")
     numbers, text = msgspec.json.format(msgspec.json.encode(metrics)) + b"\n", to_toml(scenario).encode()
     # the small ones first: on a full disk they may have room
     write_whole(out / "metrics.json", lambda file: file.write(numbers))
     write_whole(out / "scenario.toml", lambda file: file.write(text))
-    write_whole(out / "recording.npz", lambda file: write_npz(table(scenario, loop.recording), file))
+    write_whole(out / "recording.npz", lambda file: write_npz(data, file))

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
+from app.scenario.caption import stopped_at
 from app.scenario.data import from_toml, to_toml
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
@@ -48,7 +49,8 @@ class RecordingTable:
     units: in its task space; slides: whether each joint is prismatic.
     pieces: its `length` rows, oldest first, as `Recording.pieces` gives them.
     seconds: its duration.
-    epochs: in which the rows were recorded, () where they are not known."""
+    epochs: in which the rows were recorded, () where they are not known.
+    stopped: why the run stopped at its last row, "" where it did not."""
 
     scenario: Scenario
     n: int
@@ -58,6 +60,7 @@ class RecordingTable:
     slides: tuple[bool, ...]
     pieces: Iterable[np.ndarray]
     epochs: tuple[Epoch, ...] = ()
+    stopped: str = ""
 
     @cached_property
     def changes(self) -> tuple[ScenarioChange, ...]:
@@ -71,11 +74,12 @@ class RecordingTable:
 
 
 def table(
-    scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf
+    scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf, stopped: str = ""
 ) -> RecordingTable:
     """Table of the rows of this stretch of time, s, without copying them.
 
     scenario: of the last row, as far as the recording itself does not tell it: a run can have been edited since.
+    stopped: why the run stopped at its end, "" where it did not.
     """
     pieces = recording.pieces(t_from, t_to)
     seconds = float(pieces[-1][-1, 0] - pieces[0][0, 0]) if pieces else 0.0
@@ -85,7 +89,13 @@ def table(
     if len(slides) != recording.n:  # the arm's URDF is gone, or another one has taken its place
         slides = recording.n * (False,)
     units = Units(ran.task_space.kind, kinds_of(slides))
-    return RecordingTable(ran, recording.n, length, seconds, units, slides, pieces, epochs)
+    ended = stopped if stopped_within(recording, t_to) else ""
+    return RecordingTable(ran, recording.n, length, seconds, units, slides, pieces, epochs, ended)
+
+
+def stopped_within(recording: Recording, t_to: float) -> bool:
+    """Whether a stretch that ends at t_to (s) has the last row of a recording, at which a run that stopped did."""
+    return not recording.pieces(np.nextafter(t_to, math.inf), math.inf)
 
 
 def _epochs_of(recording: Recording, first: float, last: float) -> tuple[Epoch, ...]:
@@ -103,11 +113,13 @@ def write_csv(
     data: RecordingTable, file: BinaryIO, limit: float = math.inf, on_progress: ProgressCallback = _silent
 ) -> None:
     """Write a recording as CSV: the scenario as comment lines, a line of names with units, a line per row. Where the
-    scenario was changed on the way, the comment lines hold that of the first row, and the changes as TOML's comments.
+    scenario was changed on the way, the comment lines hold that of the first row, and the changes as TOML's comments,
+    as is why the run stopped.
 
     Numbers read back to the very same bits. Raises TooLarge when the file would have more than `limit` bytes.
     """
-    file.write("".join(f"# {line}\n" for line in scenario_text(data).rstrip("\n").split("\n")).encode())
+    about = [*_stop_comments(data), *scenario_text(data).rstrip("\n").split("\n")]
+    file.write("".join(f"# {line}\n" for line in about).encode())
     file.write((",".join(csv_header(data)) + "\n").encode())
     begin, done = file.tell(), 0
     for piece in data.pieces:
@@ -137,6 +149,11 @@ def _change_comments(data: RecordingTable) -> list[str]:
     ]
 
 
+def _stop_comments(data: RecordingTable) -> list[str]:
+    """Line on the run's stop, which TOML takes as a comment; none where the rows do not end with one."""
+    return [f"# {stopped_at(data.stopped)}", ""] if data.stopped else []
+
+
 def csv_header(data: RecordingTable) -> list[str]:
     """Names of the columns: "t [s]", "q[0] [rad]", ..."""
     names = []
@@ -158,7 +175,8 @@ def write_npz(
     """Write a recording as NPZ: named signals, (N,) or (N, width), with `units`, `docs` and `scenario` (TOML, of
     the last row) beside them; and, where they are known, `epochs` (k,), the instants (s) from which on the run had
     other conditions, and `conditions`, which `epoch_bytes` reads. Where the scenario was changed on the way, there are
-    also `first_scenario` (TOML, of the first row) and `changes`, lines of text.
+    also `first_scenario` (TOML, of the first row) and `changes`, lines of text; where the run stopped, `stopped`, the
+    reason.
 
     Needs memory for one signal, beside that of the pieces. level: of compression, 0 to 9. Raises TooLarge as
     `write_csv` does.
@@ -177,6 +195,8 @@ def write_npz(
     if data.changes:
         about["first_scenario"] = np.array(to_toml(data.first_scenario))
         about["changes"] = np.array([line for change in data.changes for line in change.lines()])
+    if data.stopped:
+        about["stopped"] = np.array(data.stopped)
     # level 6 takes three times as long for 1 % less
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=level) as archive:
         for name, values in about.items():
@@ -208,8 +228,16 @@ def _keep_to(limit: float, size: float, seconds: float) -> None:
         )
 
 
-def read_npz(path: Path) -> tuple[Scenario, Recording]:
-    """Scenario and recording of a file that `write_npz` wrote. Raises ScenarioError for any other file."""
+class SavedRun(NamedTuple):
+    """Run as a file has it. stopped: why it stopped at its last row, "" where it did not, or in files of before."""
+
+    scenario: Scenario
+    recording: Recording
+    stopped: str
+
+
+def read_npz(path: Path) -> SavedRun:
+    """Run of a file that `write_npz` wrote. Raises ScenarioError for any other file."""
 
     def refuse(what: object) -> ScenarioError:
         return ScenarioError(f"recording {str(path)!r:.200}: not a recording of this program: {what!s:.300}")
@@ -222,7 +250,8 @@ def read_npz(path: Path) -> tuple[Scenario, Recording]:
             if size > LARGEST_RECORDING:
                 raise refuse(f"{size / 1e6:.3g} MB when unpacked; allowed: {LARGEST_RECORDING / 1e6:g} MB")
             scenario = from_toml(str(_array(archive, "scenario", LARGEST_TEXT)))
-            return scenario, _recording(archive)
+            stopped = _array(archive, "stopped", LARGEST_TEXT) if "stopped.npy" in archive.namelist() else ""
+            return SavedRun(scenario, _recording(archive), str(stopped))
     except OSError as error:
         raise ScenarioError(f"recording {str(path)!r:.200}: cannot be read: {error.strerror or error}") from error
     except ScenarioError:

@@ -6,24 +6,46 @@ const make = (tag, name, html) => Object.assign(document.createElement(tag), { c
 const text = (tag, name, textContent) => Object.assign(document.createElement(tag), { className: name, textContent });
 const spoken = (element) => Object.assign(element, { lang: question.language }); // what the lesson says
 const COUNT = 25, WIDE = 320, HIGH = 200, LEFT = 8, RIGHT = 312, TOP = 10, BOTTOM = 180;
+// what this page says itself, in the language of the lesson, or English
+const WORDS = {
+  en: {
+    lang: "en", decimal: ".", answer: "Answer", change: "Change", own: "your answer", over: "over",
+    draw: "draw with a finger, or with the arrow keys", given: "Answered. You may change it until the answers are shown.",
+    waiting: "Waiting for the next question…", number: "A number, such as 12.5.", line: "Draw a line first.",
+    twice: (given, one, other) => `${given} can be read in two ways: write ${one} or ${other}.`,
+    gone: "This link is no longer valid; ask for the new one.", silent: "The server does not answer; try again.",
+    nowhere: "This link leads nowhere any more: ask for a new one.",
+  },
+  de: {
+    lang: "de", decimal: ",", answer: "Antworten", change: "Ändern", own: "Antwort", over: "über",
+    draw: "mit dem Finger oder mit den Pfeiltasten zeichnen", given: "Beantwortet. Bis die Antworten gezeigt werden, lässt es sich ändern.",
+    waiting: "Warten auf die nächste Frage…", number: "Eine Zahl wie 12,5.", line: "Erst eine Linie zeichnen.",
+    twice: (given, one, other) => `${given} ist auf zwei Arten lesbar: ${one} oder ${other} schreiben.`,
+    gone: "Dieser Link gilt nicht mehr; nach dem neuen fragen.", silent: "Der Server antwortet nicht; noch einmal versuchen.",
+    nowhere: "Dieser Link führt nirgends mehr hin: nach einem neuen fragen.",
+  },
+};
+let words = WORDS.en; // those of the last question
+const written = (number) => `${number}`.replace(".", words.decimal);
+const tell = (textContent, lang = words.lang) => Object.assign(message, { lang, textContent });
 let shown = "", question = null, own = null, drawn = null; // drawn: number of the question on the page
 
 const send = async (given) => {
   const { number } = question;
-  message.textContent = "";
+  tell("");
   try {
     const answer = await fetch("answer", {
       method: "POST", headers: { "Content-Type": "application/json" },
       body: JSON.stringify({ number, given }),
     });
     if ([403, 404].includes(answer.status)) {
-      message.textContent = "This link is no longer valid; ask for the new one.";
+      tell(words.gone);
       return;
     }
     const reply = await answer.json();
     if (number !== question?.number) return; // another question has come meanwhile
-    if (answer.ok) { own = reply.own; draw(); } else message.textContent = reply.refused;
-  } catch { message.textContent = "The server does not answer; try again."; }
+    if (answer.ok) { own = reply.own; draw(); } else tell(reply.refused, "en");
+  } catch { tell(words.silent); }
 };
 
 const options = () => question.options.map((option, k) => {
@@ -38,15 +60,15 @@ const number = () => {
   const form = make("form"), label = text("label", "", question.unit ? `in ${question.unit}` : "");
   // "decimal" would bring a keypad without a minus on an iPhone
   const input = Object.assign(make("input"), { inputMode: "text", autocomplete: "off", value: own ?? "", disabled: !question.open, required: true });
-  input.setAttribute("aria-label", `your answer ${question.unit}`);
-  const button = Object.assign(make("button", "", own === null ? "Answer" : "Change"), { disabled: !question.open });
+  input.setAttribute("aria-label", `${words.own} ${question.unit}`);
+  const button = Object.assign(make("button", "", own === null ? words.answer : words.change), { disabled: !question.open });
   form.append(input, label, button);
   form.addEventListener("submit", (e) => {
     e.preventDefault();
     const given = input.value.trim().replace("−", "-"), value = Number(given.replace(",", "."));
     if (/^-?[1-9]\d{0,2},\d{3}$/.test(given)) // with a comma of decimals, or of thousands
-      message.textContent = `${given} can be read in two ways: write ${given.replace(",", ".")} or ${given.replace(",", "")}.`;
-    else if (Number.isFinite(value) && given) send(value); else message.textContent = "A number, such as 12.5.";
+      tell(words.twice(given, given.replace(",", "."), given.replace(",", "")));
+    else if (Number.isFinite(value) && given) send(value); else tell(words.number);
   });
   return [form];
 };
@@ -59,13 +81,13 @@ const curve = () => {
     return element;
   };
   const svg = part("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, role: "application", tabindex: "0",
-    "aria-label": `${question.axis}: draw with a finger, or with the arrow keys` });
+    "aria-label": `${question.axis}: ${words.draw}` });
   const x = (k) => LEFT + ((RIGHT - LEFT) * k) / (COUNT - 1);
   const y = (v) => BOTTOM - ((BOTTOM - TOP) * (v - question.low)) / (question.high - question.low);
   svg.append(part("rect", { x: LEFT, y: TOP, width: RIGHT - LEFT, height: BOTTOM - TOP }));
   if (question.low < 0 && question.high > 0) svg.append(part("line", { x1: LEFT, x2: RIGHT, y1: y(0), y2: y(0) }));
   const path = svg.appendChild(part("path", {})), pen = svg.appendChild(part("circle", { r: 5 }));
-  const ends = text("p", "ends dim", `: ${question.low} … ${question.high}, over ${question.start} … ${question.end} s`);
+  const ends = text("p", "ends dim", `: ${[question.low, question.high].map(written).join(" … ")}, ${words.over} ${[question.start, question.end].map(written).join(" … ")} s`);
   ends.prepend(spoken(text("span", "", question.axis)));
   const values = Array.isArray(own) ? [...own] : Array(COUNT).fill(null);
   const filled = () => {
@@ -97,7 +119,7 @@ const curve = () => {
     last = [k, value];
     show();
   };
-  const button = Object.assign(make("button", "", own === null ? "Answer" : "Change"), { disabled: !question.open });
+  const button = Object.assign(make("button", "", own === null ? words.answer : words.change), { disabled: !question.open });
   if (question.open) {
     svg.addEventListener("pointerdown", (e) => { if (e.button !== 0) return; drawing = true; hand = e.pointerId; last = null; svg.setPointerCapture(e.pointerId); take(e); e.preventDefault(); });
     svg.addEventListener("pointermove", (e) => {
@@ -120,7 +142,7 @@ const curve = () => {
   }
   button.addEventListener("click", () => {
     const drawn = filled();
-    if (drawn) send(drawn); else message.textContent = "Draw a line first.";
+    if (drawn) send(drawn); else tell(words.line);
   });
   show();
   return [svg, ends, button];
@@ -130,15 +152,16 @@ const controls = () => [...place.querySelectorAll("button, input, svg")];
 const draw = () => {
   const focused = drawn === question?.number ? controls().indexOf(document.activeElement) : -1; // it is replaced
   drawn = question?.number;
-  place.replaceChildren();
-  if (!question) return place.append(make("p", "dim", "Waiting for the next question…"));
+  if (question) words = WORDS[question.language] ?? WORDS.en;
+  Object.assign(place, { lang: words.lang }).replaceChildren();
+  if (!question) return place.append(text("p", "dim", words.waiting));
   place.append(spoken(make("h1", "", question.ask)));
   place.append(...{ choice: options, number, curve }[question.kind]());
   if (question.told) place.append(make("div", "result", question.told));
-  else if (own !== null) place.append(make("p", "dim", "Answered. You may change it until the answers are shown."));
+  else if (own !== null) place.append(text("p", "dim", words.given));
   controls()[focused]?.focus();
   const heard = place.querySelector(question.told ? ".result" : own === null ? "h1" : "p.dim:last-child");
-  Object.assign(news, { lang: heard.lang || "en", textContent: heard.textContent });
+  Object.assign(news, { lang: heard.lang || words.lang, textContent: heard.textContent });
 };
 
 const ask = async () => {
@@ -151,12 +174,12 @@ const ask = async () => {
         shown = seen;
         question = now.question;
         if (fresh || !question?.open) own = now.own;
-        if (fresh) message.textContent = "";
+        if (fresh) tell("");
         draw();
       }
     } else if (answer.status === 404 || answer.status === 403) {
       shown = ""; // it may lead somewhere again
-      place.replaceChildren(make("p", "", "This link leads nowhere any more: ask for a new one."));
+      place.replaceChildren(text("p", "", words.nowhere));
     }
   } catch { /* asked again */ }
   setTimeout(ask, 900 + 200 * Math.random());

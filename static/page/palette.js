@@ -6,8 +6,15 @@ document.addEventListener("click", (e) => {
   const title = e.target.closest("[data-tab]")?.dataset.tab
     ?? (command.startsWith("Lesson: ") ? "Lessons" : command.match(/^Controls: (.+)$/)?.[1]);
   if (!title) return;
-  window.vsmrcOpenTab([...document.querySelectorAll("[role=tab]")].find((tab) => tab.textContent.trim() === title));
+  const tab = [...document.querySelectorAll("[role=tab]")].find((each) => each.textContent.trim() === title);
+  window.vsmrcOpenTab(tab);
+  if (command) enter(tab);
 }, true);
+// The keyboard goes on at the tab once the palette has gone, which gives the focus back to where it was.
+const enter = (tab) => {
+  if (document.querySelector(".mantine-Spotlight-search")) setTimeout(() => enter(tab), 50);
+  else tab?.focus();
+};
 // Keys typed before the palette has its field are its text, and no commands of the page. PATIENCE: ms, in case it never opens.
 const PATIENCE = 2000;
 const calls = (e) => (e.ctrlKey || e.metaKey) && !e.altKey && (e.shiftKey ? /^p$/i : /^k$/i).test(e.key);

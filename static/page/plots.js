@@ -63,10 +63,15 @@ const relight = (chart) => {
 // A number as text. From a million on with a power of ten, since neither a legend nor an axis has room for more digits.
 const LONG = 1e6, RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 const FINEST = 1e-6; // least span of an axis, as a share of its largest number (at least 1): less is rounding
-const power = (mantissa, exponent) => `${mantissa === 1 ? "" : `${mantissa}·`}10${[...`${exponent}`].map((digit) => RAISED[digit]).join("")}`;
+const signed = (text) => text.replace("-", "−"); // scripts write a hyphen
+const power = (mantissa, exponent) => signed(`${mantissa === 1 ? "" : `${mantissa}·`}`) + `10${[...`${exponent}`].map((digit) => RAISED[digit] ?? "⁻").join("")}`;
+const plain = (value) => { // scripts write 1e-7, too
+  const [mantissa, exponent] = `${value}`.split("e");
+  return exponent ? power(+mantissa, +exponent) : signed(mantissa);
+};
 window.vsmrcNumber = (value, digits) => {
   const short = +value.toPrecision(digits), [mantissa, exponent] = short.toExponential().split("e");
-  return Math.abs(short) >= LONG ? power(+mantissa, +exponent) : `${short}`;
+  return Math.abs(short) >= LONG ? power(+mantissa, +exponent) : plain(short);
 };
 // Three numbers on an axis at least, also of a low plot, as far as they stand apart.
 const room = (plot) => (1.05 * plot.axes[1].font[1]) / devicePixelRatio; // px
@@ -96,7 +101,7 @@ const decades = (plot, at) => {
   const apart = neat.find((some) => some.length > 2 && some.every((v, i) => free(v, some.slice(0, i))));
   const shown = apart ?? ROUND.flatMap(begun).reduce((some, v) => (free(v, some) ? [...some, v] : some), []);
   const long = shown.some((v) => v >= LONG), exponent = (v) => Math.floor(Math.log10(v) + 1e-9); // one form for all of an axis
-  const text = (v) => (long && v >= 1 ? power(+(v / 10 ** exponent(v)).toPrecision(9), exponent(v)) : `${+v.toPrecision(9)}`);
+  const text = (v) => (long && v >= 1 ? power(+(v / 10 ** exponent(v)).toPrecision(9), exponent(v)) : plain(+v.toPrecision(9)));
   return at.map((v) => (shown.includes(v) ? text(v) : ""));
 };
 // uPlot knows null for what does not exist, and data arrive as numbers. A gap begins at the last value before it: a
@@ -142,7 +147,7 @@ const written = (at) => {
   const scaled = at.map((v) => v / unit), step = at.length > 1 ? scaled[1] - scaled[0] : 0.001;
   let digits = 0;
   while (digits < 8 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6 * step * 10 ** digits) digits++;
-  return scaled.map((v) => (exponent && v ? power(+v.toFixed(digits), exponent) : `${+v.toFixed(digits)}`));
+  return scaled.map((v) => (exponent && v ? power(+v.toFixed(digits), exponent) : plain(+v.toFixed(digits))));
 };
 // In the legend a pinned run has a piece of its line, and hides all its lines, which come behind the one that is listed.
 // A line of the shown run hides the same line of pinned runs with it, unless one of these stands alone, and the edges of
@@ -188,6 +193,8 @@ const enlist = (entry) => {
   for (const series of chart.series) series.gaps = gaps;
   ranged(chart.scales.y);
   chart.axes[0].space = () => 40; // px: three numbers in a narrow dock, too
+  const { values } = chart.axes[0];
+  chart.axes[0].values = (...args) => values(...args).map((text) => text && signed(text));
   const axis = chart.axes[1];
   if (chart.scales.y?.distr === 3) {
     Object.assign(axis, { values: decades, splits: halved(axis.splits), filter: (_, at) => at });

@@ -93,9 +93,9 @@ const put = (plot) => {
   const show = () => {
     const { min, max } = plot.scales.x;
     cursors.forEach((cursor, i) => {
-      const t = short(min + fractions[i] * (max - min));
+      const t = +(min + fractions[i] * (max - min)).toPrecision(3);
       cursor.style.left = `${100 * fractions[i]}%`;
-      Object.assign(cursor, { ariaValueMin: min, ariaValueMax: max, ariaValueNow: t, ariaValueText: `${t} s` });
+      Object.assign(cursor, { ariaValueMin: min, ariaValueMax: max, ariaValueNow: t, ariaValueText: `${short(t)} s` });
     });
     fillTable(plot, fractions, table);
   };

@@ -119,6 +119,7 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: PageSession):
     page.keyboard.press("Control+k")
     choose("Controls: World")
     expect(page.get_by_role("tab", name="World", exact=True)).to_have_attribute("aria-selected", "true")
+    expect(page.get_by_role("tab", name="World", exact=True)).to_be_focused()
     page.keyboard.press("Control+k")
     choose(shipped_lessons()["03-wall"].head.title)
     expect(page.get_by_role("tab", name="Lessons", exact=True)).to_have_attribute("aria-selected", "true")

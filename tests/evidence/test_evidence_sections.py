@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,10 +28,18 @@ def test_families_of_arms_tell_what_is_inside_the_declared_set_and_what_outside(
     tables = [families.map_rows(law, ends) for law in families.LAWS]
     for table in tables:
         assert [row["declared"] for row in table.rows] == [0.0, 1.0, 0.0]
+    edge, beyond = (
+        next(k for k in range(asked.count) if asked.row(k).values == pytest.approx(at))
+        for at in ({"contact.K_e": 1e4, "truth.link_scaling": scaling} for scaling in (1.15, 1.3))
+    )
     bands = [families.arms(law, (0, 1)) for law in families.LAWS]
-    found = families.conclude([*tables, *bands])
+    told_of = families.map_rows("vsmrc", (edge, beyond))
+    found = families.conclude([*tables, told_of, *bands])
+    committed = " ".join((Path(__file__).parents[2] / "docs" / "evidence.md").read_text(encoding="utf-8").split())
+    told = f"this law is {found.numbers['edge']} mN at the edge of the set (1.15) and {found.numbers['beyond']} mN at"
+    assert told in committed
     numbers, errors = found.numbers, [row["force_error"] for row in tables[0].rows]
-    assert numbers["robust_inside"] == f"{errors[1]:.2g}"
+    assert numbers["robust_inside"] == f"{max(errors[1], told_of.rows[0]['force_error']):.2g}"
     assert numbers["robust_outside"] == f"{max(errors[0], errors[2]):.2g}"
     assert (numbers["arms"], numbers["holds"], numbers["broken"]) == ("2", "2", "0")
     assert 0.0 < float(numbers["ratio"]) <= 1.0

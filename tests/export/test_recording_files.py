@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.analysis.metrics import metrics_of
 from app.dashboard.export import ExportedStretch, FigureChoice, _figure, write
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.paper_figures import figure_of, plots_of
@@ -20,6 +21,7 @@ from app.scenario.data import edited, from_toml, load
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
+from app.session import headless_run
 from app.session.changes import blending_to
 from app.session.snapshot import snapshot_of, with_conditions_at
 from app.simulation.builders.controller_builder import target_model
@@ -72,7 +74,7 @@ def test_npz_reads_back_to_the_same_bits_and_names_every_unit(tmp_path: Path) ->
     with np.load(tmp_path / "run.npz") as saved:
         assert "tau: N·m" in saved["units"]
         assert saved["t"].shape == (4001,)
-    read_scenario, read = read_npz(tmp_path / "run.npz")
+    read_scenario, read, _ = read_npz(tmp_path / "run.npz")
     assert read_scenario == scenario
     assert np.array_equal(bits(read.rows()), bits(recording.rows(0.5, 4.5)))
 
@@ -129,7 +131,7 @@ def test_one_instant_is_written_where_no_figure_is_drawn_of_it(tmp_path: Path) -
 def test_a_stretch_without_a_row_is_refused_with_those_that_have_one(tmp_path: Path) -> None:
     scenario = load("planar3r-hybrid")
     (saved,) = write(ExportedStretch(scenario, noise(5, n=3), 0.002, 0.003), ["npz"], FigureChoice(), tmp_path)
-    later = ExportedStretch(*read_npz(saved), 0.0, 0.001)
+    later = ExportedStretch(*read_npz(saved)[:2], 0.0, 0.001)
     with pytest.raises(ScenarioError, match=r"nothing recorded from 0 s to 0\.001 s; allowed: within 0\.002 to 0\.003"):
         list(write(later, ["csv"], FigureChoice(), tmp_path))
 
@@ -185,6 +187,28 @@ def test_a_figure_has_the_conditions_of_its_last_row() -> None:
         text = figure_of(plots_of(["force"]), seen, Setup.of(seen, 0, 0), 0.0, 0.05 if robust else 0.15).caption
         assert ("3210" in text) == (not robust)
         assert ("Changed at t = 0.1 s" in text) == (not robust)
+
+
+def test_a_file_says_why_the_run_stopped_unless_it_ends_before(tmp_path: Path) -> None:
+    loop = ClosedLoop.from_scenario(load("planar3r-hybrid"), 1000, memory=kept_memory())
+    run_to(loop, 0.05)
+    loop.fail("the control law", ValueError("no\nsolution"))
+    assert loop.stopped is not None
+    reason, scenario = "Stopped at t = 0.050 s: the control law failed (no solution)", load("planar3r-hybrid")
+    headless_run.write(loop, metrics_of(loop, 1.0, "pinocchio"), tmp_path)
+    saved = read_npz(tmp_path / "recording.npz")
+    assert saved.stopped == loop.stopped
+    for end, stops in ((math.inf, True), (0.03, False)):
+        stretch = ExportedStretch(saved.scenario, saved.recording, 0.0, end, saved.stopped)
+        csv, npz = write(stretch, ["csv", "npz"], FigureChoice(), tmp_path)
+        lines = csv.read_text().splitlines()
+        assert (lines[0] == f"# # {reason}") == stops
+        assert from_toml("\n".join(line[2:] for line in lines if line.startswith("# "))) == scenario
+        assert read_npz(npz).stopped == (loop.stopped if stops else "")
+        shown = snapshot_of(loop)
+        of_page = figure_of(plots_of(["force"]), shown, Setup.of(shown, 0, 0), 0.0, end)
+        for figure in (of_page, _figure(stretch, FigureChoice(["force"]))):
+            assert (f" {reason}. " in figure.caption) == stops
 
 
 def test_the_scenario_of_a_run_with_a_blend_plays_it_again(tmp_path: Path) -> None:

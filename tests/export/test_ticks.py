@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from matplotlib.figure import Figure
 
-from app.export.ticks import plain_decades
+from app.export.ticks import plain_decades, plain_steps, with_decimal_mark
 
 
 @pytest.mark.parametrize(
@@ -26,3 +26,16 @@ def test_a_logarithmic_axis_has_two_numbers_or_more(low: float, high: float, num
     canvas.draw_without_rendering()
     texts = [tick.label1.get_text() for tick in plot.xaxis.get_major_ticks() if low <= tick.get_loc() <= high]
     assert texts == numbers
+
+
+def test_the_decimals_of_an_axis_stand_behind_a_comma_where_that_is_asked_for() -> None:
+    """Also on an axis whose numbers matplotlib writes itself."""
+    canvas = Figure()
+    plot = canvas.add_subplot()
+    plot.set(xlim=(0.0, 2.0), ylim=(-0.5, 0.5))
+    plain_steps(plot.yaxis)
+    for axis in (plot.xaxis, plot.yaxis):
+        with_decimal_mark(axis, ",")
+    canvas.draw_without_rendering()
+    assert [label.get_text() for label in plot.get_xticklabels()][1:4] == ["0,25", "0,50", "0,75"]
+    assert "−0,25" in [label.get_text() for label in plot.get_yticklabels()]

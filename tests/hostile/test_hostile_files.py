@@ -231,7 +231,7 @@ def test_recordings_that_are_refused(tmp_path: Path, made: Callable[[], bytes], 
 def test_a_recording_from_before_there_were_several_surfaces_is_read(tmp_path: Path) -> None:
     names = ("multiplier_2", "phi_2", "multiplier_3", "phi_3")
     (tmp_path / "run.npz").write_bytes(npz(**dict.fromkeys(names)))
-    _, recording = read_npz(tmp_path / "run.npz")
+    _, recording, _ = read_npz(tmp_path / "run.npz")
     assert all((recording.signals((name,))[name] == 0.0).all() for name in names)
     assert recording.signals(("phi",))["phi"].tolist() == [0.0, 1.0, 2.0]
 

@@ -344,4 +344,4 @@ def test_a_sweep_of_refused_runs_says_why_and_is_no_success(tmp_path: Path, here
     for _ in range(2):  # also where all of them are there already
         done = here("sweep", *arguments, "--out", str(tmp_path / "sweep"))
         assert done.returncode == 2
-        assert "2 of 2 runs were refused, 1 of them for: simulation.duration: 1e-09 s; allowed: at" in done.stdout
+        assert "2 of 2 runs were refused, 1 of them for: simulation.duration: 10⁻⁹ s; allowed: at" in done.stdout

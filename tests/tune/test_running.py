@@ -218,7 +218,7 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
         (("--for", "beauty", "--dry-run"), "--for 'beauty'"),
         (("--seed", "1", "--out", str(out)), "holds another tuning (seed 0 there, 1 here)"),
         (("--move", "controller.layer=nan:1", "--dry-run"), "--move controller.layer: nan; allowed: finite numbers"),
-        (("--budget", "1000000000", "--dry-run"), "runs; allowed: at most 1e+07"),
+        (("--budget", "1000000000", "--dry-run"), "runs; allowed: at most 10⁷"),
         (("--move", "controller.layr=1:2", "--dry-run"), "controller.layr: no such field"),
         (
             ("--draw", "2", "--set", "truth.coulomb=1", "--dry-run"),

@@ -158,7 +158,8 @@ class ExportPanel:
         part = self._chosen()
 
         def make(on_progress: ProgressCallback) -> bytes:
-            rows = table(part.snapshot.scenario, part.snapshot.recording, part.begin, part.end)
+            snapshot = part.snapshot
+            rows = table(snapshot.scenario, snapshot.recording, part.begin, part.end, snapshot.stop)
             return self._desk.export_jobs.made(DataJob(rows, form, DATA_LIMIT), on_progress)
 
         self._delivery.give(event, "Data", part.file_name(form), make)

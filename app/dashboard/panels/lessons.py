@@ -34,6 +34,7 @@ from app.lessons.course import LessonCourse
 from app.lessons.lesson import Lesson, LessonStep, shipped_lessons
 from app.lessons.markup import html_of, inline_html
 from app.lessons.playing import last_q, performance, play
+from app.lessons.words import ENGLISH
 from app.scenario.data import field_of
 from app.scenario.errors import ScenarioError
 from app.session.commands import Load, Pause, Play, Reset
@@ -83,6 +84,7 @@ class LessonsPanel:
     def _open(self, lesson: Lesson) -> None:
         self._leave_course()
         course = self._course = LessonCourse(lesson, self._desk.notebook)
+        self._desk.lock.words = course.words
         self._make_up(course)
         self._enter()
 
@@ -97,6 +99,7 @@ class LessonsPanel:
     def _close(self) -> None:
         self._leave_course()
         self._course, self._desk.lock.fields = None, None
+        self._desk.lock.words = ENGLISH
         self._desk.classroom.rest()
 
     async def _on_next(self, _: object) -> None:
@@ -219,6 +222,7 @@ class LessonsPanel:
             return
         self._shown = of
         busy = self._busy is not None
+        self._folder.label = course.words.lesson
         self._head.content = _head(course)
         self._text.content = _text(course, computing=busy)
         self._options.show(step, answer, course)

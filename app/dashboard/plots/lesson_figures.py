@@ -45,7 +45,7 @@ def figure_of_run(
         for name, value in outcome.measurements.items()
     )
     caption = f"{lesson.head.title}: {run.title}." + (f" {words.measured}: {text}." if text else "")
-    return Figure(charts, caption)
+    return Figure(charts, caption, decimal=words.decimal)
 
 
 def name_of_figure(lesson: Lesson, step: LessonStep, extension: str) -> str:

@@ -17,11 +17,12 @@ from app.dashboard.plots.plot_table import TABS
 from app.dashboard.widgets.fields.field_words import differences_in_words
 from app.export.figures import FREQUENCY, TIME, Curve, Figure, FigureChart, FilledArea
 from app.export.formats import ALL_PLOTS
-from app.scenario.caption import caption, promised
+from app.scenario.caption import caption, promised, stopped_at
 from app.scenario.errors import ScenarioError
 from app.scenario.units import SUBSCRIPTS
 from app.session.snapshot import Snapshot
 from app.simulation.recording import Epoch
+from app.storage.recording_files import stopped_within
 from parameters import allowed
 
 EXAMINED = 300  # instants at which the true arm is analysed
@@ -107,7 +108,8 @@ def figure_of(
     changed = _changes(tuple(snapshot.recording.epochs), float(t[0]), float(t[-1]))
     drawn = {curve.name for chart in charts for curve in chart.curves if curve.dashes and curve.listed}
     behind = "".join(_pinned_sentence(run, snapshot) for run, _ in there if run.look.name in drawn)
-    return Figure(charts, f"{text} {changed}{behind}{promised(rows)}")
+    ended = f"{stopped_at(snapshot.stop)}. " if snapshot.stop and stopped_within(snapshot.recording, t_to) else ""
+    return Figure(charts, f"{text} {changed}{ended}{behind}{promised(rows)}")
 
 
 def _pinned_sentence(run: PinnedChart, snapshot: Snapshot) -> str:

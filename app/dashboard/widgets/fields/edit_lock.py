@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from app.dashboard.widgets.fields.field_words import called
+from app.lessons.words import ENGLISH
 from app.session.commands import (
     BeginScenario,
     Blend,
@@ -35,11 +36,13 @@ class EditLock:
     """Lock in front of the runner: passes every command, or, while it is closed, of the changes only edits of `fields`.
 
     fields: dotted paths, None while the lock is open.
+    words: of the lesson that is open, in which the lock complains.
     """
 
     def __init__(self, post: Callable[[Command], int], complain: Callable[[str], None]) -> None:
         self._post, self._complain = post, complain
         self.fields: frozenset[str] | None = None
+        self.words = ENGLISH
 
     def post(self, command: Command) -> int | None:
         """Pass a command on to the runner. Returns its number there, from 1 on; None for a command that is locked, and
@@ -48,7 +51,7 @@ class EditLock:
         if not locked:
             return self._post(command)
         allowed = ", ".join(map(called, sorted(self.fields or ())))
-        self._complain(f"{locked}: locked by the goal of a lesson; allowed: {allowed}, or leave the lesson")
+        self._complain(self.words.locked_but.format(locked, allowed))
         return None
 
     def _locked(self, command: Command) -> str:
@@ -73,5 +76,5 @@ class EditLock:
         """Whether the lock is closed; then it complains that `what`, which no goal allows, is locked."""
         if self.fields is None:
             return False
-        self._complain(f"{what}: locked by the goal of a lesson; allowed: leave the lesson")
+        self._complain(self.words.locked.format(what))
         return True

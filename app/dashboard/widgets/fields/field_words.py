@@ -7,7 +7,7 @@ import re
 from app.analysis.glossary import GLOSSARY
 from app.dashboard.widgets.fields.matrix_text import written
 from app.scenario.data import differences
-from app.scenario.number_text import MOST_DIGITS, plain
+from app.scenario.number_text import MOST_DIGITS, plain, with_powers
 from app.scenario.schema import Scenario
 from app.scenario.units import Units
 from app.sweep.titles import FURTHER, NONE_AT_ZERO, title_of, unit_of, value_in_words
@@ -24,7 +24,6 @@ _OF = re.compile(r"^[a-z_]+(?:\.\w+)*(?=: )")
 _FIELD = re.compile(r"\b[a-z_]+(?:\.\w+)+(?: = (?:'([\w-]+)'|(true|false))(?![\w']))?")
 # a number that is beyond a bound
 _BEYOND = re.compile(r"(?<=\w): (-?[\d.e+-]+); allowed: a number (<=|>=|<|>) (-?[\d.e+-]+)$")
-_EXPONENT = re.compile(r"(?<![\w.])-?\d[\d.]*e[+-]?\d+\b")
 _BOUNDS = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
 # the field of a blend and its own words for a refusal
 _ENTRY = re.compile(r"^([a-z_]+(?:\.\w+)+)\[(\d+)\]:")
@@ -79,8 +78,7 @@ def refusal_in_words(sentence: str) -> str:
     if of is None or not (of[0] in Scenario.__struct_fields__ or _is_field(of[0])):
         return sentence  # it begins with a file of the user, who looks for its names there
     sentence = _BEYOND.sub(lambda found: _beyond(of[0], found), sentence)
-    sentence = _EXPONENT.sub(lambda found: plain(float(found[0]), MOST_DIGITS), sentence)
-    return _FIELD.sub(_called_with_value, sentence)
+    return _FIELD.sub(_called_with_value, with_powers(sentence))
 
 
 def _beyond(path: str, found: re.Match[str]) -> str:

@@ -30,13 +30,9 @@ class ClassPanel:
         self._desk, gui = desk, desk.gui
         self._course: LessonCourse | None = None
         self._unit = ""
-        self._ask = gui.add_button(
-            "Ask the class", icon=viser.Icon.USERS, visible=False, hint="By the link and the QR code of “Share”."
-        )
+        self._ask = gui.add_button("", icon=viser.Icon.USERS, visible=False)
         self._html = gui.add_html("", visible=False)
-        self._reveal = gui.add_button(
-            "Show the answers", icon=viser.Icon.EYE, visible=False, hint="Takes no more answers."
-        )
+        self._reveal = gui.add_button("", icon=viser.Icon.EYE, visible=False)
         self._ask.on_click(self._on_ask)
         self._reveal.on_click(self._on_reveal)
 
@@ -67,7 +63,10 @@ class ClassPanel:
             present = None
         asked = present if here is None else classroom.last_of(*here)  # also where the lecturer comes back to it
         self._ask.visible = asks
-        self._ask.label = "Ask the class" if asked is None else "Ask again"
+        words = words_of("en" if asked is None else asked.question.language) if course is None else course.words
+        self._ask.label = words.ask_class if asked is None else words.ask_class_again
+        self._reveal.label = words.show_answers
+        self._ask.hint, self._reveal.hint = words.ask_class_hint, words.show_answers_hint
         self._reveal.visible, self._html.visible = present is not None, asked is not None
         if present is not None:
             self._reveal.disabled = not present.question.open
@@ -80,10 +79,15 @@ class ClassPanel:
 def _html(asked: AskedQuestion, *, over: bool) -> str:
     """Answers to a question as HTML: their number, and their picture once it was revealed. over: whether the class is
     asked the question no longer."""
-    count = len(asked.answers)
-    total = f"{count} {'answer' if count == 1 else 'answers'}{' when it was asked last' if over else ''}"
+    words = words_of(asked.question.language)
+    total = words.counted(len(asked.answers))
+    if over:
+        total = words.answers_before.format(total)
     shown = "" if asked.question.open else answers_html(asked.question, asked.answers)
-    return f'<div class="vs-lesson" data-asked="{asked.question.number}"><b>{total}</b>{shown}</div>'
+    return (
+        f'<div class="vs-lesson" data-asked="{asked.question.number}">'
+        f'<b lang="{words.language}">{total}</b>{shown}</div>'
+    )
 
 
 def answers_html(question: ClassQuestion, answers: Sequence[Given]) -> str:
@@ -97,8 +101,9 @@ def answers_html(question: ClassQuestion, answers: Sequence[Given]) -> str:
         picture = courses_html(question.axis, ends, courses, words_of(question.language))
     else:
         picture = _bars(_counted(question, answers))
-    # what stands beside numbers is a sentence of this program
-    return picture if question.kind == "number" else f'<div lang="{escape(question.language)}">{picture}</div>'
+    # what stands beside numbers are words of this program
+    language = words_of(question.language).language if question.kind == "number" else question.language
+    return f'<div lang="{escape(language)}">{picture}</div>'
 
 
 def _counted(question: ClassQuestion, answers: Sequence[Given]) -> list[tuple[str, int]]:
@@ -110,22 +115,27 @@ def _counted(question: ClassQuestion, answers: Sequence[Given]) -> list[tuple[st
     if not len(values):
         return []
     low, high = np.quantile(values, [0.05, 0.95]) if len(values) > 20 else (values.min(), values.max())
-    unit, room = escape(question.unit), NARROW * max(abs(low), abs(high))
+    words, unit = words_of(question.language), escape(question.unit)
+    room = NARROW * max(abs(low), abs(high))
+
+    def told(value: float) -> str:
+        return words.number(rounded(value))
+
     if high - low <= room:  # numpy has no bins that small
         low, high = low - room, high + room
-        inside = [(f"{rounded((low + high) / 2.0)} {unit}", int(np.sum((low <= values) & (values <= high))))]
+        inside = [(f"{told((low + high) / 2.0)} {unit}", int(np.sum((low <= values) & (values <= high))))]
     else:
         bins = min(BINS, len(np.unique(values)))
         counts, edges = np.histogram(values, bins=bins, range=(low, high))
         inside = [
-            (f"{rounded(first)} to {rounded(after)} {unit}", int(count))
+            (words.between.format(told(first), told(after), unit), int(count))
             for count, first, after in zip(counts, edges[:-1], edges[1:], strict=True)
         ]
     below, above = int(np.sum(values < low)), int(np.sum(values > high))
     return [
-        *([(f"below {rounded(low)} {unit}", below)] if below else []),
+        *([(words.below.format(told(low), unit), below)] if below else []),
         *inside,
-        *([(f"above {rounded(high)} {unit}", above)] if above else []),
+        *([(words.above.format(told(high), unit), above)] if above else []),
     ]
 
 
@@ -141,7 +151,8 @@ def _bars(counted: Sequence[tuple[str, int]]) -> str:
 
 def _summary(question: ClassQuestion, answers: Sequence[Given]) -> str:
     """Summary of the answers for the students' pages, as HTML."""
+    words = words_of(question.language)
     if question.kind != "choice":
-        return inline_html(f"{len(answers)} answer{'s' if len(answers) != 1 else ''}; watch the screen")
+        return inline_html(words.class_told.format(words.counted(len(answers))))
     counted = ", ".join(f"{'ABCDE'[k]}: {count}" for k, (_, count) in enumerate(_counted(question, answers)))
-    return inline_html(f"{counted}; watch the screen")
+    return inline_html(words.class_told.format(counted))

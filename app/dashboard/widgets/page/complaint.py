@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import structlog
 
 from app.dashboard.transport.callback_errors import Fault
 from app.dashboard.widgets.fields.field_words import refusal_in_words
+from app.lessons.words import ENGLISH, LessonWords
 from app.session.commands import DropWayOut
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -13,17 +16,19 @@ from app.session.ways_out import WayOut
 
 log = structlog.get_logger()
 SHOWN = 12.0  # s
-REFUSED = "Refused: "  # beginning of a refusal
 
 
 class Complaint:
     """The last refusal, or failure of this program. It is shown until another edit is accepted, another run begins, or
     SHOWN is over since a page was first drawn with it; a refusal stays as long as its way out is offered, which nobody
-    would understand without it, and comes back after a failure that was shown meanwhile."""
+    would understand without it, and comes back after a failure that was shown meanwhile.
 
-    def __init__(self, runner: Runner) -> None:
-        self._runner = runner
+    words: of the lesson that is open, which the sentence begins with."""
+
+    def __init__(self, runner: Runner, words: Callable[[], LessonWords] = lambda: ENGLISH) -> None:
+        self._runner, self._words = runner, words
         self._text = ""
+        self._failed = ""  # the last failure
         self._until: float | None = None  # s, monotonic; None as long as no page has been drawn with it
         self._posted = 0  # number of commands that had been posted before
         # revision and run after these commands, None until the runner has executed them: later ones end the complaint
@@ -44,16 +49,17 @@ class Complaint:
         log.info("refused", sentence=sentence)
         self._runner.post(DropWayOut())
         self._offered = None
-        self._show(f"{REFUSED}{refusal_in_words(sentence)}")
+        self._show(self._words().refused.format(refusal_in_words(sentence)))
 
     def fail(self, sentence: str) -> None:
         """Show a failure of this program, which leaves the way out as it is; not again while the same one is shown."""
-        if self._text != (text := f"Failed: {sentence}"):
+        if self._text != (text := self._words().failed.format(sentence)):
+            self._failed = text
             self._show(text)
 
     def withdraw(self) -> None:
         """Take back the last refusal and its way out: there has been a right value since."""
-        if self._text.startswith(REFUSED):
+        if self._text not in ("", self._failed):
             self._runner.post(DropWayOut())
             self._text, self._offered = "", None
 
@@ -61,7 +67,8 @@ class Complaint:
         """Text that is shown at this instant (s, monotonic), with a new refusal by the runner; "" for none."""
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
-            self._refused, self._offered = f"{REFUSED}{refusal_in_words(snapshot.refusal or '')}", snapshot.way_out
+            self._refused = self._words().refused.format(refusal_in_words(snapshot.refusal or ""))
+            self._offered = snapshot.way_out
             self._show(self._refused)
         of = snapshot.revision, snapshot.run
         if self._of is None and snapshot.executed >= self._posted:

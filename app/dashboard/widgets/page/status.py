@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 
 from app.dashboard.widgets.chips import ChipClass, chip, verdict_now
+from app.lessons.words import ENGLISH, LessonWords
 from app.scenario.caption import title_of
 from app.scenario.schema import Scenario
 from app.session.pacing import Pace
@@ -16,13 +17,14 @@ from controllers.modes import MODES
 
 _LATELY = 0.2  # s before now in which a cut torque is still reported
 
-_GOES_ON = ". An edit or Reset (R) begins a new run; the timeline looks back."  # behind the reason of a stop
 
-
-def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None = None) -> str:
+def status_html(
+    snapshot: Snapshot, complaint: str, begun_from: Scenario | None = None, words: LessonWords = ENGLISH
+) -> str:
     """Status line as HTML: chips and numbers, and a strip over the scene, which moves no other widget, with the reason
     of a stop, the complaint and the notice.
-    begun_from: the shipped scenario of the running one's name, None for none."""
+    begun_from: the shipped scenario of the running one's name, None for none.
+    words: of the lesson that is open."""
     scenario = snapshot.scenario
     pace = None if snapshot.preparing else snapshot.pace  # it stands still meanwhile
     lines = [
@@ -40,7 +42,7 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
     ]
     messages = []
     if snapshot.phase == "stopped":
-        messages.append(_message("vs-bad", f"Stopped: {snapshot.reason}{_GOES_ON}"))
+        messages.append(_message("vs-bad", f"{words.stopped.format(snapshot.reason)}. {words.goes_on}"))
     if pace and pace.slowed:
         messages.append(_message("vs-warn", _slowed(snapshot)))
     if complaint:
