@@ -20,7 +20,7 @@ class Mode:
     equation: the paper's number of its target model.
     on_surface: r begins with phi (31), otherwise it is Cartesian (or r = q).
     feedback: part of the interaction force that is F_c.
-    contacts: kinds of contact that are allowed.
+    rigid: whether its surface is rigid, (39), so that the multiplier is controlled.
     stiffness: N/m, default of K_m.
     surfaces, forces: number of surfaces in the world, and of those, the first ones, whose normal force is controlled
     where r begins with phi.
@@ -34,16 +34,11 @@ class Mode:
     summary: str
     on_surface: bool
     feedback: Literal["none", "normal", "all"]
-    contacts: tuple[str, ...]
+    rigid: bool = False
     stiffness: float = 4000.0
     surfaces: int = 1
     forces: int = 1
     tilts: int = 0
-
-    @property
-    def rigid(self) -> bool:
-        """Whether its surface is rigid, (39): the multiplier is controlled."""
-        return self.contacts == ("rigid",)
 
     @property
     def in_joints(self) -> bool:
@@ -69,6 +64,10 @@ class Mode:
         """This mode in a world of `surfaces` surfaces: controls the force on the first `forces` of them, and the
         moments of `tilts` tilts of a flat tool."""
         return replace(self, surfaces=surfaces, forces=forces, tilts=tilts)
+
+    def admits(self, *, touches: bool, rigid: bool) -> bool:
+        """Whether the mode is made for a kind of contact: with a surface or without, one that yields or a rigid one."""
+        return rigid == self.rigid and (touches or not self.on_surface)
 
     def controlled(self, n: int) -> np.ndarray:
         """Mask (n,), 1 for each component of the interaction force that enters F_c."""
@@ -158,7 +157,6 @@ MODES: dict[str, Mode] = {
             "The tool follows its path whatever the modelling errors; forces are compensated, not controlled.",
             on_surface=False,
             feedback="none",
-            contacts=("free", "elastic", "mass-damper-spring"),
         ),
         Mode(
             "impedance",
@@ -168,7 +166,6 @@ MODES: dict[str, Mode] = {
             "The tool yields to forces like the mass, damper and spring that you choose.",
             on_surface=False,
             feedback="all",
-            contacts=("free", "elastic", "mass-damper-spring"),
             stiffness=1000.0,
         ),
         Mode(
@@ -179,7 +176,6 @@ MODES: dict[str, Mode] = {
             "The normal force follows the desired one while the tool follows its path along the surface.",
             on_surface=True,
             feedback="normal",
-            contacts=("elastic", "mass-damper-spring"),
         ),
         Mode(
             "hybrid-impedance",
@@ -189,7 +185,6 @@ MODES: dict[str, Mode] = {
             "The normal force is controlled, and the tool yields along the surface.",
             on_surface=True,
             feedback="all",
-            contacts=("elastic", "mass-damper-spring"),
         ),
         Mode(
             "constrained",
@@ -199,7 +194,7 @@ MODES: dict[str, Mode] = {
             "The surface is rigid: the contact force follows the desired one while the tool moves on the surface.",
             on_surface=True,
             feedback="normal",
-            contacts=("rigid",),
+            rigid=True,
         ),
     )
 }

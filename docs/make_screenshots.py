@@ -114,52 +114,62 @@ def main(folder: Annotated[Path, tyro.conf.Positional] = SHOWN, /, *, only: tupl
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=find_or_install(), args=LAUNCH_ARGS)
         page = opened(browser, dashboard.url, viewport={"width": 1600, "height": 900})
-        for name, scenario in MODES.items():
-            if album.wants(name):
-                load(runner, scenario, page)
-                shoot(page, album, name, shipped()[scenario].title)
-        load(runner, "ur5-hybrid", page)
-        if album.wants("tab-"):
-            for title in each_tab(page):
-                shoot(page, album, f"tab-{slug(title)}", f"Tab {title}")
-        if album.wants("refused", "what-if"):
-            refuse_and_hold(page, runner, album)
-        if album.wants("cursors", "presentation"):
-            present(page, runner, album)
-        if album.wants("compared", "past"):
-            compare(page, runner, album)
-        if album.wants("robustness-map"):
-            robustness_map(page, album)
-        if album.wants("minute-"):
-            guided_minute(page, runner, album)
-        if album.wants("lessons", "lesson-"):
-            lesson(page, album)
-        if album.wants("help", "light", "light-"):
-            load(runner, "ur5-hybrid", page)
-            show_help(page, album)
-            page.keyboard.press("t")
-            shoot(page, album, "light", "Light")
-            for title in each_tab(page) if album.wants("light-") else ():
-                shoot(page, album, f"light-{slug(title)}", f"Tab {title}, light")
-            page.keyboard.press("t")
-        load(runner, "ur5-hybrid", page)
+        shoot_desktop(page, runner, album)
         page.close()
-        for width, height in SIZES:
-            if album.wants(name := f"hybrid-{width}x{height}"):
-                page = opened(browser, dashboard.url, viewport={"width": width, "height": height})
-                shoot(page, album, name, f"{width} x {height}")
-                page.close()
-        if album.wants("phone"):
-            page = opened(browser, dashboard.url, **PHONE)
-            shoot(page, album, "phone", "A phone")
-            page.close()
-        if album.wants("first-steps"):
-            page = opened(browser, dashboard.url, first_visit=True, viewport={"width": 1280, "height": 720})
-            shoot(page, album, "first-steps", "The first visit")
+        shoot_other_screens(browser, dashboard.url, album)
         browser.close()
     album.close()
     dashboard.close()
     runner.close()
+
+
+def shoot_desktop(page: Page, runner: Runner, album: Album) -> None:
+    """Pictures of the modes, the tabs and what is done on a page."""
+    for name, scenario in MODES.items():
+        if album.wants(name):
+            load(runner, scenario, page)
+            shoot(page, album, name, shipped()[scenario].title)
+    load(runner, "ur5-hybrid", page)
+    if album.wants("tab-"):
+        for title in each_tab(page):
+            shoot(page, album, f"tab-{slug(title)}", f"Tab {title}")
+    if album.wants("refused", "what-if"):
+        refuse_and_hold(page, runner, album)
+    if album.wants("cursors", "presentation"):
+        present(page, runner, album)
+    if album.wants("compared", "past"):
+        compare(page, runner, album)
+    if album.wants("robustness-map"):
+        robustness_map(page, album)
+    if album.wants("minute-"):
+        guided_minute(page, runner, album)
+    if album.wants("lessons", "lesson-"):
+        lesson(page, album)
+    if album.wants("help", "light", "light-"):
+        load(runner, "ur5-hybrid", page)
+        show_help(page, album)
+        page.keyboard.press("t")
+        shoot(page, album, "light", "Light")
+        for title in each_tab(page) if album.wants("light-") else ():
+            shoot(page, album, f"light-{slug(title)}", f"Tab {title}, light")
+        page.keyboard.press("t")
+    load(runner, "ur5-hybrid", page)
+
+
+def shoot_other_screens(browser: Browser, url: str, album: Album) -> None:
+    """Pictures of pages of other sizes, on a phone, and of the first visit."""
+    for width, height in SIZES:
+        if album.wants(name := f"hybrid-{width}x{height}"):
+            page = opened(browser, url, viewport={"width": width, "height": height})
+            shoot(page, album, name, f"{width} x {height}")
+            page.close()
+    if album.wants("phone"):
+        page = opened(browser, url, **PHONE)
+        shoot(page, album, "phone", "A phone")
+        page.close()
+    if album.wants("first-steps"):
+        page = opened(browser, url, first_visit=True, viewport={"width": 1280, "height": 720})
+        shoot(page, album, "first-steps", "The first visit")
 
 
 def opened(browser: Browser, url: str, *, first_visit: bool = False, **options) -> Page:

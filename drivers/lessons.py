@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Literal
 
 import tyro
-from playwright.sync_api import Error, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Error, Locator, Page, Playwright, expect, sync_playwright
 from playwright.sync_api import TimeoutError as PageTimeout
 
 from app.access.classroom import POINTS
@@ -192,6 +192,49 @@ def _course(question: CurveQuestion, t: object, values: object) -> list[tuple[fl
     return [(float(x), float(y)) for x, y in zip(np.linspace(0.0, 1.0, POINTS), fractions, strict=True)]
 
 
+def opened(playwright: Playwright, means: Means, *, drawn: bool) -> Page:
+    """Page of a new browser, as large as these means want it. drawn: whether the scene is."""
+    browser = playwright.chromium.launch(executable_path=find_or_install(), args=list(LAUNCH_ARGS))
+    width, height = SIZES[means]
+    context = browser.new_context(
+        viewport={"width": width, "height": height}, has_touch=means == "phone", is_mobile=means == "phone"
+    )
+    context.add_init_script(NO_HINTS)
+    if not drawn:
+        context.add_init_script(UNDRAWN)
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE * 1e3)
+    return page
+
+
+def taken(page: Page, means: Means, name: str, lesson: Lesson, memory: Memory, pictures: Path | None) -> bool:
+    """Take a lesson, and print how it went; returns whether it went without faults. pictures: folder for a picture of
+    each step, None for none."""
+    number, title = name.partition("-")[0].lstrip("0"), lesson.head.title
+    menu = page.get_by_label("Lesson", exact=True).filter(visible=True).last
+    choose_from(menu, f"{number}. {title}", exact=False)
+    taker, began = Taker(page, means, words_of(lesson.head.language)), time.monotonic()
+    page.get_by_role("button", name=taker.words.begin, exact=True).wait_for()
+    taker.press(taker.words.begin)
+
+    def look(step: LessonStep) -> None:
+        if pictures is not None:
+            pictures.mkdir(parents=True, exist_ok=True)
+            page.screenshot(path=pictures / f"{name}-{step.number:02d}-{means}.png")
+
+    try:
+        faults = take(taker, lesson, memory, look)
+    except (Error, AssertionError, TimeoutError) as error:
+        stuck = f"stuck at {page.locator('.vs-lesson[data-step]').all_inner_texts()}: {error}"[:600]
+        picture = Path(tempfile.mkdtemp()) / f"{name}.png"
+        page.screenshot(path=picture)
+        print(f"{name} by {means}: {stuck}; see {picture}")
+        page.get_by_role("button", name=taker.words.leave).click()
+        return False
+    print(f"{name} by {means}: done in {time.monotonic() - began:.0f} s", *faults, sep="\n  ", flush=True)
+    return not faults
+
+
 def main(
     lessons: tyro.conf.Positional[tuple[str, ...]] = (),
     /,
@@ -213,48 +256,15 @@ def main(
     threading.Thread(target=dashboard.run_forever, daemon=True).start()
     memory, bad = Memory(), 0
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=find_or_install(), args=list(LAUNCH_ARGS))
-        width, height = SIZES[means]
-        context = browser.new_context(
-            viewport={"width": width, "height": height}, has_touch=means == "phone", is_mobile=means == "phone"
-        )
-        context.add_init_script(NO_HINTS)
-        if pictures is None:
-            context.add_init_script(UNDRAWN)
-        page = context.new_page()
-        page.set_default_timeout(PATIENCE * 1e3)
+        page = opened(playwright, means, drawn=pictures is not None)
         page.goto(dashboard.url)
         page.get_by_text("real time").wait_for()
         wait_without_notice(page)
         open_tab(page, "Lessons")
         runner.post(SetSpeed(speed))
         for name, lesson in shipped_lessons().items():
-            if lessons and name not in lessons:
-                continue
-            number, title = name.partition("-")[0].lstrip("0"), lesson.head.title
-            menu = page.get_by_label("Lesson", exact=True).filter(visible=True).last
-            choose_from(menu, f"{number}. {title}", exact=False)
-            taker, began = Taker(page, means, words_of(lesson.head.language)), time.monotonic()
-            page.get_by_role("button", name=taker.words.begin, exact=True).wait_for()
-            taker.press(taker.words.begin)
-
-            def look(step: LessonStep, name: str = name) -> None:
-                if pictures is not None:
-                    pictures.mkdir(parents=True, exist_ok=True)
-                    page.screenshot(path=pictures / f"{name}-{step.number:02d}-{means}.png")
-
-            try:
-                faults = take(taker, lesson, memory, look)
-            except (Error, AssertionError, TimeoutError) as error:
-                faults = [f"stuck at {page.locator('.vs-lesson[data-step]').all_inner_texts()}: {error}"[:600]]
-                picture = Path(tempfile.mkdtemp()) / f"{name}.png"
-                page.screenshot(path=picture)
-                bad += 1
-                print(f"{name} by {means}: {faults[0]}; see {picture}")
-                page.get_by_role("button", name=taker.words.leave).click()
-                continue
-            bad += bool(faults)
-            print(f"{name} by {means}: done in {time.monotonic() - began:.0f} s", *faults, sep="\n  ", flush=True)
+            if not lessons or name in lessons:
+                bad += not taken(page, means, name, lesson, memory, pictures)
     dashboard.close()
     runner.close()
     return 1 if bad else 0

@@ -1,7 +1,8 @@
 """Readings ahead: the stages of the force sensor for many control periods of a compiled run.
 
-The noise, which does not depend on the force, is drawn beforehand from the reader's random streams; `read_force`
-computes the rest. Afterwards the reader continues as if it had read those forces itself.
+The noise, which does not depend on the force, is drawn beforehand from the reader's random streams. `read_force`
+calls the kernels of the stages in the order of `ForceReader.read`; what a stage computes is written in
+`environments.sensors` only. Afterwards the reader continues as if it had read those forces itself.
 """
 
 from __future__ import annotations
@@ -10,7 +11,17 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from environments.sensors import Bias, Delay, ForceReader, LowPass, Noise, Stage, filtered_further
+from environments.sensors import (
+    Bias,
+    Delay,
+    ForceReader,
+    LowPass,
+    Noise,
+    Stage,
+    filtered_further,
+    place_in_line,
+    with_error,
+)
 from kernels import inline
 from kernels.records import Record
 
@@ -39,12 +50,12 @@ def read_force(sensing, errors, line, k, force):
     """Compute the reading number k of a wrench (6,), in its place; errors: (N, 6), the noise; line: (held + N, 6),
     readings before the delay."""
     for a in range(6):
-        reading = force[a] + sensing.bias[a] + errors[k, a]
+        reading = with_error(with_error(force[a], sensing.bias[a]), errors[k, a])
         if sensing.filters:
             previous = sensing.filtered[a] if sensing.begun else reading
             sensing.filtered[a] = reading = filtered_further(sensing.gain, previous, reading)
         line[sensing.held + k, a] = reading
-        force[a] = line[max(0, sensing.held + k - sensing.late[a]), a]
+        force[a] = line[place_in_line(sensing.held + k - sensing.late[a]), a]
     sensing.begun = True
 
 

@@ -141,6 +141,12 @@ class Stage:
         return copy(self)
 
 
+@inline
+def with_error(reading, error):
+    """Reading with an error in it: a bias, or noise."""
+    return reading + error
+
+
 class Bias(Stage):
     """A constant error."""
 
@@ -149,7 +155,7 @@ class Bias(Stage):
         return any(sensor.settings.bias) or any(sensor.settings.moment_bias)
 
     def read(self, reading: np.ndarray) -> np.ndarray:
-        return reading + self.error
+        return with_error.py_func(reading, self.error)
 
     @property
     def error(self) -> np.ndarray:
@@ -172,7 +178,7 @@ class Noise(Stage):
         return sensor.settings.noise > 0.0 or sensor.settings.moment_noise > 0.0
 
     def read(self, reading: np.ndarray) -> np.ndarray:
-        return reading + self.draw(1)[0]
+        return with_error.py_func(reading, self.draw(1)[0])
 
     def draw(self, readings: int) -> np.ndarray:
         """Errors (N, 6) of the next readings."""
@@ -225,6 +231,13 @@ class LowPass(Stage):
         self._filtered = memory[0].copy()
 
 
+@inline
+def place_in_line(place):
+    """Place in a delay line of the reading that leaves it; a line shorter than its delay begins with the oldest one.
+    place: of the newest reading less the delay, negative where the line is shorter."""
+    return max(0, place)
+
+
 class Delay(Stage):
     """A delay line of readings, oldest first; forces and moments leave it after delays of their own."""
 
@@ -240,7 +253,7 @@ class Delay(Stage):
     def read(self, reading: np.ndarray) -> np.ndarray:
         self._line.append(reading.copy())  # the given array may be a live view of the force
         newest = len(self._line) - 1
-        forces, moments = (self._line[max(newest - self._lateness[a], 0)] for a in (0, 3))
+        forces, moments = (self._line[place_in_line.py_func(newest - self._lateness[a])] for a in (0, 3))
         return np.concatenate([forces[:3], moments[3:]])
 
     @property

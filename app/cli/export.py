@@ -86,26 +86,13 @@ def export(
     from app.dashboard.plots.paper_figures import plots_of
 
     kinds: list[Kind] = [one_of("--to", kind, KINDS_OF_FILES) for kind in to]
-    printed = {
-        "--width": width,
-        "--height": height,
-        "--type-size": type_size,
-        "--letters" if letters else "--no-letters": letters,
-        "--caption" if caption else "--no-caption": caption,
-    }
     _require_kinds(kinds, (*ON_PAPER, "html"), {"--plots": plots, "--series": series})
-    _require_kinds(kinds, ON_PAPER, printed)
+    _require_kinds(kinds, ON_PAPER, _look(width, height, type_size, letters, caption))
     _require_kinds(kinds, tuple(kind for kind in KINDS_OF_FILES if kind != "toml"), {"--start": start, "--end": end})
     begins, ends = _time_range(start, end)
     chosen = PLOTS.unless(tuple(ALL_PLOTS if each == "all" else each for each in plots))
     plots_of(chosen)  # before the simulation, which would be in vain
-    with scenario_errors():
-        if height in ("single", "double"):
-            raise ValueError(f"--height {height!r}: the width of a column or a page; allowed: a length such as 60mm")
-        wide, high = _inches("--width", width), _inches("--height", height)
-        options = FigureOptions(
-            wide, high, TYPE_SIZE.unless(type_size), LETTERS.unless(letters), CAPTION.unless(caption)
-        )
+    figure = FigureChoice(chosen, series, _figure_options(width, height, type_size, letters, caption))
     require_folder(out)
     use_own(use)
     played = _recorded(run, engine, settings)
@@ -113,9 +100,33 @@ def export(
         print(f"stopped: {stopped}")
     with written_to(out):
         stretch = ExportedStretch(played.scenario, played.recording, begins, ends, stopped)
-        for path in write(stretch, kinds, FigureChoice(chosen, series, options), out):
+        for path in write(stretch, kinds, figure, out):
             print(f"written: {path}")
     return STOPPED if stopped and not run.endswith(".npz") else DONE
+
+
+def _look(
+    width: str | None, height: str | None, type_size: float | None, letters: bool | None, caption: bool | None
+) -> dict[str, object]:
+    """Options on the look of a figure on paper, by the flags that were typed."""
+    return {
+        "--width": width,
+        "--height": height,
+        "--type-size": type_size,
+        "--letters" if letters else "--no-letters": letters,
+        "--caption" if caption else "--no-caption": caption,
+    }
+
+
+def _figure_options(
+    width: str | None, height: str | None, type_size: float | None, letters: bool | None, caption: bool | None
+) -> FigureOptions:
+    """Look of the figures. Raises ScenarioError."""
+    with scenario_errors():
+        if height in ("single", "double"):
+            raise ValueError(f"--height {height!r}: the width of a column or a page; allowed: a length such as 60mm")
+        wide, high = _inches("--width", width), _inches("--height", height)
+        return FigureOptions(wide, high, TYPE_SIZE.unless(type_size), LETTERS.unless(letters), CAPTION.unless(caption))
 
 
 def _time_range(start: float | None, end: float | None) -> tuple[float, float]:

@@ -66,17 +66,12 @@ def response(
     """
     from app.scenario.caption import titled
     from app.session.push_measurement import Chirp, PushExperiment
-    from app.simulation.sampled_loop.push_response import FORCE
     from app.simulation.sampled_loop.sampled_stability import sampled_loop
     from app.storage.constants_store import kept_memory
 
     if not 0.0 <= at < math.inf:
         raise ScenarioError(f"--at {at:g}: allowed: 0 s or more")
-    for flag, size, unit in (("--newtons", newtons, "N"), ("--newton-metres", newton_metres, "N·m")):
-        if size is not None and not 0.0 < size <= LARGEST_PUSH:
-            raise ScenarioError(f"{flag} {size:g}: allowed: more than 0 {unit}, at most {LARGEST_PUSH:g} {unit}")
-        if size is not None and not measure and chirp is None:
-            raise ScenarioError(f"{flag} {size:g}: nothing is pushed; allowed: with --measure or --chirp")
+    _require_sizes(newtons, newton_metres, pushed=bool(measure) or chirp is not None)
     require_folder(out)
     use_own(use)
     chosen, memory = configured(scenario, settings), kept_memory()
@@ -86,11 +81,8 @@ def response(
     seen = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t)
     if seen.response is None:
         raise ScenarioError(f"response: {scenario} has none: the law chatters, the sensor is late, or J_q is singular")
+    _require_moment_axes(newton_metres, seen.response, scenario)
     pushes = NEWTONS.unless(newtons), NEWTON_METRES.unless(newton_metres)
-    if newton_metres is not None and all(axis.kind == FORCE for axis in seen.response.axes):
-        raise ScenarioError(
-            f"--newton-metres {newton_metres:g}: no moment acts on a coordinate of {scenario}; allowed: --newtons"
-        )
     experiment = PushExperiment(loop.state, seen.response.axes, *pushes, memory)
     points = [experiment.sine(each) for each in measure]
     points += [] if chirp is None else experiment.chirp(Chirp(*chirp))
@@ -98,6 +90,25 @@ def response(
     caption = f"{titled(chosen)}, at t = {loop.t:.3g} s."
     _write(out, seen, seen.response, points, caption)
     return DONE
+
+
+def _require_sizes(newtons: float | None, newton_metres: float | None, *, pushed: bool) -> None:
+    """Raises ScenarioError for a size of pushes that is not possible, or that was typed while nothing is pushed."""
+    for flag, size, unit in (("--newtons", newtons, "N"), ("--newton-metres", newton_metres, "N·m")):
+        if size is not None and not 0.0 < size <= LARGEST_PUSH:
+            raise ScenarioError(f"{flag} {size:g}: allowed: more than 0 {unit}, at most {LARGEST_PUSH:g} {unit}")
+        if size is not None and not pushed:
+            raise ScenarioError(f"{flag} {size:g}: nothing is pushed; allowed: with --measure or --chirp")
+
+
+def _require_moment_axes(newton_metres: float | None, predicted: PushResponse, scenario: str) -> None:
+    """Raises ScenarioError where a moment was typed for a scenario without an axis that it could act about."""
+    from app.simulation.sampled_loop.push_response import FORCE
+
+    if newton_metres is not None and all(axis.kind == FORCE for axis in predicted.axes):
+        raise ScenarioError(
+            f"--newton-metres {newton_metres:g}: no moment acts on a coordinate of {scenario}; allowed: --newtons"
+        )
 
 
 def _loop_at(at: float, scenario: Scenario, memory: Memory) -> ClosedLoop:

@@ -90,8 +90,7 @@ def run(
         raise ScenarioError("run: no scenario; allowed: one (see `vsmrc list`), or --from FOLDER --row N")
     else:
         chosen, by, until = configured(scenario, settings, duration), engine_of(engine), 0.0
-    if blend_to is not None and (both := [path for path, _ in settings_of(settings) if path.split(".")[0] == "blend"]):
-        raise ScenarioError(f"--set {both[0]}: --blend-to sets it, too; allowed: one of both")
+    _require_one_blend(blend_to, settings)
     chosen = _blending(chosen, blend_to, blend_at, blend_over)
     note_unused(chosen)
     note_without_effect(settings, chosen)
@@ -100,13 +99,22 @@ def run(
         with written_to(out):  # first: whoever reads what is printed may be in no hurry
             headless_run.write(loop, metrics, out)
     finally:  # on a full disk this is all that is left of the run
-        _print_metrics(metrics, loop)
-        _print_promise(metrics)
-        _print_notes(loop)
+        _print_run(metrics, loop)
     print(f"written to {out}")
+    return _status(metrics, loop, strict=strict)
+
+
+def _status(metrics: Metrics, loop: ClosedLoop, *, strict: bool) -> int:
+    """Exit status of the run. strict: whether it says how the promise went."""
     if strict and metrics.promise.verdict != "holds":
         return BROKEN if metrics.promise.verdict == "broken" else UNPROMISED
     return STOPPED if loop.stopped else DONE
+
+
+def _print_run(metrics: Metrics, loop: ClosedLoop) -> None:
+    _print_metrics(metrics, loop)
+    _print_promise(metrics)
+    _print_notes(loop)
 
 
 def _print_notes(loop: ClosedLoop) -> None:
@@ -119,6 +127,12 @@ def _print_notes(loop: ClosedLoop) -> None:
         print(f"the true arm is outside the declared set: {violation}")
     if loop.warning:
         print(f"flagged: {loop.warning}")
+
+
+def _require_one_blend(blend_to: str | None, settings: Settings) -> None:
+    """Raises ScenarioError for a setting of the blend that `--blend-to` would undo."""
+    if blend_to is not None and (both := [path for path, _ in settings_of(settings) if path.split(".")[0] == "blend"]):
+        raise ScenarioError(f"--set {both[0]}: --blend-to sets it, too; allowed: one of both")
 
 
 def _blending(scenario: Scenario, to: str | None, at: float | None, over: float | None) -> Scenario:

@@ -107,16 +107,8 @@ def serve(
     interruption = _interruption()
     _require_fps(fps)
     _require_address(host, port)
-    if stateless and state_dir is not None:
-        raise ScenarioError(f"--state-dir {state_dir}: --stateless keeps nothing; allowed: one of both")
-    if state_dir is not None:
-        require_folder(state_dir, "--state-dir")
-    limits = {"--max-sessions": max_sessions, "--per-address": per_address, "--idle-minutes": idle_minutes}
-    limits["--copies" if copies else "--no-copies"] = copies
-    if not shared and (needless := [flag for flag, given in limits.items() if typed(given)]):
-        raise ScenarioError(f"{needless[0]}: this server has one session; allowed: with --shared")
-    if max_sessions is not None and per_address is not None and per_address > max_sessions:
-        raise ScenarioError(f"--per-address {per_address}; allowed: at most {max_sessions}, as --max-sessions says")
+    _require_state_folder(state_dir, stateless=stateless)
+    _require_limits(max_sessions, per_address, idle_minutes, copies, shared=shared)
     use_own(use)
     chosen = configured(scenario, settings)
     people = other_people() if asking == "auto" else []
@@ -148,6 +140,31 @@ def serve(
     dashboard = Dashboard(host=host, port=port, theme=chosen_theme, fps=fps, tokens=server_settings.new_tokens())
     local_server.serve(chosen, dashboard, interruption, state_dir=state_dir, stateless=stateless)
     return DONE
+
+
+def _require_state_folder(state_dir: Path | None, *, stateless: bool) -> None:
+    """Raises ScenarioError for a folder of the state that cannot be used, or that a stateless server would not use."""
+    if stateless and state_dir is not None:
+        raise ScenarioError(f"--state-dir {state_dir}: --stateless keeps nothing; allowed: one of both")
+    if state_dir is not None:
+        require_folder(state_dir, "--state-dir")
+
+
+def _require_limits(
+    max_sessions: int | None,
+    per_address: int | None,
+    idle_minutes: float | None,
+    copies: bool | None,
+    *,
+    shared: bool,
+) -> None:
+    """Raises ScenarioError for limits on sessions that exclude each other, or of a server with one session."""
+    limits = {"--max-sessions": max_sessions, "--per-address": per_address, "--idle-minutes": idle_minutes}
+    limits["--copies" if copies else "--no-copies"] = copies
+    if not shared and (needless := [flag for flag, given in limits.items() if typed(given)]):
+        raise ScenarioError(f"{needless[0]}: this server has one session; allowed: with --shared")
+    if max_sessions is not None and per_address is not None and per_address > max_sessions:
+        raise ScenarioError(f"--per-address {per_address}; allowed: at most {max_sessions}, as --max-sessions says")
 
 
 def _require_address(host: str, port: int) -> None:

@@ -68,14 +68,9 @@ def tune(
         workers: number of processes; by default one for each core
         dry_run: do not run the search; only estimate its time and disk space
     """
-    from app.sweep.plan import require_not_drawn
-    from app.tune import plan, running
+    from app.tune import plan
 
-    for name, given, least in (("draw", draw, 0), ("budget", budget, 1), ("unseen", unseen, 1), ("seed", seed, 0)):
-        if given < least:
-            raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
-    if seed > plan.LARGEST_SEED:
-        raise ScenarioError(f"--seed {seed}; allowed: at most {plan.LARGEST_SEED}")
+    _require_counts(draw=draw, budget=budget, unseen=unseen, seed=seed)
     require_workers(workers)
     require_until(until)
     tuning = plan.Tuning(
@@ -88,14 +83,39 @@ def tune(
         aims=aims,
         unseen=unseen,
     )
+    tuning = _checked(tuning, settings)
+    return _estimate(tuning, workers) if dry_run else _tune_into(folder_of("tune", out), tuning, workers)
+
+
+def _require_counts(*, draw: int, budget: int, unseen: int, seed: int) -> None:
+    """Raises ScenarioError for a number of arms or candidates, or a seed, that is not possible."""
+    from app.tune.plan import LARGEST_SEED
+
+    for name, given, least in (("draw", draw, 0), ("budget", budget, 1), ("unseen", unseen, 1), ("seed", seed, 0)):
+        if given < least:
+            raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
+    if seed > LARGEST_SEED:
+        raise ScenarioError(f"--seed {seed}; allowed: at most {LARGEST_SEED}")
+
+
+def _checked(tuning: Tuning, settings: Settings) -> Tuning:
+    """The tuning with the fingerprint of the program, if it can be computed. Raises ScenarioError."""
+    from app.sweep.plan import require_not_drawn
+    from app.tune import plan
+
     tuning = msgspec.structs.replace(tuning, program=plan.program(tuning))
     require_not_drawn(tuning, dict(settings_of(settings)))
     plan.require_sound(tuning)
     note_without_effect(settings, tuning.scenario)
-    if dry_run:
-        print(f"at most {running.estimated(tuning, running.most_runs(tuning), workers)}")
-        return DONE
-    return _tune_into(folder_of("tune", out), tuning, workers)
+    return tuning
+
+
+def _estimate(tuning: Tuning, workers: int | None) -> int:
+    """Print the time and the disk space that the tuning takes at most."""
+    from app.tune import running
+
+    print(f"at most {running.estimated(tuning, running.most_runs(tuning), workers)}")
+    return DONE
 
 
 def _tune_into(out: Path, tuning: Tuning, workers: int | None) -> int:
@@ -106,7 +126,7 @@ def _tune_into(out: Path, tuning: Tuning, workers: int | None) -> int:
         if done := int(store.done.sum()):
             print(f"{done} runs are there already")
         else:
-            print(f"at most {running.estimated(tuning, running.most_runs(tuning), workers)}")
+            _estimate(tuning, workers)
         try:
             found = running.run(store, tuning, workers, show_progress=True)
         except KeyboardInterrupt:

@@ -65,34 +65,16 @@ class PageContent:
         wake: Callable[[], None],
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
-        self._complaint = complaint = Complaint(runner, lambda: self._lock.words)
+        self._complaint = Complaint(runner, lambda: self._lock.words)
         self._shipped = shipped()
         self._previewer = previewer
         self._whatif = WhatIf(previewer, wake)
         self._viewing = Viewing()
         self._export_jobs = ExportJobs()
-        self._lock = lock = EditLock(runner.post, complaint.refuse)
+        self._lock = EditLock(runner.post, self._complaint.refuse)
         self._visible_parts = VisibleParts(wake)
-        desk = Desk(
-            gui=server.gui,
-            post=lock.post,
-            snapshot=lambda: runner.snapshot,
-            whatif=self._whatif,
-            viewing=self._viewing,
-            complain=complaint.tell,
-            withdraw_complaint=complaint.withdraw,
-            export_jobs=self._export_jobs,
-            uploads=uploads,
-            choose=lambda row: self._chosen_sliders.choose(row),
-            sweep=lambda row: self._tabs.robustness.sweep(row),
-            let_move=lambda row: self._tabs.robustness.let_move(row),
-            lock=lock,
-            notebook=notebook,
-            classroom=classroom,
-            background_jobs=background_jobs,
-            scene_of=self._visible_parts.scene_of,
-        )
         self._background_jobs = background_jobs
+        desk = self._desk(uploads, notebook, classroom)
         self._hand = ToolDrag(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
@@ -108,15 +90,34 @@ class PageContent:
         self._plots = Plots(server.gui, self._visible_parts, self._viewing, self._widget_lock.drawing)
         self._plots_due = 0.0
         self._tabs = ControlTabs(server.gui, desk, self._visible_parts, self._widget_lock)
-        equation = server.gui.add_panel()
-        with equation.add_tab("Target model"):
-            self._equation = server.gui.add_html("")
-        equation.float(x=12, y=-92, width=440)
+        self._equation = _add_equation(server.gui)
         self._refreshed = 0.0
         self._equation_of: System | None = None
         self._drawn: Snapshot | None = None
         self._drawn_with: tuple[object, ...] = ()  # what else the scene was last drawn of
         self._page_height = 0
+
+    def _desk(self, uploads: UploadedUrdfs, notebook: Notebook, classroom: ClassDesk) -> Desk:
+        """What all widgets share; some of those that it names are made later, and with it."""
+        return Desk(
+            gui=self._server.gui,
+            post=self._lock.post,
+            snapshot=lambda: self._runner.snapshot,
+            whatif=self._whatif,
+            viewing=self._viewing,
+            complain=self._complaint.tell,
+            withdraw_complaint=self._complaint.withdraw,
+            export_jobs=self._export_jobs,
+            uploads=uploads,
+            choose=lambda row: self._chosen_sliders.choose(row),
+            sweep=lambda row: self._tabs.robustness.sweep(row),
+            let_move=lambda row: self._tabs.robustness.let_move(row),
+            lock=self._lock,
+            notebook=notebook,
+            classroom=classroom,
+            background_jobs=self._background_jobs,
+            scene_of=self._visible_parts.scene_of,
+        )
 
     @property
     def report_fields(self) -> frozenset[str]:
@@ -202,6 +203,15 @@ class PageContent:
         if height and height != self._page_height:
             self._page_height = height
             self._plots.fit(height)
+
+
+def _add_equation(gui: viser.GuiApi) -> viser.GuiHtmlHandle:
+    """Floating panel for the equation of the target model; returns its text."""
+    panel = gui.add_panel()
+    with panel.add_tab("Target model"):
+        text = gui.add_html("")
+    panel.float(x=12, y=-92, width=440)
+    return text
 
 
 def _same(shown: tuple[object, ...], drawn: tuple[object, ...]) -> bool:

@@ -39,7 +39,7 @@ class Run:
 def run(scenario: str, law: str, duration: float | None) -> Run:
     """Run of a case. Raises RuntimeError where it leaves the theorem's domain."""
     case = edited(shipped()[scenario], "controller.switching", law)
-    if case.contact.kind == "rigid":
+    if case.contact.nature.rigid:
         case = edited(case, "contact.unilateral", False)
     if duration is not None:
         case = edited(case, "simulation.duration", duration)

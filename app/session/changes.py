@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from msgspec import to_builtins
 
+from app.scenario.admitted_contacts import admitted_contacts
 from app.scenario.data import edited, from_plain, of_kind, to_plain
 from app.scenario.errors import (
     IrregularCorner,
@@ -69,11 +70,12 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     data = to_plain(edited(scenario, "mode", mode_name))
     mode = modes.MODES[mode_name]
     data["target_model"] = data["blend"] = data["shift"] = {}
-    if scenario.contact.kind not in mode.contacts:
-        data["contact"]["kind"] = mode.contacts[0]
+    admitted = admitted_contacts(mode)
+    if scenario.contact.kind not in admitted:
+        data["contact"]["kind"] = admitted[0]
     for further in ("second", "third"):
         kind = data[further]["contact"]["kind"]
-        if kind != "free" and kind not in mode.contacts:
+        if kind != "free" and kind not in admitted:
             data[further]["contact"]["kind"] = data["contact"]["kind"]
     if not mode.in_joints:
         data["task_space"]["kind"] = "cartesian"
@@ -215,7 +217,7 @@ def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:
     Raises ScenarioError for an unknown kind.
     """
     mode, was = modes.MODES[scenario.mode], getattr(scenario, section)
-    requested = kind if kind == "free" or kind in mode.contacts else scenario.contact.kind
+    requested = kind if kind == "free" or kind in admitted_contacts(mode) else scenario.contact.kind
     edited(scenario, f"{section}.contact.kind", kind)  # refuses an unknown kind
     changed = edited(scenario, f"{section}.contact.kind", requested)
     if requested == "free" or not was.present:

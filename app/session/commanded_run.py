@@ -231,8 +231,27 @@ class CommandedRun:
         return WayOut(f"Fork at the {'last change' if t > first else 'earliest instant'}, {t:.2f} s", fork_at=t)
 
     def _carry_out(self, command: Command) -> None:
-        timeline, scenario_now = self.timeline, self.loop.system.scenario
         self._require_reach(command)
+        match command:
+            case Play() | Pause() | StepOnce() | Reset() | Seek() | ToEnd() | SetSpeed() | ShowAgain():
+                self._move_in_time(command)
+            case Fork():
+                self.timeline.fork()
+                self.runs += 1
+            case Pin(may_be_pinned):
+                self.timeline.pin(may_be_pinned=may_be_pinned)
+            case Rename(number, name):
+                self.timeline.rename(number, name)
+            case Unpin(number):
+                self.timeline.unpin(number)
+            case HoldTool(grip):
+                self.timeline.hold(grip)
+            case _:
+                self._change_scenario(command)
+
+    def _move_in_time(self, command: Command) -> None:
+        """Carry out a command on playing, its speed, or the instant that is shown."""
+        timeline = self.timeline
         match command:
             case Play():
                 self.playing = True
@@ -251,15 +270,6 @@ class CommandedRun:
                 self.playing = False
             case ToEnd():
                 timeline.to_end()
-            case Fork():
-                timeline.fork()
-                self.runs += 1
-            case Pin(may_be_pinned):
-                timeline.pin(may_be_pinned=may_be_pinned)
-            case Rename(number, name):
-                timeline.rename(number, name)
-            case Unpin(number):
-                timeline.unpin(number)
             case SetSpeed(factor):
                 self.speed, self._shown = _admitted(factor), None
             case ShowAgain(start, end, factor):
@@ -268,8 +278,11 @@ class CommandedRun:
                 timeline.hold(None)
                 timeline.seek(start)
                 self.speed, self._shown, self.playing = slow, _Stretch(self.runs, end, usual), True
-            case HoldTool(grip):
-                timeline.hold(grip)
+
+    def _change_scenario(self, command: Command) -> None:
+        """Carry out a command that gives the run another scenario."""
+        timeline, scenario_now = self.timeline, self.loop.system.scenario
+        match command:
             case Blend(model, over):
                 plan = {"to": dict(model), "at": self._now, "over": over}
                 self._edit(edited(scenario_now, "blend", plan))

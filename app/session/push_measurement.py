@@ -199,9 +199,9 @@ def not_linear(state: State) -> tuple[str, ...]:
     apart = state.t > 0.0 or np.abs(load.phi[:pressed]).max() > NEAR  # at the start a surface may be met, yet unpressed
     away, presses = apart and not state.evaluation.views.touching, mode_of(scenario).pressed > 0
     # a mode that presses nothing may be where nothing is met, and the prediction has every contact there is
-    within_reach = any(each.contact.kind != "free" and each.contact.unilateral for each in scenario.surfaces)
+    within_reach = any(each.contact.nature.touches and each.contact.unilateral for each in scenario.surfaces)
     clear = apart and within_reach and not load.multiplier.any()
-    rough = any(each.contact.kind != "free" and each.contact.friction_coulomb > 0.0 for each in scenario.surfaces)
+    rough = any(each.contact.nature.touches and each.contact.friction_coulomb > 0.0 for each in scenario.surfaces)
     controller, errors = scenario.controller, scenario.declared
     grows = law_of(scenario).robust and controller.gain == "theorem" and errors != Declared()
     known = {

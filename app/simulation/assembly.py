@@ -84,6 +84,7 @@ from environments.plant import Plant
 from environments.sensors import ForceSensor
 from environments.shift import SmoothShift
 from environments.step_resolution import Mobility
+from environments.surfaces.corner import Corner
 from environments.surfaces.table import Surface
 from environments.urdf import RobotError
 
@@ -129,27 +130,12 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         lambda: starting_posture(scenario, plant, robot, nominal),
     )
     layout = layout_of(scenario, mode, robot, nominal, q_0, plant.surface)
-    cartesian = Surface.cartesian(task_axes(scenario, robot))
-    charted = cartesian
-    if mode.on_surface:
-        charted = task_surface(scenario, surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p)
+    charted = _charted(scenario, mode, robot, surfaces, nominal, q_0)
     require_pushing(scenario, mode)
     require_reachable_moment(scenario, mode)
     require_sampled(scenario)
-    motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
-    shift = spread_over("shift.by", scenario.shift.by, mode, layout)
-
     observer = Observer(nominal, charted.shapes, layout, ErrorModel.of(scenario, q_0))
-    plan = ReferencePlan(
-        start=r_at_start(scenario, robot, observer, q_0, in_corner=mode.on_surface and len(surfaces) > 1),
-        compliance=np.zeros((3, 3)) if mode.rigid else _compliance(scenario),
-        followed=followed_faces(scenario),
-        m=mode.force_directions,
-        motion=motion,
-        rotation=rotation,
-        shift=SmoothShift.fresh(shift, scenario.shift.duration),
-        forces=Forces.of(forces),
-    )
+    plan = _plan(scenario, mode, layout, robot, observer, q_0)
     constants = _constants(scenario, robot, mode, nominal, observer, plan, surfaces, q_0, memory, previous)
     mobility = _mobility(scenario, plant, constants, nominal, memory, previous)
     stations = _stations(constants, surfaces, observer, previous)
@@ -184,6 +170,40 @@ def _reused(
 ) -> T:
     """Part of a previous system where it is the same in the one that is assembled, otherwise a newly built one."""
     return part(previous) if previous is not None and same(previous) else build()
+
+
+def _charted(
+    scenario: Scenario,
+    mode: Mode,
+    robot: robots.Robot,
+    surfaces: tuple[Surface, ...],
+    nominal: NominalModel,
+    q_0: np.ndarray,
+) -> Surface | Corner:
+    """What gives the task coordinates: the surfaces beside the tool at q_0 (n,) rad, or Cartesian axes. Raises
+    ScenarioError."""
+    cartesian = Surface.cartesian(task_axes(scenario, robot))  # axes that are not possible are refused in every mode
+    if not mode.on_surface:
+        return cartesian
+    return task_surface(scenario, surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p)
+
+
+def _plan(
+    scenario: Scenario, mode: Mode, layout: TaskLayout, robot: robots.Robot, observer: Observer, q_0: np.ndarray
+) -> ReferencePlan:
+    """Plan of the reference, from where the tool is at q_0 (n,) rad. Raises ScenarioError."""
+    motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
+    shift = spread_over("shift.by", scenario.shift.by, mode, layout)
+    return ReferencePlan(
+        start=r_at_start(scenario, robot, observer, q_0, in_corner=mode.on_surface and len(scenario.surfaces) > 1),
+        compliance=np.zeros((3, 3)) if mode.rigid else _compliance(scenario),
+        followed=followed_faces(scenario),
+        m=mode.force_directions,
+        motion=motion,
+        rotation=rotation,
+        shift=SmoothShift.fresh(shift, scenario.shift.duration),
+        forces=Forces.of(forces),
+    )
 
 
 def with_truth(system: System, truth: TruthSection, previous: System | None) -> System:

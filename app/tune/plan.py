@@ -98,7 +98,7 @@ def known_aims(scenario: Scenario) -> list[str]:
         "motion_error": not joint and mode.force_directions >= positions_of(robot) + tilts,
         "angle_error": joint or not turning,
         "force_error": not mode.on_surface,
-        "constraint_violation": "rigid" not in mode.contacts,
+        "constraint_violation": not mode.rigid,
     }
     return [aim for aim in AIMS if not without.get(aim, False)]
 

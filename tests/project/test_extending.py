@@ -149,7 +149,7 @@ def test_a_stage_of_the_sensor_is_a_class_a_field_and_a_row(extended: dict[str, 
     assert extended["measured"] <= 0.5 < extended["touched"]
 
 
-def test_a_kind_of_contact_is_a_row_and_its_name_in_the_modes_that_know_it(extended: dict[str, Any]) -> None:
+def test_a_kind_of_contact_is_a_row(extended: dict[str, Any]) -> None:
     assert "pushed" in extended["menus"]
     away, within = extended["pushed"]  # of the surface, on either side of it
     assert away == 0.0

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from app.scenario.admitted_contacts import admitted_contacts
 from app.scenario.data import edited, from_plain, from_toml, shipped, to_toml
 from app.session.commands import Edit, Pause, SetSpeed
 from app.session.runner import Runner
@@ -30,7 +31,7 @@ def cases() -> list[tuple[str, str, str, str]]:
         (robot, mode.name, contact, surface)
         for robot in CATALOGUE
         for mode in MODES.values()
-        for contact in mode.contacts
+        for contact in admitted_contacts(mode)
         for surface in (["plane"] if contact == "free" else surfaces_for(robot))
     ]
 

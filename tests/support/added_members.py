@@ -44,7 +44,6 @@ SOFT = """        Mode(
             "The tool yields like a soft spring.",
             on_surface=False,
             feedback="all",
-            contacts=("free", "elastic", "pushed"),
             stiffness=50.0,
         ),
     )

@@ -39,7 +39,6 @@ class ControllerPanel:
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
-        switching = {function.title: function.kind for function in SWITCHING.values()}
         law = Dropdown(desk, "controller.law", "Law", {law.title: kind for kind, law in laws().items()})
         self._about = gui.add_html("")
         self._facts = TheoremTable(gui)
@@ -47,57 +46,21 @@ class ControllerPanel:
         term, surface = gui.add_folder("Robust term"), gui.add_folder("Sliding surface")
         self._robust_only: list[viser.GuiFolderHandle] = [term, surface]
         with term:
-            d = BindingWhere("controller.d", lambda scenario: scenario.controller.gain == "constant")
-            layer = BindingWhere(
-                "controller.layer", lambda scenario: SWITCHING[scenario.controller.switching].has_layer
-            )
-            self._controls += [
-                Dropdown(desk, "controller.gain", "Gain d", {"by the theorem (17)": "theorem", "constant": "constant"}),
-                NumberField(desk, d, "constant d [N]", log_scale(1, 1000)),
-                NumberField(desk, FieldBinding("controller.epsilon"), "margin ε [N]", log_scale(0.1, 100)),
-                Dropdown(desk, "controller.bounds", "Bounds", {"in task space (tight)": "tight", "as in (7)": "paper"}),
-            ]
+            self._controls += _gain_controls(desk)
             self._feedback = gui.add_html("")
-            self._controls += [
-                Dropdown(desk, "controller.switching", "Switching", switching),
-                NumberField(desk, layer, "layer s_b [m/s]", log_scale(1e-4, 0.1)),
-                NumberField(desk, FieldBinding("controller.K_s"), "K_s [N·s/m]", log_scale(1, 2000)),
-            ]
+            self._controls += _switching_controls(desk)
         with surface:
-            self._controls += [
-                NumberField(desk, FieldBinding("controller.F_1"), "F_1 [1/s]", log_scale(0.5, 200)),
-                NumberField(desk, FieldBinding("controller.F_2"), "F_2", log_scale(0.05, 20)),
-                NumberField(desk, FieldBinding("controller.A"), "A ≤ 0 [1/s]"),
-                Dropdown(
-                    desk,
-                    "controller.on_change",
-                    "On change",
-                    {"z anew: no reaching": "remove", "z kept: watch s reach 0": "watch"},
-                ),
-            ]
-            self._controls.append(NumberField(desk, InForce("controller.z_0", _kept_z), "z(0) [m/s]"))
+            self._controls += _surface_controls(desk)
             gui.add_html(
                 '<div class="vs-note">K_s, F_1, F_2, A: one number for all axes, or one per axis, separated by '
                 "commas.</div>"
             )
         with gui.add_folder("Domain Ω"):
-            stop_or_flag = {"stops the run": "stop", "is reported; the run goes on": "flag"}
-            self._controls += [
-                NumberField(desk, FieldBinding("simulation.domain_radius"), "radius [rad]", log_scale(0.01, 3)),
-                NumberField(
-                    desk, FieldBinding("simulation.sigma_min"), "σ_min ≥ [m]", log_scale(0.001, 0.2, zero=True)
-                ),
-                Dropdown(desk, "simulation.leaving_domain", "On a failure", stop_or_flag),
-                Dropdown(desk, "simulation.bound_violation", "Promise broken", stop_or_flag),
-            ]
+            self._controls += _domain_controls(desk)
         with gui.add_folder("Constants of the theorem", expand_by_default=False):
             self._constants = gui.add_html("")
         with gui.add_folder("Computation"):
-            estimates = {"M, C, G on-line": "online", "along r_d (Remark 3)": "along-reference"}
-            self._controls += [
-                Dropdown(desk, "controller.estimates", "Estimates", estimates),
-                NumberField(desk, FieldBinding("controller.period"), "period [s]", log_scale(1e-4, 0.02)),
-            ]
+            self._controls += _computation_controls(desk)
 
     def show(self, snapshot: Snapshot) -> None:
         self._facts.show(snapshot)
@@ -111,6 +74,60 @@ class ControllerPanel:
                 folder.visible = law.robust
         for control in self._controls:
             control.show(snapshot)
+
+
+def _gain_controls(desk: Desk) -> list[Control]:
+    """Controls of the gain d of the robust term, and of the bounds by which (17) finds it."""
+    d = BindingWhere("controller.d", lambda scenario: scenario.controller.gain == "constant")
+    return [
+        Dropdown(desk, "controller.gain", "Gain d", {"by the theorem (17)": "theorem", "constant": "constant"}),
+        NumberField(desk, d, "constant d [N]", log_scale(1, 1000)),
+        NumberField(desk, FieldBinding("controller.epsilon"), "margin ε [N]", log_scale(0.1, 100)),
+        Dropdown(desk, "controller.bounds", "Bounds", {"in task space (tight)": "tight", "as in (7)": "paper"}),
+    ]
+
+
+def _switching_controls(desk: Desk) -> list[Control]:
+    """Controls of the switching function and of the linear part of the robust term."""
+    kinds = {function.title: function.kind for function in SWITCHING.values()}
+    layer = BindingWhere("controller.layer", lambda scenario: SWITCHING[scenario.controller.switching].has_layer)
+    return [
+        Dropdown(desk, "controller.switching", "Switching", kinds),
+        NumberField(desk, layer, "layer s_b [m/s]", log_scale(1e-4, 0.1)),
+        NumberField(desk, FieldBinding("controller.K_s"), "K_s [N·s/m]", log_scale(1, 2000)),
+    ]
+
+
+def _surface_controls(desk: Desk) -> list[Control]:
+    """Controls of the sliding surface, and of what becomes of s when the gains change."""
+    on_change = {"z anew: no reaching": "remove", "z kept: watch s reach 0": "watch"}
+    return [
+        NumberField(desk, FieldBinding("controller.F_1"), "F_1 [1/s]", log_scale(0.5, 200)),
+        NumberField(desk, FieldBinding("controller.F_2"), "F_2", log_scale(0.05, 20)),
+        NumberField(desk, FieldBinding("controller.A"), "A ≤ 0 [1/s]"),
+        Dropdown(desk, "controller.on_change", "On change", on_change),
+        NumberField(desk, InForce("controller.z_0", _kept_z), "z(0) [m/s]"),
+    ]
+
+
+def _domain_controls(desk: Desk) -> list[Control]:
+    """Controls of the domain Omega, and of what a broken promise does to the run."""
+    stop_or_flag = {"stops the run": "stop", "is reported; the run goes on": "flag"}
+    return [
+        NumberField(desk, FieldBinding("simulation.domain_radius"), "radius [rad]", log_scale(0.01, 3)),
+        NumberField(desk, FieldBinding("simulation.sigma_min"), "σ_min ≥ [m]", log_scale(0.001, 0.2, zero=True)),
+        Dropdown(desk, "simulation.leaving_domain", "On a failure", stop_or_flag),
+        Dropdown(desk, "simulation.bound_violation", "Promise broken", stop_or_flag),
+    ]
+
+
+def _computation_controls(desk: Desk) -> list[Control]:
+    """Controls of how the law is computed: its estimates and its period."""
+    estimates = {"M, C, G on-line": "online", "along r_d (Remark 3)": "along-reference"}
+    return [
+        Dropdown(desk, "controller.estimates", "Estimates", estimates),
+        NumberField(desk, FieldBinding("controller.period"), "period [s]", log_scale(1e-4, 0.02)),
+    ]
 
 
 def _kept_z(snapshot: Snapshot) -> tuple[float, ...] | None:

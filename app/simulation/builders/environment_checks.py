@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from app.scenario.admitted_contacts import admitted_contacts
 from app.scenario.data import kind_of
 from app.scenario.errors import ForceInJoints, IrregularCorner, PullingForce, ScenarioError, WrongFace
 from app.scenario.field_info import field_info
@@ -29,8 +30,8 @@ def require_surfaces(scenario: Scenario, mode: Mode, positions: int, n: int) -> 
         kind = each.contact.kind
         if not first.contact.nature.touches:
             raise ScenarioError(f"{each.path}contact.kind: {kind!r} without a first surface; allowed: 'free'")
-        if kind not in mode.contacts:
-            allowed = ", ".join(mode.contacts)
+        if kind not in admitted_contacts(mode):
+            allowed = ", ".join(admitted_contacts(mode))
             raise ScenarioError(f"{each.path}contact.kind: {kind!r} in {mode.name} mode; allowed: {allowed}")
         if each.pressed and not pressed:
             raise ScenarioError(
@@ -197,10 +198,9 @@ def _require_sampled_frequencies(scenario: Scenario) -> None:
 
 def require_kinds(scenario: Scenario, mode: Mode) -> None:
     """Raise ScenarioError for a kind of contact or of task space that the mode does not have."""
-    if scenario.contact.kind not in mode.contacts:
-        raise ScenarioError(
-            f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
-        )
+    if scenario.contact.kind not in admitted_contacts(mode):
+        allowed = ", ".join(admitted_contacts(mode))
+        raise ScenarioError(f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {allowed}")
     if scenario.task_space.kind == "joint" and not mode.in_joints:
         raise ForceInJoints(
             f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
