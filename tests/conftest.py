@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import logging
 import os
 import sys
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 # All cores are busy with tests meanwhile: what steps back for a loop would wait for minutes.
 os.environ[priority.SAME] = "1"
+
+# A collection looks at all that the program has loaded, again and again, and finds little.
+gc.set_threshold(20_000, 20, 20)
 
 DEFAULTS = structlog.get_config()
 PLAINLY = structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback)

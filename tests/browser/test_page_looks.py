@@ -1,5 +1,5 @@
 """Looks of the whole page: under every tab and in the presentation, in both themes and two sizes, nothing is cut,
-covered or faint, axe-core finds nothing, and all text is drawn with the fonts of the page."""
+covered or faint, and all text is drawn with the fonts of the page; axe-core finds nothing."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _FAINT_LINES = """
 """
 
 
-def wrong(page: Page) -> list[str]:
-    return lasting_faults(page) + lasting(page, violations) + strangers(page)
+def wrong(page: Page, *, by_axe: bool) -> list[str]:
+    return lasting_faults(page) + (lasting(page, violations) if by_axe else []) + strangers(page)
 
 
 # the size whose texts have least room, and a scenario with a formula, which has the most kinds of text
@@ -50,7 +50,13 @@ def test_everything_is_seen_on_any_tab_and_in_the_presentation(
     try:
         if theme == "light":
             session.wait(lambda _: not page.evaluate(_FAINT_LINES))
-        assert {view: found for view in each_view(page) if (found := wrong(page))} == {}
+        # axe-core goes through all nodes of the page each time, which takes as long as all else: in the other theme it
+        # has the tab with a formula, and what is faint there is seen under every tab without it
+        assert {
+            view: found
+            for view in each_view(page)
+            if (found := wrong(page, by_axe=theme == "light" or "World" in view))
+        } == {}
         page.keyboard.press("v")
         page.mouse.move(0, 0)  # from a symbol, whose tip is no region of its own
         assert lasting(page, violations) + strangers(page) == []

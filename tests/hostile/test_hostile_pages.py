@@ -316,7 +316,7 @@ def attacks(dashboard: Dashboard) -> list[bytes | str]:
     return sent  # fmt: skip
 
 
-def test_a_hundred_thousand_messages_do_no_harm(
+def test_thirty_thousand_messages_do_no_harm(
     capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture, unmetered: tuple[Dashboard, Runner]
 ) -> None:
     # in this order: while the server stops its threads may still print, into what `capfd` must not have closed yet
@@ -338,7 +338,9 @@ def test_a_hundred_thousand_messages_do_no_harm(
 
     async def flood(first: int) -> None:
         connection, reading = await page(dashboard)
-        for message in islice(cycle(attacks(dashboard)), first, first + 25_000):
+        sent = attacks(dashboard)
+        assert len(sent) < 7_500  # so all of them are sent
+        for message in islice(cycle(sent), first, first + 7_500):
             await connection.send(message)
         assert not reading.done()
         await connection.close()
@@ -361,7 +363,7 @@ def test_a_hundred_thousand_messages_do_no_harm(
         used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         await asyncio.gather(scribble(), *(flood(first) for first in (0, 700, 1400, 2100)))
         await until(lambda: len(dashboard.clients) == 1)
-        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used < 300_000  # kB
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used < 150_000  # kB
         # what the attacks have left depends on their order; in a scenario of theirs the arm may fall at once
         runner.post(Load(first))
         await until(lambda: runner.snapshot.scenario == first)

@@ -6,7 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -138,15 +137,27 @@ main()
 def test_two_interruptions_end_a_pool_whose_processes_go_on(tmp_path: Path) -> None:
     program = """
 import signal, time
+from concurrent.futures import ProcessPoolExecutor
 from app.process import worker_pool
+
+end = ProcessPoolExecutor.shutdown
+
+def compute(seconds):
+    print("begun", seconds, flush=True)
+    time.sleep(seconds)
 
 def computing():
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a kernel that is under way, which sees no signal
-    return time.sleep
+    return compute
+
+def shutdown(pool, **how):
+    print("ending", flush=True)
+    end(pool, **how)
 
 def execute(_):
+    ProcessPoolExecutor.shutdown = shutdown
     for _ in worker_pool.results(computing, (), [0, 600], 1):
-        print("begun", flush=True)
+        pass
     return 0
 
 if __name__ == "__main__":
@@ -159,10 +170,9 @@ if __name__ == "__main__":
     file.write_text(program)
     with subprocess.Popen([sys.executable, file], stdout=subprocess.PIPE, text=True) as pool:
         assert pool.stdout is not None
-        assert pool.stdout.readline() == "begun\n"
-        time.sleep(1.0)
+        assert [pool.stdout.readline() for _ in range(2)] == ["begun 0\n", "begun 600\n"]
         pool.send_signal(signal.SIGINT)
-        time.sleep(0.5)
+        assert pool.stdout.readline() == "ending\n"  # on a busy machine two at once would be one
         pool.send_signal(signal.SIGINT)
         try:
             assert pool.wait(timeout=60) == 130

@@ -23,7 +23,8 @@ pytestmark = pytest.mark.slow  # long or many simulations
 STEPS = 60
 # of the compiled run, where a signal does not come from rest and is no small difference of large numbers
 PRECISE = {"q": 1e-12, "tool": 1e-12, "d": 1e-12, "d_required": 1e-12, "tau": 1e-11, "tau_applied": 1e-11}
-AMPLIFIED = 1e-9  # by the force loop through a surface with a mass, of which light arms feel the most
+# by the force loop through a surface with a mass, of which light arms feel the most
+AMPLIFIED, LESS_PRECISE = 1e-9, {signal: 10.0 * precision for signal, precision in PRECISE.items()}
 
 
 def cases() -> list[tuple[str, str, str, str]]:
@@ -43,6 +44,7 @@ def table(loop: ClosedLoop) -> np.ndarray:
     return loop.recording.rows()
 
 
+@pytest.mark.usefixtures("rough_constants")  # both runs have the same
 @pytest.mark.parametrize("case", cases(), ids=" / ".join)
 def test_run_is_finite_repeats_bit_for_bit_and_is_the_same_compiled(case: tuple[str, str, str, str]) -> None:
     scenario = scenario_of(*case)
@@ -56,7 +58,8 @@ def test_run_is_finite_repeats_bit_for_bit_and_is_the_same_compiled(case: tuple[
         table(loop)
     compiled = ClosedLoop.from_scenario(loop.system.scenario, previous=loop.system)
     CompiledRun(compiled).advance(STEPS)
-    require_same_rows(loop, compiled, PRECISE, precision=AMPLIFIED if massive else PRECISION)
+    closer, precision = (LESS_PRECISE, AMPLIFIED) if massive else (PRECISE, PRECISION)
+    require_same_rows(loop, compiled, closer, precision)
     assert len(first) == STEPS
     promised = ("s_bound", "s_band", "V_band")  # no numbers where nothing is promised
     others = np.ones(first.shape[1], dtype=bool)
