@@ -269,6 +269,24 @@ def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
     folder.close()
 
 
+def test_the_session_that_is_saved_is_not_what_is_looked_at(tmp_path: Path) -> None:
+    runner = Runner(SCENARIO)
+    runner.start()
+    autosave = Autosave(StateFolder(tmp_path), lambda: runner.snapshot, print)
+    until(lambda: runner.snapshot.t > 0.1)
+    runner.post(Edit("controller.layer", 0.02))
+    until(lambda: left(tmp_path) == {SESSION})
+    runner.post(Seek(0.0))
+    until(lambda: runner.snapshot.looking_back and runner.snapshot.scenario == SCENARIO)
+    runner.close()
+    autosave.close()
+    folder = StateFolder(tmp_path)
+    offer = folder.offer()
+    folder.close()
+    assert offer is not None
+    assert offer.scenario == changed(0.02)
+
+
 def test_what_could_not_be_saved_is_saved_at_the_end_when_there_is_room_again(tmp_path: Path) -> None:
     runner, message = Runner(SCENARIO), list[str]()
     runner.start()

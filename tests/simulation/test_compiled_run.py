@@ -12,10 +12,12 @@ from app.scenario.schema import Scenario
 from app.session.changes import blending_to
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
+from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from app.simulation.system import System
 from app.simulation.warm_up import SILENT
 from controllers.control_law import ControlLaw
 from controllers.laws.table import fits_within
+from controllers.premises import Premise
 from environments import sensors
 from environments.push import Grip
 from kernels import inline
@@ -179,6 +181,19 @@ def test_law_with_a_state_and_parameters_has_the_rows_of_the_steps(name: str) ->
     require_same_rows(stepped, compiled)
     np.testing.assert_allclose(compiled.state.x, stepped.state.x, rtol=1e-9, atol=1e-15)
     assert np.abs(stepped.state.x).max() > 0.0
+
+
+@pytest.mark.slow
+def test_the_sampled_loop_counts_the_state_of_a_law() -> None:
+    """An integral so strong that the arm swings up: the growth of a period is that of the run."""
+    system = under(PID, edited(load("ur5-motion"), "motion", "hold"), {"k_i": 1e5, "share": 0.0})
+    growth = float(sampled_loop(system, system.q_0, 0.0).premises[Premise.SAMPLED_LOOP])
+    assert growth > 1.001
+    loop = ClosedLoop.from_system(system)
+    CompiledRun(loop).advance(3000)
+    errors = np.linalg.norm(loop.recording.stretch()["e_r"][:, :3], axis=1)
+    earlier, later = errors[1500:2000].max(), errors[2500:].max()
+    assert np.log(later / earlier) / 1000 == pytest.approx(np.log(growth), rel=0.1)
 
 
 @pytest.mark.slow

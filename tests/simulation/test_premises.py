@@ -173,6 +173,18 @@ def test_a_promise_from_far_begins_where_s_is() -> None:
     assert loop.standing.now.verdict == "holds"
 
 
+def test_a_promise_that_a_weak_drive_has_ended_begins_anew_where_s_is() -> None:
+    """Without an edit: a drive is too weak on the way from far, and s is not yet in its band when it is not any more."""
+    loop = ClosedLoop.from_scenario(short("ur5-hybrid-reaching", truth__torque_limit=36.0))
+    CompiledRun(loop).advance(400)
+    rows = loop.recording.stretch()
+    promised = np.isfinite(rows["s_bound"])
+    (anew,) = np.flatnonzero(promised[1:] & ~promised[:-1]) + 1
+    assert promised[0]
+    assert rows["s_bound"][anew] > rows["s_norm"][anew] > rows["s_band"][anew]
+    assert loop.standing.now.verdict == "holds"
+
+
 def test_a_run_that_diverges_promises_nothing() -> None:
     """The runaway of (7) at 4 ms is refused before it starts; at a constant gain the same arm may run, unpromised."""
     fields = {"declared__link_scaling": 0.3, "truth__link_scaling": 1.3, "controller__period": 0.004}
