@@ -174,8 +174,8 @@ def test_a_promise_from_far_begins_where_s_is() -> None:
 
 
 def test_a_promise_that_a_weak_drive_has_ended_begins_anew_where_s_is() -> None:
-    """Without an edit: a drive is too weak on the way from far, and s is not yet in its band when it is not any more."""
-    loop = ClosedLoop.from_scenario(short("ur5-hybrid-reaching", truth__torque_limit=36.0))
+    """Without an edit: a drive is too weak on the way from far, until s is nearly in its band."""
+    loop = ClosedLoop.from_scenario(short("ur5-hybrid-reaching", truth__torque_limit=[36.0] * 6))
     CompiledRun(loop).advance(400)
     rows = loop.recording.stretch()
     promised = np.isfinite(rows["s_bound"])
