@@ -32,7 +32,7 @@ from app.export.formats import ALL_PLOTS, Format, Kind
 from app.scenario.errors import ScenarioError, scenario_errors
 
 if TYPE_CHECKING:
-    from app.storage.recording_files import SavedRun
+    from app.storage.recording_files import RecordedRun
 
 KINDS_OF_FILES: tuple[Kind, ...] = get_args(Kind)
 ON_PAPER: tuple[Kind, ...] = get_args(Format)
@@ -140,18 +140,18 @@ def _time_range(start: float | None, end: float | None) -> tuple[float, float]:
     return begins, ends
 
 
-def _recorded(run: str, engine: str | None, settings: Settings) -> SavedRun:
+def _recorded(run: str, engine: str | None, settings: Settings) -> RecordedRun:
     """Run of a file, or of a scenario that is simulated now."""
     from app.session import headless_run
     from app.storage.constants_store import kept_memory
-    from app.storage.recording_files import SavedRun, read_npz
+    from app.storage.recording_files import RecordedRun, read_npz
 
     if not run.endswith(".npz"):
         scenario, by = configured(run, settings), engine_of(engine)
         note_unused(scenario)
         note_without_effect(settings, scenario)
         loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
-        return SavedRun(scenario, loop.recording, loop.stopped or "")
+        return RecordedRun(scenario, loop.recording, loop.stopped or "")
     if settings:
         raise ScenarioError("--set: a recording cannot be changed any more; allowed: with a scenario")
     if typed(engine):

@@ -228,7 +228,7 @@ def _keep_to(limit: float, size: float, seconds: float) -> None:
         )
 
 
-class SavedRun(NamedTuple):
+class RecordedRun(NamedTuple):
     """Run as a file has it. stopped: why it stopped at its last row, "" where it did not, or in files of before."""
 
     scenario: Scenario
@@ -236,7 +236,7 @@ class SavedRun(NamedTuple):
     stopped: str
 
 
-def read_npz(path: Path) -> SavedRun:
+def read_npz(path: Path) -> RecordedRun:
     """Run of a file that `write_npz` wrote. Raises ScenarioError for any other file."""
 
     def refuse(what: object) -> ScenarioError:
@@ -251,7 +251,7 @@ def read_npz(path: Path) -> SavedRun:
                 raise refuse(f"{size / 1e6:.3g} MB when unpacked; allowed: {LARGEST_RECORDING / 1e6:g} MB")
             scenario = from_toml(str(_array(archive, "scenario", LARGEST_TEXT)))
             stopped = _array(archive, "stopped", LARGEST_TEXT) if "stopped.npy" in archive.namelist() else ""
-            return SavedRun(scenario, _recording(archive), str(stopped))
+            return RecordedRun(scenario, _recording(archive), str(stopped))
     except OSError as error:
         raise ScenarioError(f"recording {str(path)!r:.200}: cannot be read: {error.strerror or error}") from error
     except ScenarioError:

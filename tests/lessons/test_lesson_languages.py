@@ -114,9 +114,10 @@ def test_what_the_page_says_around_a_german_lesson() -> None:
     first = runs(german)[0]
     assert first.run is not None
     traces = [Trace(first.run.title, each, t, t) for each in first.run.show]
-    course.take(first, LessonOutcome({}, tuple(traces), np.empty(0)))
+    course.take(first, LessonOutcome({}, tuple(traces), np.empty(0), stopped="t = 1 s: contact lost"))
     figure = figure_of_run(german, first, course.outcomes[first.number], traces, ())
     numbers = texts_of(render(figure, "svg"))
+    assert figure.caption.endswith(" Abgebrochen: t = 1 s: contact lost.")
     assert "0,2" in numbers
     assert not [text for text in numbers if "." in text and text[0].isdecimal()]
 

@@ -32,7 +32,8 @@ def figure_of_run(
     traces: Sequence[Trace],
     answers: Sequence[tuple[LessonStep, Answer]],
 ) -> Figure:
-    """Figure of a run, with a chart for each line that it shows, and its measured numbers in the caption."""
+    """Figure of a run, with a chart for each line that it shows, and in the caption its measured numbers, and why it
+    stopped."""
     run = step.run
     assert run is not None
     colors, words = run_colors(lesson), words_of(lesson.head.language)
@@ -45,7 +46,8 @@ def figure_of_run(
         for name, value in outcome.measurements.items()
     )
     caption = f"{lesson.head.title}: {run.title}." + (f" {words.measured}: {text}." if text else "")
-    return Figure(charts, caption, decimal=words.decimal)
+    ended = f" {words.stopped.format(outcome.stopped)}." if outcome.stopped else ""
+    return Figure(charts, f"{caption}{ended}", decimal=words.decimal)
 
 
 def name_of_figure(lesson: Lesson, step: LessonStep, extension: str) -> str:
