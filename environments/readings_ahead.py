@@ -25,7 +25,7 @@ from environments.sensors import (
 from kernels import inline
 from kernels.records import Record
 
-KNOWN: tuple[type[Stage], ...] = (Bias, Noise, LowPass, Delay)  # in the order of `read_force`
+COMPILED: tuple[type[Stage], ...] = (Bias, Noise, LowPass, Delay)  # in the order of `read_force`
 
 
 class Sensing(NamedTuple):
@@ -60,7 +60,7 @@ def read_force(sensing, errors, line, k, force):
 
 
 class ReadingsAhead:
-    """Data for the next readings of a reader whose stages are all `KNOWN`.
+    """Data for the next readings of a reader whose stages are all `COMPILED`.
 
     sensing: `Sensing`, (1,). errors, line: see `read_force`; periods: how many readings there are at most.
     """
@@ -101,9 +101,9 @@ class ReadingsAhead:
             self._delay.extend(self.line[held : held + used])
 
 
-def known(reader: ForceReader) -> bool:
-    """Whether all stages of the reader are `KNOWN`."""
-    return all(type(stage) in KNOWN for stage in reader.stages)
+def compilable(reader: ForceReader) -> bool:
+    """Whether all stages of the reader are `COMPILED`."""
+    return all(type(stage) in COMPILED for stage in reader.stages)
 
 
 S = TypeVar("S", bound=Stage)

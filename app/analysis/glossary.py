@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.scenario.field_info import field_info
-from app.scenario.number_text import short
+from app.scenario.number_text import short, without_rounding
 from app.scenario.schema import Scenario
 from app.scenario.units import JOINT, indexed, unit_in
 from app.simulation.signals import SIGNALS
@@ -90,7 +90,7 @@ def _of_field(path: str, scenario: Scenario) -> np.ndarray | None:
 
 
 def _short(number: float) -> str:
-    return short(0.0 if abs(number) < 1e-6 else number)
+    return short(without_rounding(number, 1e-6))
 
 
 def _robust(system: System) -> bool:

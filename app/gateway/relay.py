@@ -22,7 +22,7 @@ log = structlog.get_logger()
 
 ANSWER = 10.0  # s that a session has to answer a page
 BEAT = 30.0  # s between two signs of life asked of a page
-Judge = Callable[[bytes], bytes | None]
+MessageFilter = Callable[[bytes], bytes | None]
 
 
 async def relay(
@@ -30,12 +30,12 @@ async def relay(
     client: aiohttp.ClientSession,
     process: Process,
     meter: ConnectionRateLimiter,
-    judge: Judge,
+    admitted_part: MessageFilter,
     taken_back: asyncio.Event,
 ) -> web.WebSocketResponse:
     """Relay a page's web socket until either side ends, the page sends more than `meter` allows, or its link is taken
     back.
-    judge: returns the part of a page's message to pass on, None for nothing.
+    admitted_part: returns the part of a page's message to pass on, None for nothing.
     Where there is no process, the page is closed with code 1012 and will reconnect."""
     try:
         async with asyncio.timeout(ANSWER):
@@ -57,7 +57,7 @@ async def relay(
             autoping=False,  # pings are counted, too
         )
         await page.prepare(request)
-        there = asyncio.create_task(_pass_on(page, session, meter, judge))
+        there = asyncio.create_task(_pass_on(page, session, meter, admitted_part))
         back = asyncio.create_task(_pass_back(session, page))
         revoked = asyncio.create_task(taken_back.wait())
         tasks = (there, back, revoked)
@@ -98,7 +98,10 @@ def _offered(request: web.Request) -> list[str]:
 
 
 async def _pass_on(
-    page: web.WebSocketResponse, session: aiohttp.ClientWebSocketResponse, meter: ConnectionRateLimiter, judge: Judge
+    page: web.WebSocketResponse,
+    session: aiohttp.ClientWebSocketResponse,
+    meter: ConnectionRateLimiter,
+    admitted_part: MessageFilter,
 ) -> None:
     """Pass on the messages of the page. Raises Overrun."""
     with contextlib.suppress(ConnectionError):
@@ -108,7 +111,7 @@ async def _pass_on(
                 if message.type is WSMsgType.PING:
                     await page.pong(message.data)
             elif message.type in (WSMsgType.BINARY, WSMsgType.TEXT):
-                if meter.admits(message.data) and (passed := judge(message.data)) is not None:
+                if meter.admits(message.data) and (passed := admitted_part(message.data)) is not None:
                     await session.send_bytes(passed)
             else:
                 return

@@ -214,8 +214,8 @@ class Gateway:
             return harmless(raw, process.report_fields)
 
         with self._pool.viewing(session, viewer):
-            judge = watching if looks_only else bytes
-            return await relay(request, self._client, process, meter, judge, taken_back)
+            admitted_part = watching if looks_only else bytes
+            return await relay(request, self._client, process, meter, admitted_part, taken_back)
 
     async def _about(self, request: web.Request) -> web.StreamResponse:
         session = session_of(request, self._pool)

@@ -13,7 +13,7 @@ from app.analysis.metrics import RUN_METRICS, force_error, metrics_of, path_erro
 from app.lessons.blocks import Condition, Measure
 from app.lessons.words import ENGLISH, words_of
 from app.scenario.errors import ScenarioError
-from app.scenario.number_text import short
+from app.scenario.number_text import short, without_rounding
 from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
@@ -58,7 +58,7 @@ METRIC_UNITS: dict[str, Callable[[Units], str]] = {
     "torque_total_variation": lambda units: units.of_joints("N·m/s"),
 }
 HAPPENING = ("settling_time", "reaching_time", "band_time")  # metrics that are None while it has not happened
-DIGITS, LEAST = 3, 1e-9  # of a number: the digits that are shown, and the size below which it is shown as 0
+DIGITS = 3  # of a number, those that are shown
 OVER_TIME = ("settles", "below")  # statistics that are times
 
 
@@ -77,7 +77,7 @@ class MeasuredNumber:
         words = words_of(language)
         if not math.isfinite(self.value):
             return words.never
-        number = words.number(short(0.0 if abs(self.value) < LEAST else self.value, DIGITS))
+        number = words.number(short(without_rounding(self.value), DIGITS))
         return f"{number} {self.unit if self.unit != '1' else ''}".rstrip()
 
 

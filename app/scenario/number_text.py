@@ -12,6 +12,11 @@ _RAISE = str.maketrans("-0123456789", _RAISED)
 _EXPONENT = re.compile(r"""(?<![\w.+/'"-])-?\d+(?:\.\d+)?e[+-]\d{2,3}(?![\w/'"-]|\.\w)""")
 
 
+def without_rounding(value: float, least: float = 1e-9) -> float:
+    """The number, or 0 where it is smaller than `least`: its digits are those of rounding."""
+    return 0.0 if abs(value) < least else value
+
+
 def plain(value: float, digits: int = DIGITS) -> str:
     """Number as plain text, with a power of ten where it is long, such as 2·10⁻⁵."""
     short = f"{value:.0e}"

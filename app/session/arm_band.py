@@ -29,8 +29,8 @@ SEED = 0  # the same arms in every preview: what moves in the picture is the sli
 
 
 @dataclass(frozen=True)
-class Band:
-    """Band: signals of several true arms over a stretch of time.
+class ArmBand:
+    """Band of true arms: their signals over a stretch of time.
     since: s, the instant of the run from which they are computed.
     reach: s after `since` up to which all arms are known.
     ahead: (N,) s after `since`, the instants whose signals are kept.
@@ -148,7 +148,7 @@ class ArmsAhead:
         self._left.set()
         wait(self._running)
 
-    def band(self) -> Band | None:
+    def band(self) -> ArmBand | None:
         """Band of the rows that all arms have computed, None for no row. Raises what the run of an arm has raised, and
         ScenarioError where an arm cannot be built."""
         for running in self._running:
@@ -160,7 +160,7 @@ class ArmsAhead:
             return None
         ended = [arm.loop.stopped for arm in self._arms if arm.loop.stopped and arm.ended < reached]
         period = stretch.begins.scenario.controller.period
-        return Band(
+        return ArmBand(
             stretch.since,
             reached * period,
             stretch.points[:count] * period,

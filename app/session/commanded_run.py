@@ -16,12 +16,12 @@ from app.session.commands import (
     Blend,
     Command,
     Continue,
+    DragTool,
     DropWayOut,
     Edit,
     EditAll,
     EditModel,
     Fork,
-    HoldTool,
     Load,
     Pause,
     Perform,
@@ -48,7 +48,7 @@ from app.session.timeline import Timeline
 from app.session.ways_out import WayOut, nearest, way_out
 from app.simulation.builders.restarts import begins_anew
 from app.simulation.closed_loop import ClosedLoop
-from app.storage.uploaded_urdfs import Reach, lock_while_used
+from app.storage.uploaded_urdfs import FileAccess, lock_while_used
 
 log = structlog.get_logger()
 
@@ -56,8 +56,8 @@ SLOWEST, FASTEST = 0.01, 100.0
 
 
 @dataclass(frozen=True)
-class _Stretch:
-    """Stretch of a run that is shown at a speed of its own, see `ShowAgain`.
+class _SlowMotion:
+    """Slow motion: a stretch of a run at a speed of its own, see `ShowAgain`.
     run: number of the run.
     end: s, its last instant.
     usual: the speed afterwards."""
@@ -82,19 +82,19 @@ class _Performance:
 class CommandedRun:
     """Run under commands, without pacing: its timeline, whether it plays and how fast, and what was refused.
 
-    reach: files that commands may name, None for any.
+    access: files that commands may name, None for any.
     timeline: of the runs.
     playing: whether it is to go on.
     speed: simulated over real time.
     runs: number of runs so far, revision: number of edits so far.
     """
 
-    def __init__(self, loop: ClosedLoop, reach: Reach | None) -> None:
+    def __init__(self, loop: ClosedLoop, access: FileAccess | None) -> None:
         self.timeline = Timeline(loop)
         lock_while_used(loop.system.robot, loop.system.scenario.robot.urdf)
-        self._reach = reach
+        self._access = access
         self.playing, self.speed = True, 1.0
-        self._shown: _Stretch | None = None
+        self._slow_motion: _SlowMotion | None = None
         self._performed: _Performance | None = None
         self.revision = self.runs = 0
         self._refusals, self._adaptation = 0, ""
@@ -160,23 +160,23 @@ class CommandedRun:
     def end_slow_motion(self) -> bool:
         """End a slow motion that is over, by its end or because another run has begun, and restore the speed. Returns
         whether it did."""
-        shown = self._shown
-        if shown is None or (shown.run == self.runs and self.loop.t < shown.end):
+        slow = self._slow_motion
+        if slow is None or (slow.run == self.runs and self.loop.t < slow.end):
             return False
-        self.speed, self._shown = shown.usual, None
+        self.speed, self._slow_motion = slow.usual, None
         return True
 
     def note_stop(self) -> None:
         """Log that the run has stopped."""
         log.info("stopped", scenario=self.loop.system.scenario.name, reason=self.loop.stopped)
 
-    def _require_reach(self, command: Command) -> None:
+    def _require_access(self, command: Command) -> None:
         """Raises ScenarioError for a file that this loop's pages may not name."""
         match command:
-            case Load(scenario) | BeginScenario(scenario) | Perform(scenario) if self._reach is not None:
-                self._reach.require(scenario.robot.urdf)
-            case Edit("robot.urdf", path) if self._reach is not None:
-                self._reach.require(path)
+            case Load(scenario) | BeginScenario(scenario) | Perform(scenario) if self._access is not None:
+                self._access.require(scenario.robot.urdf)
+            case Edit("robot.urdf", path) if self._access is not None:
+                self._access.require(path)
             case _:
                 pass
 
@@ -231,7 +231,7 @@ class CommandedRun:
         return WayOut(f"Fork at the {'last change' if t > first else 'earliest instant'}, {t:.2f} s", fork_at=t)
 
     def _carry_out(self, command: Command) -> None:
-        self._require_reach(command)
+        self._require_access(command)
         match command:
             case Play() | Pause() | StepOnce() | Reset() | Seek() | ToEnd() | SetSpeed() | ShowAgain():
                 self._move_in_time(command)
@@ -244,8 +244,8 @@ class CommandedRun:
                 self.timeline.rename(number, name)
             case Unpin(number):
                 self.timeline.unpin(number)
-            case HoldTool(grip):
-                self.timeline.hold(grip)
+            case DragTool(grip):
+                self.timeline.drag_tool(grip)
             case _:
                 self._change_scenario(command)
 
@@ -257,7 +257,7 @@ class CommandedRun:
                 self.playing = True
             case Pause():
                 self.playing = False
-                timeline.hold(None)
+                timeline.drag_tool(None)
             case StepOnce():
                 self.playing = False
                 self.step()
@@ -265,19 +265,19 @@ class CommandedRun:
                 self._reset()
             case Seek(t):
                 timeline.require_known(t)
-                timeline.hold(None)
+                timeline.drag_tool(None)
                 timeline.seek(t)
                 self.playing = False
             case ToEnd():
                 timeline.to_end()
             case SetSpeed(factor):
-                self.speed, self._shown = _admitted(factor), None
+                self.speed, self._slow_motion = _admitted(factor), None
             case ShowAgain(start, end, factor):
-                slow, usual = _admitted(factor), self.speed if self._shown is None else self._shown.usual
+                slow, usual = _admitted(factor), self.speed if self._slow_motion is None else self._slow_motion.usual
                 timeline.require_known(start)
-                timeline.hold(None)
+                timeline.drag_tool(None)
                 timeline.seek(start)
-                self.speed, self._shown, self.playing = slow, _Stretch(self.runs, end, usual), True
+                self.speed, self._slow_motion, self.playing = slow, _SlowMotion(self.runs, end, usual), True
 
     def _change_scenario(self, command: Command) -> None:
         """Carry out a command that gives the run another scenario."""

@@ -190,8 +190,8 @@ class PushNow:
 
 
 @dataclass(frozen=True)
-class HoldTool:
-    """Hold the tool with a hand that pushes it: take hold, move the hand, or let go (None). `Pause` and every command
+class DragTool:
+    """Drag the tool with a hand that pushes it: take hold, move the hand, or let go (None). `Pause` and every command
     that begins a run let go, too."""
 
     grip: Grip | None
@@ -219,7 +219,7 @@ Command = (
     | PushNow
     | TakeWayOut
     | DropWayOut
-    | HoldTool
+    | DragTool
 )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 
 from app.scenario.schema import Scenario
-from app.session.arm_band import Band
+from app.session.arm_band import ArmBand
 from app.simulation.recording import Epoch
 from app.simulation.state import State
 
@@ -99,7 +99,7 @@ class Preview:
     whole: bool
     restarts: bool
     today: PreviewMetrics | None = None
-    band: Band | None = None
+    band: ArmBand | None = None
     bandless: str = ""
 
     @property

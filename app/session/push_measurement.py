@@ -74,7 +74,7 @@ class PushExperiment:
         self._engine: Engine | None = engine
         self._sizes = [newtons if axis.kind == FORCE else newton_metres for axis in axes]
         self._wrenches = np.array([axis.wrench for axis in axes])
-        self._system, self._h = _holding(state, memory), state.scenario.controller.period
+        self._system, self._h = _at_rest(state, memory), state.scenario.controller.period
 
     def sine(self, frequency: float) -> Measured:
         """Measurement with a sine near this frequency (Hz), over whole cycles after `LEAD` s. Raises ScenarioError,
@@ -147,7 +147,7 @@ def _turns(system: System, q: np.ndarray) -> np.ndarray:
     return np.array([pin.log3(after @ before.T) for before, after in pairwise(turned)])
 
 
-def _holding(state: State, memory: Memory | None) -> System:
+def _at_rest(state: State, memory: Memory | None) -> System:
     """System of the state's scenario with the target model in force; its reference stays where it is now."""
     system, t = assemble(state.scenario, memory=memory).with_shift(state.shift), state.t
     if system.blend is not None and blending(system.blend, t, state.scenario.controller.period):
@@ -155,7 +155,7 @@ def _holding(state: State, memory: Memory | None) -> System:
     now, forces = system.reference(t), np.zeros(3)
     forces[: system.m] = now.F_cd[: system.m]
     desired = system.plan
-    plan = desired.held(now.r_d, forces)._replace(compliance=desired.compliance, followed=desired.followed)
+    plan = desired.at_rest(now.r_d, forces)._replace(compliance=desired.compliance, followed=desired.followed)
     return replace(system, plan=plan, blend=None)
 
 

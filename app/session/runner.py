@@ -19,12 +19,12 @@ from app.process.free_memory import give_back
 from app.process.time_slice import shorten_time_slice
 from app.scenario.schema import Scenario
 from app.session.commanded_run import CommandedRun
-from app.session.commands import Blend, Command, Edit, EditModel, FieldEdit, HoldTool, PushNow, Seek, needs_kernels
+from app.session.commands import Blend, Command, DragTool, Edit, EditModel, FieldEdit, PushNow, Seek, needs_kernels
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.snapshot import PREPARING, Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.constants_store import kept_memory
-from app.storage.uploaded_urdfs import Reach
+from app.storage.uploaded_urdfs import FileAccess
 
 log = structlog.get_logger()
 
@@ -47,15 +47,15 @@ class Runner:
     """Owner of the loop and of its thread. `post` and `snapshot` may be used from any thread; nothing else touches the
     loop.
 
-    reach: files that commands may name, None for any.
+    access: files that commands may name, None for any.
     posted: number of commands so far.
     """
 
-    def __init__(self, scenario: Scenario, reach: Reach | None = None) -> None:
+    def __init__(self, scenario: Scenario, access: FileAccess | None = None) -> None:
         loop = ClosedLoop.from_scenario(scenario, memory=kept_memory())
         loop.step()  # compiles what is not yet in the cache: it must not delay the loop
         loop.reset()
-        self._commanded = CommandedRun(loop, reach)
+        self._commanded = CommandedRun(loop, access)
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._wake = threading.Event()  # the thread rests no longer
         self._closing = threading.Event()
@@ -242,7 +242,7 @@ class Runner:
             before = None
         self._executed += len(queued)
         return self._commanded.runs != runs or not all(
-            isinstance(command, FieldEdit | Blend | PushNow | HoldTool) for command in queued
+            isinstance(command, FieldEdit | Blend | PushNow | DragTool) for command in queued
         )
 
     def _publish(self) -> Snapshot:
@@ -271,4 +271,4 @@ def _overtaken(command: Command, following: Command | None) -> bool:
         return command.path == following.path
     if isinstance(command, EditModel) and isinstance(following, EditModel):
         return all(command.entries[name].keys() <= following.entries.get(name, {}).keys() for name in command.entries)
-    return type(command) is type(following) and isinstance(command, HoldTool | Seek)
+    return type(command) is type(following) and isinstance(command, DragTool | Seek)

@@ -198,11 +198,11 @@ class Timeline:
             self._go_on(back)
         return back is not None
 
-    def hold(self, grip: Grip | None) -> None:
+    def drag_tool(self, grip: Grip | None) -> None:
         """Let a hand take hold of the tool, or let go (None). The past cannot be pushed: while looking back this does
         nothing."""
         if self._back is None and self._end.grip != grip:
-            self._end.hold(grip)
+            self._end.drag_tool(grip)
             self._keep(changed=True)
 
     def reset(self) -> None:
@@ -290,7 +290,7 @@ class Timeline:
         """Make this loop, which looks back, the end; no hand holds its tool."""
         if len(self.recording):
             self._add_once(self._pinned())
-        loop.hold(None)
+        loop.drag_tool(None)
         while self._keyframes and self._keyframes[-1].state.t > loop.t - 0.5 * loop.period:
             self._keyframes.pop()
         self._end, self._back = loop, None

@@ -231,7 +231,7 @@ class ClosedLoop:
         """The hand that holds the tool."""
         return self.state.grip
 
-    def hold(self, grip: Grip | None) -> None:
+    def drag_tool(self, grip: Grip | None) -> None:
         """Let a hand take hold of the tool, or let go (None); to be called between steps."""
         self.state.grip = grip
 

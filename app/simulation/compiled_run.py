@@ -16,7 +16,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.period.alarms import Alarm
 from app.simulation.period.compiled_period import RunData, run_periods
 from environments.integrators import Integrator
-from environments.readings_ahead import ReadingsAhead, known
+from environments.readings_ahead import ReadingsAhead, compilable
 from environments.rigid_surfaces import out_of_reach
 from kernels import compiled_for
 from kernels.records import Record
@@ -30,7 +30,7 @@ def obstacle(loop: ClosedLoop) -> str | None:
     law = loop.system.controller.law
     reasons = {
         f"controller.law: {law.kind!r} is in plain numpy": not law.compiled,
-        "the force sensor has a stage that is known to the interpreter only": not known(loop.state.reader),
+        "the force sensor has a stage that is known to the interpreter only": not compilable(loop.state.reader),
         "a hand holds the tool": loop.grip is not None,
     }
     return next((reason for reason, holds in reasons.items() if holds), None)

@@ -102,7 +102,7 @@ def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
 
 
 @dataclass(frozen=True)
-class Reach:
+class FileAccess:
     """URDFs that a page may name: uploaded ones, and those that are `given`. Any other path is refused without looking
     for the file, so that nobody learns whether it exists."""
 

@@ -16,7 +16,7 @@ import structlog
 from app.process.log import configure_as_parent
 from app.process.priority import lower_priority
 from app.scenario.errors import ScenarioError
-from app.session.arm_band import LATER, ArmsAhead, Band, BandStretch, TrueArms
+from app.session.arm_band import LATER, ArmBand, ArmsAhead, BandStretch, TrueArms
 from app.session.headless_run import engine_ready
 from app.session.preview import PreviewRun
 from app.session.preview_messages import Hurry, Preview, PreviewDone, PreviewMetrics, PreviewRefusal, PreviewRequest
@@ -67,7 +67,7 @@ class _GrowingBand:
     def __init__(self, memory: Memory) -> None:
         self._arms = TrueArms(memory)
         self._of: object = None
-        self._band: Band | None = None
+        self._band: ArmBand | None = None
         self._problem = ""
         self._horizon = 0.0
         self._ahead: ArmsAhead | None = None

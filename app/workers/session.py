@@ -52,7 +52,7 @@ from app.session.runner import Runner
 from app.session.timeline import Pinned
 from app.storage import uploaded_urdfs
 from app.storage.session_index import StateError
-from app.storage.uploaded_urdfs import Reach
+from app.storage.uploaded_urdfs import FileAccess
 from app.sweep.background_jobs import allowance_of
 
 events = structlog.get_logger()
@@ -118,7 +118,7 @@ def serve(gateway: GatewayConnection, previewer: Previewer) -> None:
         )
     given = scenario.robot.urdf
     preparing = Pulse(gateway, dashboard, lambda: None)  # the very first arm of its kind takes half a minute
-    runner = Runner(scenario, Reach((given,) if given else ()))
+    runner = Runner(scenario, FileAccess((given,) if given else ()))
     dashboard.attach(runner)
     preparing.stop()  # nobody listens to a spare process
     gateway.send(Ready(dashboard.port, dashboard.report_fields))

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from environments.surfaces.chart import Chart, Shapes
-from environments.surfaces.table import Surface, chart_at
-from kernels.records import Record
+from environments.surfaces.chart import Shapes
+from environments.surfaces.table import Charted, Surface
 
 INDEPENDENT = 0.05  # least singular value of the unit normals of surfaces that make a corner
 STEPS, CLOSE = 30, 1e-12  # of Newton's method for `point`, and m
 
 
 @dataclass(frozen=True)
-class Corner:
+class Corner(Charted):
     """Corner of two or three surfaces near the point `near` (3,) m: a groove, an edge, or the corner of a room.
 
     Its coordinates are phi of each, and beside two of them the way along the straight line that is tangential to both
@@ -34,7 +32,7 @@ class Corner:
                 "independent; allowed: surfaces that meet at an angle, not parallel ones"
             )
 
-    @cached_property
+    @property
     def shapes(self) -> Shapes:
         """The surfaces for kernels."""
         shapes = tuple(each.shape for each in self.surfaces)
@@ -43,23 +41,10 @@ class Corner:
         across = np.cross(*(each.chart(self.near, 0.0).G[0] for each in self.surfaces))
         return Shapes.of(shapes, across / np.linalg.norm(across), self.near)
 
-    @cached_property
-    def _packed(self) -> np.ndarray:
-        return Record(self.shapes).data
-
-    @property
-    def fingerprint(self) -> bytes:
-        """Bytes of `shapes`: corners with the same bytes give the same charts."""
-        return self._packed.tobytes()
-
     @property
     def frame(self) -> np.ndarray:
         """Frame (3, 3) of unit rows of the first surface."""
         return self.surfaces[0].frame
-
-    def chart(self, p: np.ndarray, t: float) -> Chart:
-        """Coordinates of the point p (3,) m at time t (s) with all derivatives."""
-        return chart_at(self._packed, p, t)
 
     def point(self, g: np.ndarray, t: float) -> np.ndarray:
         """The point (3,) m with coordinates g (3,), by Newton's method: the inverse of `chart`."""

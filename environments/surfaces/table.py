@@ -90,8 +90,30 @@ def chart_at(shapes: np.ndarray, p: np.ndarray, t: float) -> Chart:
     return chart.read()
 
 
+class Charted:
+    """What has a chart: one surface, or several that make a corner."""
+
+    @property
+    def shapes(self) -> Shapes:
+        """Its surfaces, for kernels."""
+        raise NotImplementedError
+
+    @cached_property
+    def _packed(self) -> np.ndarray:
+        return Record(self.shapes).data
+
+    @property
+    def fingerprint(self) -> bytes:
+        """Bytes of `shapes`: what has the same bytes gives the same charts."""
+        return self._packed.tobytes()
+
+    def chart(self, p: np.ndarray, t: float) -> Chart:
+        """Coordinates of the point p (3,) m at time t (s) with all derivatives."""
+        return chart_at(self._packed, p, t)
+
+
 @dataclass(frozen=True)
-class Surface:
+class Surface(Charted):
     """A surface in use: its form in the scenario, its shape for kernels, and the place where it is used, (3,) m."""
 
     form: Form
@@ -144,19 +166,6 @@ class Surface:
     def shapes(self) -> Shapes:
         """This surface alone, for kernels."""
         return Shapes.of((self.shape,))
-
-    @cached_property
-    def _packed(self) -> np.ndarray:
-        return Record(self.shapes).data
-
-    @property
-    def fingerprint(self) -> bytes:
-        """Bytes of `shapes`: surfaces with the same bytes give the same charts."""
-        return self._packed.tobytes()
-
-    def chart(self, p: np.ndarray, t: float) -> Chart:
-        """Coordinates of the point p (3,) m at time t (s) with all derivatives."""
-        return chart_at(self._packed, p, t)
 
     def point(self, g: np.ndarray, t: float) -> np.ndarray:
         """The point (3,) m with coordinates g = (phi, psi_1, psi_2): the inverse of `chart`."""

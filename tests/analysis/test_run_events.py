@@ -39,9 +39,9 @@ def test_edits_pushes_and_forks_are_found_where_they_were(pushed: Scenario) -> N
     assert (0.1, "push") in events(line, watch)
     line.edit(edited(line.loop.system.scenario, "force.value", 25.0))
     ran(line, 0.3)
-    line.hold(Grip(line.loop.view().tool + np.array([0.0, 0.02, 0.0]), 500.0, 60.0))
+    line.drag_tool(Grip(line.loop.view().tool + np.array([0.0, 0.02, 0.0]), 500.0, 60.0))
     ran(line, 0.35)
-    line.hold(None)
+    line.drag_tool(None)
     ran(line, 0.4)
     found = events(line, watch)  # read in pieces
     assert found == events(line)  # read at once

@@ -12,9 +12,9 @@ from app.session.commands import (
     BeginScenario,
     Blend,
     Command,
+    DragTool,
     Edit,
     EditModel,
-    HoldTool,
     Load,
     Pause,
     Play,
@@ -47,7 +47,7 @@ def lock() -> tuple[EditLock, list[Command], list[str]]:
         Load(HYBRID),
         BeginScenario(HYBRID),
         PushNow(),
-        HoldTool(Grip((0.5, 0.0, 0.3))),
+        DragTool(Grip((0.5, 0.0, 0.3))),
         TakeWayOut(),
     ],
 )
@@ -69,7 +69,7 @@ def test_other_changes_are_refused_with_the_way_out(
 def test_the_controls_and_the_time_stay_free(lock: tuple[EditLock, list[Command], list[str]]) -> None:
     gate, posted, complaints = lock
     gate.fields = frozenset({"target_model.B_m"})
-    free = [ALLOWED, EditModel({"B_m": {1: 100.0}}), Play(), Pause(), Reset(), Seek(0.1), HoldTool(None)]
+    free = [ALLOWED, EditModel({"B_m": {1: 100.0}}), Play(), Pause(), Reset(), Seek(0.1), DragTool(None)]
     for command in free:
         gate.post(command)
     assert posted == free

@@ -17,7 +17,7 @@ from app.dashboard.plots.line_values import column
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
 from app.scenario.data import shipped
-from app.session.arm_band import Band
+from app.session.arm_band import ArmBand
 from app.session.preview import PreviewRun
 from app.session.preview_messages import Preview, PreviewRequest
 from app.session.snapshot import snapshot_of
@@ -59,10 +59,10 @@ def test_a_band_is_drawn_ahead_only_as_quantiles_of_the_arms_that_still_run(hybr
     arms = np.outer(np.arange(5.0), np.ones(13)) + later  # arm i has i + t
     arms[4, 5:] = np.nan  # and the last one stops
     signals = {"t": np.tile(begun + later, 5), "s_norm": arms.ravel()}
-    band = Band(begun, 1.3, later, 5, signals, 1, "it left", whole=True)
+    band = ArmBand(begun, 1.3, later, 5, signals, 1, "it left", whole=True)
     foreseen = {"t": now + ahead, "s_norm": 2.0 + ahead}
     frame = Frame(now, 1.0, BucketGrid.over(0.0, 1.0, 100), rows, (), ahead, foreseen, band, begun - now + later)
-    line = ChartLine("s", (0, 0, 0), column("s_norm"), band=(0.0, 0.5, 1.0))
+    line = ChartLine("s", (0, 0, 0), column("s_norm"), quantiles=(0.0, 0.5, 1.0))
     x, shown = frame.courses([line])
     least, median, largest = frame.spread(x, [shown], [line])
     past = x <= 0.0

@@ -19,7 +19,7 @@ from app.dashboard.scene.view import SceneView
 from app.dashboard.theme.colors import ERROR_COLORS
 from app.dashboard.view_options import SceneOptions, Viewing, rounded_up
 from app.scenario.data import edited, load
-from app.session.commands import Edit, HoldTool
+from app.session.commands import DragTool, Edit
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from environments.surfaces.form import SurfaceMotion
@@ -136,7 +136,7 @@ def test_a_tool_that_a_page_pulls_is_held_by_no_other_one_until_it_is_let_go_or_
     drag(2, "update", second, 0.2)
     drag(1, "end", "push", 0.1)
     drag(2, "end", second, 0.2)
-    assert [command.grip is None for command in posted if isinstance(command, HoldTool)] == [False, False, True]
+    assert [command.grip is None for command in posted if isinstance(command, DragTool)] == [False, False, True]
     assert len(posted) == 3
 
     drag(1, "start", "push", 0.1)
@@ -145,8 +145,8 @@ def test_a_tool_that_a_page_pulls_is_held_by_no_other_one_until_it_is_let_go_or_
     drag(2, "update", second, 0.2)
     drag(2, "end", second, 0.2)
     again = posted[3:]
-    assert [command for command in again if isinstance(command, HoldTool)][1] == HoldTool(None)
-    assert again[-1] == HoldTool(None) if second == "push" else isinstance(again[-1], Edit)
+    assert [command for command in again if isinstance(command, DragTool)][1] == DragTool(None)
+    assert again[-1] == DragTool(None) if second == "push" else isinstance(again[-1], Edit)
 
 
 @pytest.mark.parametrize("ended_by", [{"phase": "paused"}, {"run": 1}, {"phase": "stopped"}])
@@ -176,7 +176,7 @@ def test_a_hand_that_was_let_go_takes_hold_again_only_by_another_drag(kind: str,
     now[0] = replace(now[0], phase="running")
     drag("update", 0.2)
     drag("end", 0.2)
-    assert posted == [*before, *([HoldTool(None)] if kind == "push" else [])]
+    assert posted == [*before, *([DragTool(None)] if kind == "push" else [])]
     drag("start")
     drag("update", 0.1)
     drag("end", 0.1)

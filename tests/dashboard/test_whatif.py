@@ -8,7 +8,7 @@ from typing import Any, cast
 from app.dashboard.widgets.run.whatif import HeldControl, WhatIf
 from app.dashboard.widgets.run.whatif_panel import body_html
 from app.scenario.data import edited, shipped
-from app.session.commands import Edit, HoldTool, Seek
+from app.session.commands import DragTool, Edit, Seek
 from app.session.preview import PreviewRun
 from app.session.preview_client import Previewer
 from app.session.preview_messages import Preview, PreviewRequest
@@ -28,7 +28,7 @@ def test_a_preview_of_a_past_instant_goes_on_without_the_hand_as_its_edit_would(
     whatif = WhatIf(
         cast(Previewer, SimpleNamespace(ask=ask, newest=None, failure="", idle=True, drop=lambda: None, warm_up=print))
     )
-    runner._obey([HoldTool(Grip((0.5, 0.0, 0.3)))])
+    runner._obey([DragTool(Grip((0.5, 0.0, 0.3)))])
     for _ in range(50):
         runner._commanded.step()
     whatif.look(runner._publish(), ())  # which run it is

@@ -242,7 +242,7 @@ def test_who_comes_over_the_network_learns_of_no_file(tmp_path: Path, monkeypatc
     (given := tmp_path / "given.urdf").write_text(BENT)
     (other := tmp_path / "other.urdf").write_text(BENT)
     uploaded = uploaded_urdfs.keep("arm.urdf", BENT.encode())
-    runner = Runner(edited(load("ur5-motion"), "motion", {"kind": "hold"}), uploaded_urdfs.Reach((str(given),)))
+    runner = Runner(edited(load("ur5-motion"), "motion", {"kind": "hold"}), uploaded_urdfs.FileAccess((str(given),)))
     runner.start()
 
     def answer(command: Command) -> str | None:

@@ -130,7 +130,7 @@ def test_a_user_without_a_home_has_a_session_that_is_not_kept_and_no_uploads(
     with pytest.raises(ScenarioError, match=f"^{refusal}$"):
         uploaded_urdfs.keep("arm.urdf", arm)
     with pytest.raises(ScenarioError, match="not on this server; allowed: a URDF that was uploaded"):
-        uploaded_urdfs.Reach().require("/some/arm.urdf")
+        uploaded_urdfs.FileAccess().require("/some/arm.urdf")
     (file := tmp_path / "arm.urdf").touch()
     before = file.stat().st_mtime_ns
     uploaded_urdfs.note_use(str(file))

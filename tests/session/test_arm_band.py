@@ -1,4 +1,4 @@
-"""Band of a preview: the numbers of each arm are those of a loop with that arm, in any order, and none is hidden."""
+"""ArmBand of a preview: the numbers of each arm are those of a loop with that arm, in any order, and none is hidden."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from app.scenario.data import edited, shipped
 from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario, TruthSection
-from app.session.arm_band import SEED, SIGNALS, ArmsAhead, Band, BandStretch, TrueArms
+from app.session.arm_band import SEED, SIGNALS, ArmBand, ArmsAhead, BandStretch, TrueArms
 from app.session.preview import PreviewRun
 from app.session.preview_client import Previewer
 from app.session.preview_messages import Preview, PreviewRequest
@@ -49,11 +49,11 @@ def true_arms() -> TrueArms:
     return TrueArms(assembly.Memory())
 
 
-def band_of(stretch: BandStretch) -> Band:
+def band_of(stretch: BandStretch) -> ArmBand:
     return whole(true_arms().run(stretch, COUNT))
 
 
-def whole(ahead: ArmsAhead) -> Band:
+def whole(ahead: ArmsAhead) -> ArmBand:
     until(lambda: not ahead.going)
     band = ahead.band()
     assert band is not None
@@ -136,7 +136,7 @@ def test_a_band_grows_with_all_its_arms_and_its_beginning_stays() -> None:
     stretch = PreviewRun(
         PreviewRequest(1, loop.state.copy(), loop.system.scenario, 5.0, arms=COUNT), engine="compiled"
     ).stretch
-    ahead, seen = true_arms().run(stretch, COUNT), list[Band]()
+    ahead, seen = true_arms().run(stretch, COUNT), list[ArmBand]()
     while ahead.going:
         if (band := ahead.band()) is not None:
             seen.append(band)

@@ -15,9 +15,9 @@ from app.session.adaptation_sentence import adaptation_sentence
 from app.session.changes import in_coordinates, in_mode, on_robot, on_surface, possible
 from app.session.commands import (
     Command,
+    DragTool,
     Edit,
     EditAll,
-    HoldTool,
     PushNow,
     Seek,
     ShowAgain,
@@ -207,7 +207,7 @@ def test_a_time_that_is_refused_leaves_the_tool_in_the_hand() -> None:
     runner, hand = Runner(shipped()["ur5-hybrid"]), Grip((0.5, 0.0, 0.3))
     for _ in range(20):
         runner._commanded.step()
-    runner._obey([HoldTool(hand), Seek(float("nan")), ShowAgain(99.0, 100.0, 0.1)])
+    runner._obey([DragTool(hand), Seek(float("nan")), ShowAgain(99.0, 100.0, 0.1)])
     assert runner._publish().refusal_number == 2
     assert runner._loop.grip == hand
     runner._obey([Seek(0.01)])

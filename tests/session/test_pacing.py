@@ -11,7 +11,7 @@ import pytest
 
 from app.dashboard.widgets.page.status import status_html
 from app.scenario.data import edited, shipped
-from app.session.commands import Edit, HoldTool, Pause, Reset, Seek, SetSpeed, ShowAgain, ToEnd
+from app.session.commands import DragTool, Edit, Pause, Reset, Seek, SetSpeed, ShowAgain, ToEnd
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -142,10 +142,10 @@ def test_a_slider_of_time_is_followed_to_where_it_is_now(runner: Runner, monkeyp
 
 def test_a_hand_lets_go_when_one_looks_back(runner: Runner):
     now = wait(runner, lambda now: now.t > 0.3)
-    runner.post(HoldTool(Grip(tuple(now.tool + np.array([0.02, 0.0, 0.0])))))
+    runner.post(DragTool(Grip(tuple(now.tool + np.array([0.02, 0.0, 0.0])))))
     wait(runner, lambda now: now.state.grip is not None)
     runner.post(Seek(0.1))
-    runner.post(HoldTool(None))
+    runner.post(DragTool(None))
     runner.post(ToEnd())
     wait(runner, lambda now: now.state.grip is None and not now.looking_back)
 

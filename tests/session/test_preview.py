@@ -203,10 +203,10 @@ def test_metrics_of_the_running_scenario_count_until_the_run_goes_another_way(pu
     go_on(0.2)
     assert count()  # the same run once more
     x, y, z = loop.view().tool
-    loop.hold(Grip((x, y + 0.1, z), stiffness=3000.0, limit=200.0))
+    loop.drag_tool(Grip((x, y + 0.1, z), stiffness=3000.0, limit=200.0))
     assert not count()
     go_on(0.2)
-    loop.hold(None)
+    loop.drag_tool(None)
     assert not count()
     loop.reset()
     go_on(0.4)

@@ -139,7 +139,7 @@ def test_changes_of_one_instant_take_no_more_room_than_one(noisy: Timeline) -> N
     keys = len(noisy._keyframes)
     for value in range(50):
         noisy.edit(edited(noisy.loop.system.scenario, "force.value", 20.0 + value))
-        noisy.hold(Grip((0.5, 0.0, 1e-3 * value)))
+        noisy.drag_tool(Grip((0.5, 0.0, 1e-3 * value)))
     assert len(noisy._keyframes) <= keys + 1
 
 

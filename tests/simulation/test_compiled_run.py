@@ -247,7 +247,7 @@ def test_obstacle_names_why_a_run_is_not_taken(monkeypatch: pytest.MonkeyPatch) 
     base = load("ur5-hybrid")
     held = ClosedLoop.from_scenario(base)
     assert obstacle(held) is None
-    held.hold(Grip((0.0, 0.0, 0.0)))
+    held.drag_tool(Grip((0.0, 0.0, 0.0)))
     assert obstacle(held) == "a hand holds the tool"
 
     system = ClosedLoop.from_scenario(base).system

@@ -10,7 +10,7 @@ import pytest
 from app.scenario.data import edited, from_toml, shipped, to_toml
 from app.scenario.schema import Scenario
 from app.session.changes import PUSH, PUSH_LASTS
-from app.session.commands import Edit, HoldTool, Pause, PushNow
+from app.session.commands import DragTool, Edit, Pause, PushNow
 from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.signals import SIGNALS
@@ -68,7 +68,7 @@ def test_a_hand_on_a_wall_is_felt_beside_the_wall() -> None:
     run(loop, 1.0)
     view = loop.view()
     n = loop.system.surface.chart(view.tool, loop.t).G[0]
-    loop.hold(Grip(tuple(view.tool + n), limit=5.0))
+    loop.drag_tool(Grip(tuple(view.tool + n), limit=5.0))
     run(loop, 1.5)
     last = loop.recording.at(loop.t)
     np.testing.assert_allclose(last["F_push"] @ n, 5.0, rtol=1e-2)
@@ -83,7 +83,7 @@ def test_a_push_along_a_rigid_surface_and_into_it(ideal: bool) -> None:
     run(loop, 0.5)
     view = loop.view()
     n = loop.system.surface.chart(view.tool, loop.t).G[0]
-    loop.hold(Grip(tuple(view.tool + n), stiffness=500.0, limit=4.0))
+    loop.drag_tool(Grip(tuple(view.tool + n), stiffness=500.0, limit=4.0))
     run(loop, 0.5)
     last = loop.recording.at(loop.t)
     assert abs(last["phi"]) < 1e-9
@@ -99,11 +99,11 @@ def pushed_about(loop: ClosedLoop) -> np.ndarray:
     """Take hold, pull on, let go; every row."""
     p = loop.view().tool
     run(loop, 0.05)
-    loop.hold(Grip(beside(p, 0.02)))
+    loop.drag_tool(Grip(beside(p, 0.02)))
     run(loop, 0.05)
-    loop.hold(Grip(beside(p, 0.2), 800.0, 30.0))
+    loop.drag_tool(Grip(beside(p, 0.2), 800.0, 30.0))
     run(loop, 0.05)
-    loop.hold(None)
+    loop.drag_tool(None)
     run(loop, 0.05)
     return loop.recording.rows()
 
@@ -123,7 +123,7 @@ def test_the_same_hand_leaves_the_same_rows() -> None:
 def test_a_run_resumed_under_a_hand_and_a_shift_goes_on_exactly() -> None:
     loop = ClosedLoop.from_scenario(impedance())
     run(loop, 0.1)
-    loop.hold(Grip(beside(loop.view().tool, 0.03)))
+    loop.drag_tool(Grip(beside(loop.view().tool, 0.03)))
     loop.edit(edited(loop.system.scenario, "shift.by", [0.02, 0.01]))
     run(loop, 0.1)
     twin = ClosedLoop.from_state(loop.state.copy())
@@ -138,7 +138,7 @@ def test_a_run_resumed_under_a_hand_and_a_shift_goes_on_exactly() -> None:
 def test_rows_hold_what_their_names_say() -> None:
     loop = ClosedLoop.from_scenario(impedance())
     run(loop, 0.02)
-    loop.hold(Grip((9.0, 9.0, 9.0), limit=7.0))
+    loop.drag_tool(Grip((9.0, 9.0, 9.0), limit=7.0))
     before = loop.view()
     loop.step()
     last = loop.recording.at(loop.t)
@@ -158,13 +158,13 @@ def test_pause_and_a_new_run_let_go() -> None:
     grip = Grip((0.0, 0.0, 1.0))
     loop = runner._loop
     for command in (Pause(),):
-        runner.post(HoldTool(grip))
+        runner.post(DragTool(grip))
         runner._obey(runner._queued())
         assert loop.grip == grip
         runner.post(command)
         runner._obey(runner._queued())
         assert loop.grip is None
-    loop.hold(grip)
+    loop.drag_tool(grip)
     loop.reset()
     assert loop.grip is None
 

@@ -218,7 +218,7 @@ def test_an_impedance_yields_to_a_hand_that_turns_it() -> None:
     loop = ClosedLoop.from_scenario(still())
     R_0 = loop.system.layout.R_ref.copy()
     held = Rotation.from_rotvec([0.0, 0.0, 0.1]) * Rotation.from_matrix(R_0)
-    loop.hold(Grip(None, turned=tuple(held.as_rotvec().tolist()), torsion=20.0))
+    loop.drag_tool(Grip(None, turned=tuple(held.as_rotvec().tolist()), torsion=20.0))
     for _ in range(1000):
         loop.step()
     last, system = loop.recording.at(loop.t), loop.system

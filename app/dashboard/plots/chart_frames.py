@@ -11,7 +11,7 @@ import numpy as np
 from app.analysis.thinning import BucketGrid
 from app.dashboard.plots.charts import ChartLine, Signals
 from app.dashboard.plots.pinned_runs import compared_lines
-from app.session.arm_band import Band
+from app.session.arm_band import ArmBand
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Frame:
     pinned: Sequence[Signals | None] = ()
     ahead: np.ndarray = field(default_factory=lambda: np.empty(0))
     foreseen: Signals | None = None
-    band: Band | None = None
+    band: ArmBand | None = None
     band_ahead: np.ndarray = field(default_factory=lambda: np.empty(0))
     number: int = 0
     recent: Recent | None = None
@@ -116,18 +116,18 @@ class Frame:
     def spread(self, times: np.ndarray, shown: Sequence[np.ndarray], lines: Sequence[ChartLine]) -> list[np.ndarray]:
         """Quantiles (N,) of all lines' bands at times (N,) s from now. shown: values (N,) of each line, which stand in
         for the quantiles up to now and farther ahead than the band reaches, so that the area there has no width."""
-        columns = [shown[k].copy() for k, line in enumerate(lines) for _ in line.band]
+        columns = [shown[k].copy() for k, line in enumerate(lines) for _ in line.quantiles]
         if self.band is None or self.foreseen is None:
             return columns
         ahead, first = (times > 0.0) & (times <= self.band_ahead[-1]), 0
         for line in lines:
-            if line.band:
-                found = quantiles(line.values(self.band.signals).reshape(self.band.arms, -1), line.band)
+            if line.quantiles:
+                found = quantiles(line.values(self.band.signals).reshape(self.band.arms, -1), line.quantiles)
                 for column, quantile in zip(columns[first:], found, strict=False):
                     known = np.isfinite(quantile)
                     if known.any():
                         column[ahead] = np.interp(times[ahead], self.band_ahead[known], quantile[known])
-                first += len(line.band)
+                first += len(line.quantiles)
         return columns
 
     def _behind(self, rows: Signals | None, lines: Sequence[ChartLine], count: int, begins: int) -> np.ndarray:

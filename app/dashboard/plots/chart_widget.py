@@ -13,8 +13,8 @@ from app.analysis.spectrum import amplitude_spectrum
 from app.dashboard.plots.chart_frames import DecimatedLines, Frame, values_of
 from app.dashboard.plots.charts import (
     BUCKETS,
+    EXTREMES,
     MEDIAN,
-    REACH,
     ChartLine,
     Drawing,
     Plot,
@@ -31,7 +31,7 @@ _NOTHING = np.array([0.01, 0.02])  # x of a chart without lines; positive, as an
 # lines of each pinned run, and the lines of the shown run with the edges of their bands. The number is fixed, since a
 # page receives series and data in two messages, in either order, may draw between them, and fails at a series without
 # an array.
-MOST_SERIES = 1 + PINS * (1 + MOST_JOINTS) + MOST_JOINTS * (1 + len(REACH))
+MOST_SERIES = 1 + PINS * (1 + MOST_JOINTS) + MOST_JOINTS * (1 + len(EXTREMES))
 QUANTILE = "vs-unlisted-edge-quantile"  # class of quantiles: edges, too, but of areas that are no parts of a sum
 _FOOT, _HEAD = ({"pad": 0.0, "hard": end, "soft": end, "mode": 1} for end in (0.0, 1.0))
 _RULE = "rgba(128, 128, 128, 0.7)"  # visible on dark and on light
@@ -108,7 +108,7 @@ class ChartWidget:
         behind = [line.series() for run in runs for line in lines_of_run(drawing.lines, run)]
         first = 1 + len(behind)
         floor = -np.inf if drawing.floor is None else drawing.floor
-        banded = () if self._plot.spectral else tuple(line for line in drawing.lines if line.band)
+        banded = () if self._plot.spectral else tuple(line for line in drawing.lines if line.quantiles)
         spread = [look for line in banded for look in _of_band(line)]
         self._lowest = [
             *([floor] * len(behind)),
@@ -139,7 +139,7 @@ class ChartWidget:
 def _of_band(line: ChartLine) -> list[uplot.Series]:
     """Looks of the quantiles of a line's band: the median dashed, the others only the edges of areas."""
     looks = []
-    for level in line.band:
+    for level in line.quantiles:
         edge = replace(line, width=1.0 if level == MEDIAN else 0.0, alpha=0.9, listed=False, dashed=True)
         looks.append(edge.series() | {"class": QUANTILE})
     return looks
@@ -150,9 +150,9 @@ def _band_areas(banded: Sequence[ChartLine], first: int) -> tuple[uplot.Band, ..
     first: number of the series of the first quantile."""
     areas: list[uplot.Band] = []
     for line in banded:
-        last = first + len(line.band) - 1
+        last = first + len(line.quantiles) - 1
         fill = css(line.color, 0.22)
-        areas += [uplot.Band(series=(last - k, first + k), fill=fill) for k in range(len(line.band) // 2)]
+        areas += [uplot.Band(series=(last - k, first + k), fill=fill) for k in range(len(line.quantiles) // 2)]
         first = last + 1
     return tuple(areas)
 

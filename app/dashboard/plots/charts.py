@@ -30,7 +30,7 @@ OF_RUN = "vs-run"  # class of the lines of pinned runs that are in the legend
 EDGE = "vs-unlisted-edge"  # class of edges of the shown run's areas, which are hidden with the line of their name
 MEDIAN = 0.5
 SPREAD = (0.0, 0.05, MEDIAN, 0.95, 1.0)  # quantiles of a band in a plot of one quantity
-REACH = (0.0, 1.0)  # quantiles of a band in a plot of many
+EXTREMES = (0.0, 1.0)  # quantiles of a band in a plot of many
 _DOCK, _ENTRY, _LETTER = 366, 54, 6  # px: width of the legend, of an entry with its value, and of a letter in it
 
 
@@ -102,7 +102,7 @@ class ChartLine:
     values: (N,) of signals, nan where they are not known and infinite where they do not exist.
     compared: whether the same line of pinned runs is drawn, too.
     foreseen: whether the line has a meaning for the few instants of a preview.
-    band: quantiles of true arms that are drawn around the preview, see `SPREAD` and `REACH`.
+    quantiles: those of true arms that are drawn around the preview, see `SPREAD` and `EXTREMES`.
     backdrop: whether 0 and 1 are the plot's foot and head, whatever its axis; without width, the area below is filled.
     listed: whether the line is in the legend.
     dashes: px, of line and gap in turn, in place of those of a dashed line.
@@ -116,7 +116,7 @@ class ChartLine:
     alpha: float = 1.0
     compared: bool = False
     foreseen: bool = True
-    band: tuple[float, ...] = ()
+    quantiles: tuple[float, ...] = ()
     backdrop: bool = False
     listed: bool = True
     dashes: Dashes = ()

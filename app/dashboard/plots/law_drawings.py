@@ -32,7 +32,7 @@ def _bound_and_band() -> tuple[Values, Values]:
 
 
 def _s_norm() -> ChartLine:
-    return ChartLine("‖s‖", color(0), under_gain(column("s_norm", 0, 1e3)), compared=True, band=SPREAD)
+    return ChartLine("‖s‖", color(0), under_gain(column("s_norm", 0, 1e3)), compared=True, quantiles=SPREAD)
 
 
 def bound_of_s(setup: Setup) -> Drawing:

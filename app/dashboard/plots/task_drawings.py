@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from app.analysis.metrics import MULTIPLIERS
 from app.analysis.perturbation import STEADY
-from app.dashboard.plots.charts import REACH, SPREAD, ChartLine, Drawing, Setup
+from app.dashboard.plots.charts import EXTREMES, SPREAD, ChartLine, Drawing, Setup
 from app.dashboard.plots.line_values import color, column, difference, is_dashed, norm
 from app.dashboard.theme.colors import ACCENT, DESIRED, MEASURED, PUSH, SERIES
 from app.simulation.system import Coordinate
@@ -15,7 +15,7 @@ _MEASURED = (MEASURED, SERIES[0], SERIES[5])  # colours of the measured force on
 def tracking_error(setup: Setup) -> Drawing:
     """Drawing of e_r by coordinates."""
     lines = [
-        ChartLine(coordinate.name, color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
+        ChartLine(coordinate.name, color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, quantiles=EXTREMES)
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"tracking error  e_r  [{setup.units.error}]", lines, at_least=(-0.01, 0.01))
@@ -24,7 +24,7 @@ def tracking_error(setup: Setup) -> Drawing:
 def position_error(setup: Setup) -> Drawing | None:
     """Drawing of the coordinates of e_r that are lengths, none without such."""
     lines = [
-        ChartLine(coordinate.name, color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
+        ChartLine(coordinate.name, color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, quantiles=EXTREMES)
         for i, coordinate in enumerate(setup.coordinates)
         if not coordinate.is_angle
     ]
@@ -40,7 +40,7 @@ def rotation_error(setup: Setup) -> Drawing | None:
             column("e_r", i, 1e3 / coordinate.per_radian),
             dashed=is_dashed(i),
             compared=True,
-            band=REACH,
+            quantiles=EXTREMES,
         )
         for i, coordinate in enumerate(setup.coordinates)
         if coordinate.is_angle
@@ -60,7 +60,7 @@ def one_coordinate(setup: Setup) -> Drawing:
     factor, unit = 1e3 / coordinate.per_radian, "mrad" if coordinate.is_angle else "mm"
     lines = [
         ChartLine("desired", DESIRED, column("r_d", i, factor), dashed=True, width=2.0),
-        ChartLine("actual", MEASURED, column("r", i, factor), compared=True, band=SPREAD),
+        ChartLine("actual", MEASURED, column("r", i, factor), compared=True, quantiles=SPREAD),
     ]
     return Drawing(f"{_bare(coordinate)}  against what is desired  [{unit}]", lines)
 
@@ -73,7 +73,9 @@ def force(setup: Setup) -> Drawing:
     for i in range(setup.normal):
         lines += [
             ChartLine(f"desired normal{_on(setup, i)}", DESIRED, column("F_cd", i), dashed=True, width=2.0),
-            ChartLine(f"measured normal{_on(setup, i)}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD),
+            ChartLine(
+                f"measured normal{_on(setup, i)}", _MEASURED[i], column("F_c", i), compared=True, quantiles=SPREAD
+            ),
         ]
     lines += [*_not_controlled(setup), ChartLine("push", PUSH, norm("F_push"))]
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
@@ -82,7 +84,9 @@ def force(setup: Setup) -> Drawing:
 def _not_controlled(setup: Setup) -> list[ChartLine]:
     """Lines of the normal forces, as they really are, on surfaces whose distance is followed beside pressed ones."""
     return [
-        ChartLine(f"not controlled{_on(setup, i)}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD)
+        ChartLine(
+            f"not controlled{_on(setup, i)}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, quantiles=SPREAD
+        )
         for i in range(setup.normal, setup.surfaces)
     ]
 
@@ -95,7 +99,8 @@ def _on(setup: Setup, i: int) -> str:
 def force_by_axes(_: Setup) -> Drawing:
     """Drawing of the measured force by the axes of the world."""
     lines = [
-        ChartLine(f"F {axis}", color(i), column("F", i), compared=True, band=REACH) for i, axis in enumerate("xyz")
+        ChartLine(f"F {axis}", color(i), column("F", i), compared=True, quantiles=EXTREMES)
+        for i, axis in enumerate("xyz")
     ]
     lines.append(ChartLine("push", PUSH, norm("F_push"), dashed=True))
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
@@ -119,7 +124,7 @@ def _alignment(setup: Setup) -> Drawing:
         name, l = _bare(setup.coordinates[at]), setup.coordinates[at].per_radian
         lines += [
             ChartLine(f"desired {name}", DESIRED, column("F_cd", at, l), dashed=True, width=2.0),
-            ChartLine(f"measured {name}", _MEASURED[i], column("F_c", at, l), compared=True, band=SPREAD),
+            ChartLine(f"measured {name}", _MEASURED[i], column("F_c", at, l), compared=True, quantiles=SPREAD),
         ]
     return Drawing("moments of the flat tool  [N·m]", lines, at_least=(-0.05, 0.05))
 
@@ -136,9 +141,11 @@ def normal_force(setup: Setup) -> Drawing | None:
         if setup.normal or setup.surfaces == 1:
             lines.append(ChartLine(f"steady state predicted{on}", ACCENT, column(STEADY[i]), dashed=True, width=2.0))
         if setup.normal:
-            lines.append(ChartLine(f"measured{on}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD))
+            lines.append(ChartLine(f"measured{on}", _MEASURED[i], column("F_c", i), compared=True, quantiles=SPREAD))
         else:
-            lines.append(ChartLine(f"actual{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD))
+            lines.append(
+                ChartLine(f"actual{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, quantiles=SPREAD)
+            )
     lines += _not_controlled(setup) if setup.normal else []
     return Drawing("normal force  [N]", lines, at_least=(0.0, 1.0))
 
@@ -157,7 +164,7 @@ def force_error(setup: Setup) -> Drawing | None:
                 _MEASURED[i],
                 difference(column("F_c", i), desired),
                 compared=True,
-                band=SPREAD,
+                quantiles=SPREAD,
             ),
             ChartLine(f"real − desired{on}", color(2 + i), difference(column(MULTIPLIERS[i]), desired)),
         ]

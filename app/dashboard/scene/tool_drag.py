@@ -16,7 +16,7 @@ from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.transport.viser_private import move
 from app.dashboard.view_options import NEWTON_METRES
 from app.dashboard.widgets.fields.controls import Desk
-from app.session.commands import Edit, HoldTool
+from app.session.commands import DragTool, Edit
 from app.session.snapshot import Snapshot
 from environments.push import Grip
 
@@ -164,12 +164,12 @@ class ToolDrag:
         if held is not None and held.over(snapshot) and self._held is held:
             self._held = None
             if held.drag != "target":
-                self._desk.post(HoldTool(None))  # a pull that was under way may have taken hold again
+                self._desk.post(DragTool(None))  # a pull that was under way may have taken hold again
 
     def _pull(self, grip: Grip) -> None:
-        if self._desk.post(HoldTool(grip)) is None:  # a lesson's goal has begun meanwhile
+        if self._desk.post(DragTool(grip)) is None:  # a lesson's goal has begun meanwhile
             self._held = None
-            self._desk.post(HoldTool(None))
+            self._desk.post(DragTool(None))
 
     def _taken(self, snapshot: Snapshot, event: viser.SceneNodeDragEvent, drag: str) -> HeldHandle | None:
         grab, playing = np.array(event.start_position), snapshot.phase == "running"
@@ -198,7 +198,7 @@ class ToolDrag:
 
     def _let_go(self, snapshot: Snapshot, held: HeldHandle) -> None:
         if held.drag != "target":
-            self._desk.post(HoldTool(None))
+            self._desk.post(DragTool(None))
             return
         moved = np.abs(held.moved[shift_coordinates(snapshot)]).max() >= 10.0**-RESOLUTION
         if moved and self._connected(held.client):

@@ -68,7 +68,7 @@ class _Guarded(library.serve):
         process_request: Callable[[ServerConnection, Request], Response | None],
         **settings: Any,
     ) -> None:
-        def judged(connection: ServerConnection, request: Request) -> Response | None:
+        def answered(connection: ServerConnection, request: Request) -> Response | None:
             response = (
                 _refused(names, key, request)
                 or _health(fault, request)
@@ -82,7 +82,7 @@ class _Guarded(library.serve):
             return response
 
         settings |= {"max_size": _LIMITS.message, "server_header": PAGE_HEADERS["Server"]}
-        super().__init__(*args, process_request=judged, **settings)
+        super().__init__(*args, process_request=answered, **settings)
 
 
 def _refused(names: Names, key: str | None, request: Request) -> Response | None:

@@ -21,7 +21,7 @@ from app.simulation.period.alarms import (
 from app.simulation.period.observation import Observation, ObservationModel, observe
 from app.simulation.period.planned_reference import ReferencePlan, reference_at
 from app.simulation.period.row_writing import write_load, write_row
-from app.simulation.promise.true_errors import UNKNOWN, TrueArm, TrueErrors, judge_errors
+from app.simulation.promise.true_errors import UNKNOWN, TrueArm, TrueErrors, check_errors
 from controllers.bounds import required_d
 from controllers.control_law import ControlOutput, Gains, LawInput, Reference, add_up, clear, no_parameters
 from controllers.held_torque import Held, held_error, push_changed, reference_jump
@@ -270,8 +270,8 @@ def _fill_table(setting, evaluation, arm, t):
     """Compute the premises of Theorem 1 that change from period to period."""
     gains, table, output, seen = setting.gains, evaluation.table, evaluation.output, evaluation.seen
     check, held, scratch, true = evaluation.posture_check, evaluation.held, evaluation.scratch, setting.true_arm
-    if true.judged:
-        violated = judge_errors(true, seen.estimate, seen.q, seen.q_dot, t, evaluation.errors)
+    if true.checked:
+        violated = check_errors(true, seen.estimate, seen.q, seen.q_dot, t, evaluation.errors)
         table.value[DECLARED] = true.outsiders + violated
     table.value[REGULAR], table.limit[REGULAR] = 1.0 / seen.task.J_q_inv_norm, setting.limits.sigma_min
     table.value[DRIVES], table.limit[DRIVES] = _share_of_drives(setting.torque_limit, output.tau), 1.0

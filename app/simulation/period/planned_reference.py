@@ -31,7 +31,7 @@ class Forces(NamedTuple):
         """Courses on one, two or three surfaces."""
         return cls._make((*courses, *courses[-1:], *courses[-1:])[:3])
 
-    def held(self, f: np.ndarray) -> Forces:
+    def constant(self, f: np.ndarray) -> Forces:
         """Forces f (3,) N from now on."""
         return Forces._make(each._replace(start=value, change=0.0) for each, value in zip(self, f, strict=True))
 
@@ -52,10 +52,10 @@ class ReferencePlan(NamedTuple):
     shift: SmoothShift
     forces: Forces
 
-    def held(self, r: np.ndarray, f: np.ndarray) -> ReferencePlan:
+    def at_rest(self, r: np.ndarray, f: np.ndarray) -> ReferencePlan:
         """Plan of staying at r (n,) with the present forces f (3,) N."""
         still = course_of("motion", Hold(), len(r), range(0))
-        here, forces = SmoothShift.fresh(np.zeros_like(r), 1.0), self.forces.held(f)
+        here, forces = SmoothShift.fresh(np.zeros_like(r), 1.0), self.forces.constant(f)
         return self.stiff()._replace(start=r, motion=still, rotation=still, shift=here, forces=forces)
 
     def stiff(self) -> ReferencePlan:

@@ -209,7 +209,7 @@ class PremiseWatch:
         """The sampled loop as it was judged last, with its responses."""
         loop, judged = self._judged_loop, self._state.judged
         if not isinstance(loop, RespondingLoop):
-            loop = self._known(judged, self._loops_of_system.responding(loop, judged.q, judged.t))
+            loop = self._remembered(judged, self._loops_of_system.responding(loop, judged.q, judged.t))
         return loop
 
     @property
@@ -218,7 +218,7 @@ class PremiseWatch:
         judged, known = self._state.judged, self.system.sampled_loops
         if self._sampled is None and judged.station in known:
             self._sampled = known[judged.station]
-        return self._sampled or self._known(judged, self._loops_of_system.at(judged.q, judged.t))
+        return self._sampled or self._remembered(judged, self._loops_of_system.at(judged.q, judged.t))
 
     @property
     def _loops_of_system(self) -> SampledLoops:
@@ -226,7 +226,7 @@ class PremiseWatch:
             self._loops = SampledLoops(self.system)
         return self._loops
 
-    def _known(self, judged: JudgedPosture, loop: Loop) -> Loop:
+    def _remembered(self, judged: JudgedPosture, loop: Loop) -> Loop:
         """Keep the sampled loop of the posture that was judged last; that of a station is kept for other runs, too."""
         self._sampled = loop
         if judged.station is not None:

@@ -1,5 +1,5 @@
 """True errors of the controller's model at each state, against the bounds of (7) that a scenario states itself: only
-the simulation knows the true arm, and judges in each control period whether it is inside the declared set."""
+the simulation knows the true arm, and checks in each control period whether it is inside the declared set."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ UNKNOWN = TrueErrors(*5 * (np.nan,))
 
 class TrueArm(NamedTuple):
     """Data of the true arm for the check of its errors against the stated bounds.
-    judged: whether any bound is stated; where none is, nothing else is read.
+    checked: whether any bound is stated; where none is, nothing else is read.
     outsiders: number of the inequalities between truth and declaration that are violated whatever the state.
     links, chain, resistance: of the true arm; motion, estimate: memory for its terms."""
 
-    judged: bool
+    checked: bool
     outsiders: float
     least_inertia: float
     links: LinkConstants
@@ -54,7 +54,7 @@ class TrueArm(NamedTuple):
         """True arm of a plant. outsiders: number of the inequalities that it violates whatever the state."""
         links = LinkConstants.of(plant.model, robot.tool_joint, robot.tool_placement)
         return cls(
-            judged=True,
+            checked=True,
             outsiders=float(outsiders),
             least_inertia=declared.least_inertia,
             links=links,
@@ -66,9 +66,9 @@ class TrueArm(NamedTuple):
 
     @classmethod
     def unchecked(cls, believed: NominalModel, n: int) -> TrueArm:
-        """True arm of n joints of which nothing is judged; the believed one stands in its place."""
+        """True arm of n joints of which nothing is checked; the believed one stands in its place."""
         return cls(
-            judged=False,
+            checked=False,
             outsiders=0.0,
             least_inertia=0.0,
             links=believed.constants,
@@ -85,7 +85,7 @@ def stated_in(declared: Declared) -> bool:
 
 
 @allocating
-def judge_errors(true, estimate, q, q_dot, t, found):
+def check_errors(true, estimate, q, q_dot, t, found):
     """Compute the errors of `estimate` for the true arm; returns how many stated bounds are violated."""
     chain, motion, real, stated = true.chain, true.motion, true.estimate, estimate.stated
     forward_kinematics(chain, q, motion)

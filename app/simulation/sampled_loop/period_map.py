@@ -159,7 +159,7 @@ class PeriodMap:
             met = felt[: system.m]
         e_Fc = np.zeros(n) if system.m else controller.controlled * felt
         r_d = task.r + self._yields @ e_Fc
-        plan = system.plan.held(r_d, met)
+        plan = system.plan.at_rest(r_d, met)
         self._arm.settings.write("plan", plan)
         state.evaluation.take(self._blank)
         state.t, state.x[:] = at.t, 0.0

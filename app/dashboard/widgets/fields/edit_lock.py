@@ -11,10 +11,10 @@ from app.session.commands import (
     Blend,
     Command,
     Continue,
+    DragTool,
     Edit,
     EditAll,
     EditModel,
-    HoldTool,
     Load,
     PushNow,
     TakeWayOut,
@@ -67,7 +67,7 @@ class EditLock:
                 names = dict.fromkeys(name for each in entries for name in CHANGED_BY.get(each, (each,)))
                 paths = [f"target_model.{name}" for name in names]
                 return ", ".join(called(path) for path in paths if path not in self.fields)
-            case HoldTool(grip):
+            case DragTool(grip):
                 return "" if grip is None else "a push by hand"
             case _:
                 return _OTHERS.get(type(command), "")

@@ -9,6 +9,7 @@ from html import escape
 import numpy as np
 
 from app.dashboard.theme.colors import MEASURED, Rgb, line_css
+from app.dashboard.widgets.svg_grid import level, upright
 from app.lessons.answers import Answer
 from app.lessons.blocks import CurveQuestion, LessonRun, PictureLine
 from app.lessons.lesson import LessonStep
@@ -163,16 +164,9 @@ def _path(frame: _Frame, points: np.ndarray) -> str:
 
 def _grid(frame: _Frame, title: str, words: LessonWords) -> str:
     parts = [f'<text x="{LEFT}" y="12">{escape(title)}</text>']
-    parts += [
-        f'<line class="grid" x1="{frame.x(t):.1f}" x2="{frame.x(t):.1f}" y1="{TOP}" y2="{BOTTOM}"/>'
-        f'<text x="{frame.x(t):.1f}" y="{BOTTOM + 13}" text-anchor="middle">{words.number(plain(t))}</text>'
-        for t in _ticks(frame.start, frame.end)
-    ]
-    parts += [
-        f'<line class="grid" x1="{LEFT}" x2="{RIGHT}" y1="{frame.y(value):.1f}" y2="{frame.y(value):.1f}"/>'
-        f'<text x="{LEFT - 4}" y="{frame.y(value) + 3.5:.1f}" text-anchor="end">{words.number(plain(value))}</text>'
-        for value in _ticks(frame.low, frame.high)
-    ]
+    ticks, levels = _ticks(frame.start, frame.end), _ticks(frame.low, frame.high)
+    parts += [upright(frame.x(t), TOP, BOTTOM, words.number(plain(t))) for t in ticks]
+    parts += [level(frame.y(value), LEFT, RIGHT, words.number(plain(value))) for value in levels]
     parts.append(f'<text x="{RIGHT}" y="{HEIGHT - 3}" text-anchor="end">t [s]</text>')
     return "".join(parts)
 

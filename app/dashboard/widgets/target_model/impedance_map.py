@@ -10,6 +10,7 @@ from html import escape
 import numpy as np
 
 from app.dashboard.theme.colors import SERIES, line_css
+from app.dashboard.widgets.svg_grid import level, upright
 from app.export.response_files import summary
 from app.scenario.number_text import rounded
 from app.session.push_measurement import Measured
@@ -82,7 +83,10 @@ def _map(drawn: _Drawn, push: PushKind, axes: Sequence[int]) -> str:
     ]
     parts = [
         *_hatched(drawn.frequency, drawn.passive, response),
-        *(_upright(k, response) for k in range(math.ceil(math.log10(LOWEST)), last + 1)),
+        *(
+            upright(_x(10.0**k, response), _TOP, _BOTTOM, f"{10.0**k:g}")
+            for k in range(math.ceil(math.log10(LOWEST)), last + 1)
+        ),
         *(_level(k, low, high) for k in range(low, high + 1)),
         *(
             f'<path fill="none" stroke="{line_css(SERIES[place])}" {style} d="{path}">'
@@ -169,19 +173,7 @@ def _hatched(frequency: np.ndarray, does: np.ndarray, response: PushResponse) ->
     return parts
 
 
-def _upright(k: int, response: PushResponse) -> str:
-    x = _x(10.0**k, response)
-    return (
-        f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{_TOP}" y2="{_BOTTOM}"/>'
-        f'<text x="{x:.1f}" y="{_BOTTOM + 13}" text-anchor="middle">{10.0**k:g}</text>'
-    )
-
-
 def _level(k: int, low: int, high: int) -> str:
-    y = _y(10.0**k, low, high)
     short = low >= -2 and high <= 4  # all labels in one style
     label = f"{10.0**k:g}" if short else f'10<tspan dy="-4" font-size="8">{k}</tspan>'
-    return (
-        f'<line class="grid" x1="{_LEFT}" x2="{_RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
-        f'<text x="{_LEFT - 4}" y="{y + 3.5:.1f}" text-anchor="end">{label}</text>'
-    )
+    return level(_y(10.0**k, low, high), _LEFT, _RIGHT, label)

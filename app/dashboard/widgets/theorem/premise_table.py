@@ -6,7 +6,7 @@ from html import escape
 
 from app.dashboard.widgets.chips import chip, verdict_now, verdict_of_run
 from app.scenario.caption import percent
-from app.scenario.number_text import rounded
+from app.scenario.number_text import rounded, without_rounding
 from app.session.snapshot import Snapshot
 from app.simulation.omega.domain import MARGIN
 from app.simulation.promise.verdict import Finding
@@ -56,4 +56,4 @@ def _row(finding: Finding) -> str:
 
 
 def _small(value: float) -> str:
-    return rounded(0.0 if abs(value) < 1e-9 else value)
+    return rounded(without_rounding(value))

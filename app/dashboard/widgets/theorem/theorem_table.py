@@ -11,7 +11,7 @@ from typing import NamedTuple
 import viser
 
 from app.dashboard.widgets.chips import chip
-from app.scenario.number_text import rounded
+from app.scenario.number_text import rounded, without_rounding
 from app.session.snapshot import Snapshot
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise
@@ -55,7 +55,7 @@ class _LiveNumbers:
     def number(self, name: str, factor: float = 1.0) -> str:
         """One number; a dash where there is none."""
         value = self.values.get(name, math.nan) * factor
-        return f"<b>{rounded(0.0 if abs(value) < 1e-9 else value)}</b>" if math.isfinite(value) else "—"
+        return f"<b>{rounded(without_rounding(value))}</b>" if math.isfinite(value) else "—"
 
     def against(self, name: str, sign: str, limit: str, unit: str) -> str:
         """A number against another one."""
@@ -151,5 +151,4 @@ def number_chip(value: float, unit: str = "", low: float = -math.inf, high: floa
     """Number as a chip, green within its limits and red outside; "—" where there is none."""
     if not math.isfinite(value):
         return "—"
-    shown = 0.0 if abs(value) <= 1e-9 else value
-    return chip(f"{rounded(shown)}{unit}", "vs-good" if low <= value <= high else "vs-bad")
+    return chip(f"{rounded(without_rounding(value))}{unit}", "vs-good" if low <= value <= high else "vs-bad")
