@@ -16,7 +16,7 @@ Subject = Literal[
 
 
 def main(only: Annotated[tuple[Subject, ...], tyro.conf.arg(metavar="SUBJECT")] = (), quick: bool = False) -> None:
-    """Measure, about twenty minutes in all; a complete run writes docs/performance.md.
+    """Measure, some twenty-five minutes in all; a complete run writes docs/performance.md.
 
     Args:
         only: these subjects, to look without writing
