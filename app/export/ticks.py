@@ -43,6 +43,9 @@ def with_decimal_mark(axis: Axis, mark: str) -> None:
         def set_locs(self, locs: list[float]) -> None:
             self._written.set_locs(locs)
 
+        def get_offset(self) -> str:
+            return self._written.get_offset().replace(".", mark)
+
     axis.set_major_formatter(Marked(axis.get_major_formatter()))
 
 

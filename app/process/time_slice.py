@@ -29,7 +29,7 @@ class _Attributes(ctypes.Structure):
 
 def shorten_time_slice(seconds: float) -> None:
     """Ask for a time slice of so many seconds (0.0001 to 0.1) for the calling thread. Linux follows that from 6.12 on;
-    elsewhere nothing changes."""
+    an earlier one, and other systems, change nothing. Raises OSError where Linux does not allow the question."""
     attributes = _read()
     if attributes is not None:
         attributes.runtime = round(1e9 * seconds)
@@ -37,7 +37,7 @@ def shorten_time_slice(seconds: float) -> None:
 
 
 def time_slice() -> float | None:
-    """Time slice of the calling thread, s; None where the operating system does not tell."""
+    """Time slice of the calling thread, s, 0 before Linux 6.12; None on other systems. Raises OSError."""
     attributes = _read()
     return None if attributes is None else 1e-9 * attributes.runtime
 

@@ -110,8 +110,14 @@ def promised(signals: Mapping[str, np.ndarray]) -> str:
 
 
 def stopped_at(reason: str) -> str:
-    """Words, in one line, on why a run stopped. reason: begins with the instant."""
-    return f"Stopped at {' '.join(reason.split())}"
+    """Words, in one line, on why a run stopped. reason: begins with the instant; it may be of a file, or have the text
+    of an exception of the user's own code."""
+    return f"Stopped at {in_one_line(reason)}"
+
+
+def in_one_line(text: str) -> str:
+    """Text with single spaces in place of line breaks and control characters, which files and pages cannot hold."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def percent(share: float) -> str:

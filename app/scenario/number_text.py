@@ -8,8 +8,9 @@ from collections.abc import Sequence
 DIGITS, MOST_DIGITS = 6, 15  # of a number: usually, and at most
 _RAISED = "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
 _RAISE = str.maketrans("-0123456789", _RAISED)
-# a number with an exponent as Python writes it, which is no part of a name, a path or a text in quotes
-_EXPONENT = re.compile(r"""(?<![\w.+/'"-])-?\d+(?:\.\d+)?e[+-]\d{2,3}(?![\w/'"-]|\.\w)""")
+_QUOTED = r"""(?<!\w)'[^'\n]*'|"[^"\n]*\""""  # what somebody has typed, or the name of a file
+# a number with an exponent as Python writes it, which is no part of a name or a path
+_EXPONENT = re.compile(rf"""{_QUOTED}|(?<![\w.+/-])(?P<number>-?\d+(?:\.\d+)?e[+-]\d{{2,3}})(?![\w/-]|\.\w)""")
 
 
 def without_rounding(value: float, least: float = 1e-9) -> float:
@@ -55,5 +56,6 @@ def with_power(text: str) -> str:
 
 
 def with_powers(text: str) -> str:
-    """Text in which numbers that Python has written with an exponent have a power of ten."""
-    return _EXPONENT.sub(lambda found: with_power(found[0]), text)
+    """Text in which numbers that Python has written with an exponent have a power of ten; what stands in quotes is as
+    it was."""
+    return _EXPONENT.sub(lambda found: with_power(found[0]) if found["number"] else found[0], text)

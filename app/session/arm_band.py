@@ -188,7 +188,7 @@ class ArmsAhead:
             raise
 
     def _next(self) -> _Arm | None:
-        """Arm to run next, which nobody else runs meanwhile; None where there is none."""
+        """Arm to run next, which nobody else runs meanwhile; None where there is none. To be called with the lock."""
         if len(self._arms) < len(self._loops):
             self._arms.append(_Arm(self._loops[len(self._arms)](), self._stretch))
             return self._arms[-1]

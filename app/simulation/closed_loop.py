@@ -174,7 +174,7 @@ class ClosedLoop:
         continue as they are. The premises are judged only where a broken promise would stop the run. Raises
         ScenarioError.
 
-        recording: in which the run's first epoch begins.
+        recording: of the run, which may be that of other runs, too.
         previous: a system whose parts are used again where they are the same.
         """
         system = with_truth(self.system, truth, previous)
@@ -285,7 +285,7 @@ class ClosedLoop:
         self._stage = "the control law"
         if not arm.apply_law(F, row):
             self.stop_without_force()
-        if state.steps % self.premise_watch.every == 0 or arm.check_due:
+        if (state.steps % self.premise_watch.every == 0 or arm.check_due) and arm.judged:
             self.premise_watch.check_posture()
         self._stage = "the plant"
         arm.move()
@@ -366,7 +366,9 @@ class ClosedLoop:
             system = self.system
             controller = system.controller.following(blend.end)
             after = replace(system.with_controller(controller), scenario=after_blend(system.scenario), blend=None)
+            judged = self.controlled_arm.judged
             self._bind(after, self.state)
+            self.controlled_arm.judged = judged
             self._new_epoch()
         elif self.t > blend.begins - half:
             if self.state.epoch.t < blend.begins - half:

@@ -97,8 +97,9 @@ class _GrowingBand:
 
     def grow(self, until: float, asker: Connection | None = None) -> bool:
         """Wait while the band grows: until this instant of `time.perf_counter`, until the band is as long as the
-        preview, or until the asker sends a message. Returns whether there is another band to draw."""
-        drawn = self._band
+        preview, or until the asker sends a message. Returns whether there is another band to draw, or a reason for
+        none."""
+        drawn, said = self._band, self._problem
         while self._ahead is not None and self._ahead.reached < self._wanted and self._ahead.going:
             left = until - time.perf_counter()
             if left <= 0.0 or (asker is not None and asker.poll(min(LOOK, left))):
@@ -107,7 +108,7 @@ class _GrowingBand:
                 time.sleep(min(LOOK, left))
         if self._ahead is not None:
             self._attempt(self._take)
-        return self._band is not drawn
+        return self._band is not drawn or self._problem != said
 
     def behind(self, preview: Preview) -> Preview:
         """The preview with the band as far as it is known."""

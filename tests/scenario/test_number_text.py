@@ -32,6 +32,7 @@ def test_numbers_of_an_axis_have_one_style() -> None:
             "recording '1e-05': /tmp/1e-05/run, 1e-05.npz, x-1e-05, 1e5",
             "recording '1e-05': /tmp/1e-05/run, 1e-05.npz, x-1e-05, 1e5",
         ),
+        ("'x + 1e-05*y' at the arm's 1e+05 and the tool's", "'x + 1e-05*y' at the arm's 10⁵ and the tool's"),
     ],
 )
 def test_exponents_in_a_sentence_are_powers_of_ten_but_not_those_of_names(sentence: str, read: str) -> None:

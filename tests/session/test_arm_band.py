@@ -1,10 +1,11 @@
-"""ArmBand of a preview: the numbers of each arm are those of a loop with that arm, in any order, and none is hidden."""
+"""Band of a preview: the numbers of each arm are those of a loop with that arm, in any order, and none is hidden."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, NoReturn
 
 import msgspec
 import numpy as np
@@ -15,6 +16,7 @@ from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import SEED, SIGNALS, ArmBand, ArmsAhead, BandStretch, TrueArms
+from app.session.changes import blending_to
 from app.session.preview import PreviewRun
 from app.session.preview_client import Previewer
 from app.session.preview_messages import Preview, PreviewRequest
@@ -23,8 +25,9 @@ from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.recording import Recording
+from app.workers.preview import _GrowingBand
 from drivers import kernels
-from drivers.waiting import until
+from drivers.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.slow  # processes of its own
 COUNT, HORIZON = 3, 0.2
@@ -193,6 +196,39 @@ def test_what_an_arm_cannot_be_built_for_is_raised_and_the_others_are_left(monke
     assert ahead.reached == 0
     with pytest.raises(ScenarioError, match="too heavy"):
         ahead.band()
+
+
+def test_why_there_is_no_band_is_something_to_draw(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The reason comes from a thread, after the first answer."""
+    loop = running(shipped()["ur5-hybrid"])
+    preview_run = preview_run_of(loop, loop.system.scenario)
+    while preview_run.progress < 1.0:
+        preview_run.advance(preview_run.batch)
+
+    def fails(*_: Any) -> NoReturn:
+        raise ScenarioError("truth.payload_mass: too heavy")
+
+    monkeypatch.setattr(ClosedLoop, "with_truth", fails)
+    band = _GrowingBand(assembly.Memory())
+    band.follow(preview_run)
+    assert band.grow(time.perf_counter() + PATIENCE)
+    answer = band.behind(preview_run.preview())
+    assert (answer.band, answer.bandless) == (None, "truth.payload_mass: too heavy")
+    assert not band.going
+
+
+@pytest.mark.parametrize(("violation", "judged"), [("flag", False), ("stop", True)])
+def test_the_premises_of_an_arm_are_judged_only_where_a_broken_promise_stops_it(violation: str, judged: bool) -> None:
+    """Also after a blend, whose end begins another epoch."""
+    base = edited(shipped()["ur5-hybrid"], "simulation.bound_violation", violation)
+    softer = edited(base, "target_model", {"B_m": [300.0, *[600.0] * 5], "K_m": [0.0, *[6000.0] * 5]})
+    loop = ClosedLoop.from_scenario(blending_to(base, softer, 0.03, 0.05))
+    n = loop.recording.n
+    arm = loop.with_truth(truth_of(base, 0, n), Recording(n), None)
+    CompiledRun(arm).advance(150)
+    assert arm.system.blend is None
+    assert arm.controlled_arm.judged == judged
+    assert np.isfinite(arm.recording.stretch()["s_bound"][-1]) == judged
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.playing import LessonOutcome, Trace
 from app.lessons.predictions import predicted
 from app.lessons.words import LessonWords, words_of
+from app.scenario.caption import in_one_line
 
 _FREE = (SERIES[0], *SERIES[2:])  # without SERIES[1], whose orange is too near to that of the predictions
 
@@ -46,7 +47,7 @@ def figure_of_run(
         for name, value in outcome.measurements.items()
     )
     caption = f"{lesson.head.title}: {run.title}." + (f" {words.measured}: {text}." if text else "")
-    ended = f" {words.stopped.format(outcome.stopped)}." if outcome.stopped else ""
+    ended = f" {words.stopped.format(in_one_line(outcome.stopped))}." if outcome.stopped else ""
     return Figure(charts, f"{caption}{ended}", decimal=words.decimal)
 
 

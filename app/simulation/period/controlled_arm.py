@@ -163,6 +163,15 @@ class ControlledArm:
         return pushed
 
     @property
+    def judged(self) -> bool:
+        """Whether the premises are judged, see `Setting`."""
+        return bool(self.settings.data["judged"][0])
+
+    @judged.setter
+    def judged(self, judged: bool) -> None:
+        self.settings.data["judged"] = judged
+
+    @property
     def check_due(self) -> bool:
         """Whether a posture check is due in this period already."""
         return bool(self._check_due[0])
