@@ -46,7 +46,8 @@ def standing_of(system: System, state: State) -> Standing:
     stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
     outsiders = system.outsiders + beyond(errors, stated, system.scenario.declared.least_inertia, system.units)
     lost = losses(system, state.arm.views.holding)
-    return Standing(table, record, state.stopped, outsiders, system.units, lost, waiting=state.steps == 0)
+    law = system.controller.law
+    return Standing(table, record, state.stopped, outsiders, system.units, law, lost, waiting=state.steps == 0)
 
 
 class ClosedLoop:
