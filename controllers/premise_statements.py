@@ -14,7 +14,7 @@ class Statement:
     title: the quantity that is compared.
     sign: how value and limit must compare.
     of: whose unit it has, "" for a plain number: a force of r, an angle of the joints, or J_q.
-    failed: sentence for a failure, with {value}, {limit} and {unit}.
+    failed: sentence for a failure, with {value}, {limit} and {unit}, and {ways} to a stable loop that the law has.
     why: reason for the premise.
     unknown: sentence where the value is infinite because it cannot be computed, "" for `failed`.
     counts: whether the value is a number of violations, of which none is allowed."""
@@ -140,7 +140,7 @@ STATEMENTS: dict[Premise, Statement] = {
         "<",
         "",
         "the sampled loop is unstable: each control period multiplies a deviation by {value} (must be below 1); choose "
-        "a shorter control period, a smaller delay of the sensor, a softer target model, or smaller K_s and F_1",
+        "{ways}",
         "largest growth of a small deviation over one control period with the torque held, for the present model and "
         "posture, on each choice of elastic surfaces that may be left, with Coulomb friction in the worst direction of "
         "slip; under the discontinuous law that of the motion on s = 0; infinite (not known) where the reading of a "

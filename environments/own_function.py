@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import inspect
 from collections.abc import Callable
@@ -12,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kernels import Elsewhere
+from kernels import Elsewhere, kernel
+from kernels.records import Record
 
 MOST_PARAMETERS = 16  # parameters
 BEYOND = 256  # numbers behind an array, which nothing may write
@@ -31,6 +31,10 @@ class OwnFunction(NamedTuple):
     parameters: np.ndarray
 
 
+class OwnFunctionError(Exception):
+    """Exception of a user's own function where it is tried, its cause; says where that is."""
+
+
 NO_FUNCTION = OwnFunction(np.uint64(0), np.uint64(0), np.zeros(MOST_PARAMETERS))
 
 
@@ -47,22 +51,26 @@ def own_function(
     return OwnFunction(np.uint64(kept.address), np.uint64(digest), numbers)
 
 
-def write_at(own: OwnFunction, t: float, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> None:
-    """Call a function at time t (s), which writes into these arrays; outside of kernels."""
-    kind = ctypes.CFUNCTYPE(None, ctypes.c_double, *4 * (ctypes.c_size_t,))
-    kind(int(own.address))(t, *(array.ctypes.data for array in (own.parameters, a, b, c)))
+@kernel
+def _call_alone(own, t, a, b, c):
+    call(own[0].address, t, own[0].parameters, a, b, c)
 
 
 def written_beyond(
-    own: OwnFunction, t: float, sizes: tuple[int, int, int], given: np.ndarray | float = 0.0
+    own: OwnFunction, t: float, sizes: tuple[int, int, int], where: str, given: np.ndarray | float = 0.0
 ) -> list[int | None]:
     """First place behind each of its three arrays, counted from their ends, that a function writes at time t (s), which
-    compiled code does not notice; None where there is none.
+    compiled code does not notice in a function of another file that it calls; None where there is none. Raises
+    OwnFunctionError where the function fails.
     sizes: of the arrays, which are zero before.
-    given: numbers that the first one has instead."""
+    where: words for this call.
+    given: numbers that the first array has instead."""
     arrays = [np.append(np.zeros(size), np.full(BEYOND, np.nan)) for size in sizes]
     arrays[0][: sizes[0]] = given
-    write_at(own, t, *arrays)
+    try:
+        _call_alone(Record(own).data, t, *arrays)
+    except Exception as error:  # the function is the user's own, and may raise anything
+        raise OwnFunctionError(where) from error
     places = (np.flatnonzero(~np.isnan(array[size:])) for array, size in zip(arrays, sizes, strict=True))
     return [int(found[0]) if len(found) else None for found in places]
 

@@ -49,6 +49,11 @@ class Kernel:
 
         return types.Dispatcher(self.dispatcher)
 
+    def check_indices(self) -> None:
+        """Have the function compiled with checks: an index beyond an array raises IndexError, and each exception of an
+        inline kernel has its line. To be called before the function is compiled."""
+        self._options["boundscheck"] = True
+
     def __call__(self, *arguments: Any) -> Any:
         return self.dispatcher(*arguments)
 
@@ -156,7 +161,11 @@ def address_for(kernel: Kernel, *arguments: np.ndarray | float) -> int:
     """Address in this process of the kernel compiled for arguments of these types, for `kernels.pointers.ask`."""
     from kernels.symbols import type_of
 
-    types = tuple(type_of(argument) for argument in arguments)
+    return address_of(kernel, tuple(type_of(argument) for argument in arguments))
+
+
+def address_of(kernel: Kernel, types: tuple[Any, ...]) -> int:
+    """Address as `address_for` gives it, for arguments of these types of numba."""
     if types not in kernel.dispatcher.overloads:  # as in `compiled_for`
         kernel.dispatcher.compile(types)
     found = kernel.dispatcher.overloads[types]

@@ -7,11 +7,15 @@ optimises it there once more. For functions that nothing else calls that was a t
 from typing import Any, Literal
 
 from numba.core import ir, types
+from numba.core.callconv import CPUCallConv
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.errors import TypingError
+from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering
+from numba.extending import intrinsic
+from numba.np import arrayobj
 
 from kernels.symbols import jit
 
@@ -46,11 +50,55 @@ class LinkedLibrary(JITCodeLibrary):
         self._finalized = True
 
 
+class LinkedLower(Lower):
+    """Writer of a function's code. Where the function's indices are checked, it notes which statement it writes."""
+
+    def lower_inst(self, inst: Any) -> None:
+        """Write the code of a statement."""
+        flags: Any = self.flags
+        builder: Any = self.builder
+        if flags.boundscheck:
+            builder.statement = inst.loc, self.func_ir.func_id.func_name
+        super().lower_inst(inst)
+
+
+_raise = CPUCallConv.set_static_user_exc
+
+
+def _raise_with_line(
+    convention: Any, builder: Any, exc: Any, exc_args: Any = None, loc: Any = None, func_name: Any = None
+) -> None:
+    if loc is None:
+        loc, func_name = getattr(builder, "statement", (None, func_name))
+    _raise(convention, builder, exc, exc_args, loc, func_name)
+
+
+def _generate_mismatch(_typing, source, target):
+    """Signature and instructions that raise the exception of a slice, as numba's `intrinsic` takes them."""
+
+    def generate(context, builder, _signature, _arguments):
+        words = ("cannot assign slice from input of different size",)
+        context.call_conv.return_user_exc(builder, ValueError, words)
+        return context.get_dummy_value()
+
+    return types.none(source, target), generate
+
+
+# numba gives a line to a `raise`, but not to an index beyond an array, nor to a slice of another size than its source
+CPUCallConv.set_static_user_exc = _raise_with_line  # pyright: ignore[reportAttributeAccessIssue]
+arrayobj.raise_with_shape_context = intrinsic(_generate_mismatch)
+
+
 @register_pass(mutates_CFG=True, analysis_only=False)
 class LinkedLowering(NativeLowering):
     """Pass that writes a function's code into a `LinkedLibrary`."""
 
     _name = "linked_lowering"
+
+    @property
+    def lowering_class(self) -> type[Lower]:
+        """Writer of the code."""
+        return LinkedLower
 
     def run_pass(self, state: Any) -> Literal[True]:
         """Write the code of the function that is being compiled. Raises TypingError."""

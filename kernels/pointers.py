@@ -5,33 +5,18 @@ from __future__ import annotations
 
 from collections import namedtuple
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
-from llvmlite import ir
-from numba import cfunc, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 from numba.np.unsafe import ndarray
 
-from kernels import ARITHMETIC, inline
+from kernels import Kernel, address_of, inline
 
 Shape = tuple[int, ...]
 _PLACES = 4  # addresses of data that a call passes: of the parameters and of three arrays
-
-
-def _generate_jump(_typing, _address, _t, _places):
-    """Signature and instructions of a call of the function at an address, with a time (s) and the addresses of arrays,
-    as numba's `intrinsic` takes them."""
-
-    def generate(context, builder, _signature, arguments):
-        number = context.get_value_type(types.uintp)
-        kind = ir.FunctionType(ir.VoidType(), [ir.DoubleType(), *(number,) * _PLACES])
-        found = [builder.extract_value(arguments[2], i) for i in range(_PLACES)]
-        builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), [arguments[1], *found])
-        return context.get_dummy_value()
-
-    return types.void(types.uintp, types.float64, types.UniTuple(types.uintp, _PLACES)), generate
 
 
 def _generate_numbers_at(_typing, _place):
@@ -45,7 +30,6 @@ def _generate_numbers_at(_typing, _place):
     return signature, generate
 
 
-_jump: Any = intrinsic(_generate_jump)
 _numbers_at: Any = intrinsic(_generate_numbers_at)
 _fixed: Any = ndarray.to_fixed_tuple
 
@@ -97,19 +81,27 @@ def ask_number(address, arguments):
 @inline
 def call(address, t, parameters, a, b, c):
     """Call the function at an address at time t (s), with its parameters and three arrays of the shapes for which it
-    was compiled."""
-    places = (parameters.ctypes.data, a.ctypes.data, b.ctypes.data, c.ctypes.data)
-    _jump(address, t, places)
+    was compiled; see `ask`."""
+    ask(address, (float(t), parameters.ctypes.data, a.ctypes.data, b.ctypes.data, c.ctypes.data))
 
 
-def compiled_alone(function: Callable[..., None], names: tuple[str, ...], shapes: tuple[Shape, Shape, Shape]) -> Any:
+class CompiledAlone(NamedTuple):
+    """Function compiled for `call`. kernel: keeps its code; address: of the code, which holds as long as the kernel
+    lives."""
+
+    kernel: Kernel
+    address: int
+
+
+def compiled_alone(
+    function: Callable[..., None], names: tuple[str, ...], shapes: tuple[Shape, Shape, Shape]
+) -> CompiledAlone:
     """Compiled `function(t, parameters, a, b, c)` for `call`, with parameters of these names and arrays of these
-    shapes. Its `address` holds as long as the returned object lives. Raises numba's errors."""
+    shapes. Raises numba's errors."""
     names = names or ("none",)  # an empty tuple cannot be compiled
     count, first, second, third = len(names), *shapes
     Parameters = namedtuple("Parameters", names)
 
-    @cfunc(types.void(types.float64, *(types.uintp,) * _PLACES), **ARITHMETIC)
     def at_places(t, parameters, a, b, c):
         numbers = _fixed(carray(_numbers_at(parameters), (count,)), count)
         function(
@@ -120,4 +112,5 @@ def compiled_alone(function: Callable[..., None], names: tuple[str, ...], shapes
             carray(_numbers_at(c), third),
         )
 
-    return at_places
+    kernel = Kernel(at_places, _nrt=True)
+    return CompiledAlone(kernel, address_of(kernel, (types.float64, *(types.uintp,) * _PLACES)))

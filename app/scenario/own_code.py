@@ -7,6 +7,7 @@ the names from the environment.
 
 from __future__ import annotations
 
+import ast
 import inspect
 import json
 import os
@@ -29,7 +30,7 @@ from msgspec import Struct
 from app.scenario.errors import ScenarioError
 from controllers.control_law import TOLD, ControlLaw, TorqueTerms
 from controllers.laws.table import LAWS
-from environments.own_function import MOST_PARAMETERS
+from environments.own_function import MOST_PARAMETERS, OwnFunctionError
 from environments.surfaces import own as own_surfaces
 from environments.surfaces.chart import Shape
 from environments.surfaces.own import OwnSurface
@@ -38,7 +39,7 @@ from environments.trajectories import own as own_trajectories
 from environments.trajectories.own import OwnTrajectory
 from environments.trajectories.table import TRAJECTORIES
 from environments.trajectories.trajectory import Course
-from kernels import compiled
+from kernels import Kernel, compiled
 from parameters import Parameter
 
 VARIABLE = "VSMRC_USE"
@@ -49,6 +50,7 @@ _ALLOWED = (
 )
 _PLACES = re.compile(r'(?: at |File ")(.+?)(?:", line | \()(\d+)')  # as numba tells them, the innermost first
 _ALLOCATES = ("NRT required but not enabled", "Only accept returning of array passed")  # numba's sentences
+_UNKNOWN = re.compile(r"NameError: name '(\w+)' is not defined")
 _Own = ControlLaw | OwnSurface | OwnTrajectory
 _Member = TypeVar("_Member", OwnSurface, OwnTrajectory)
 
@@ -149,8 +151,38 @@ def _located_in(function: Callable[..., None]) -> Iterator[None]:
         yield
     except ValueError:
         raise
+    except OwnFunctionError as error:
+        raise OwnCodeError(f"{located(error.__cause__ or error, _file_of(function))}, {error}") from error
     except Exception as error:
-        raise OwnCodeError(located(error, Path(inspect.getfile(inspect.unwrap(function))))) from error
+        raise OwnCodeError(located(error, _file_of(function))) from error
+
+
+def _file_of(function: Callable[..., None]) -> Path:
+    return Path(inspect.getfile(inspect.unwrap(function)))
+
+
+def own_fault(error: BaseException) -> OwnCodeError | None:
+    """Sentence about an exception that a surface or a trajectory of the user's own has raised, with its file and line;
+    None for any other, and for one that has its sentence already."""
+    chain = _chain(error)
+    if any(isinstance(each, OwnCodeError) for each in chain):
+        return None
+    own = own_code()
+    functions = [each.chart for each in own.surfaces.values()] + [each.path for each in own.trajectories.values()]
+    for path in map(_file_of, functions):
+        for each in chain:
+            if any(frame.filename == str(path) for frame in traceback.extract_tb(each.__traceback__)):
+                return OwnCodeError(located(each, path))
+    return None
+
+
+def _chain(error: BaseException | None) -> list[BaseException]:
+    """An exception, and those from which it was raised."""
+    chain: list[BaseException] = []
+    while error is not None:
+        chain.append(error)
+        error = error.__cause__
+    return chain
 
 
 def _tag(kind: type[Struct]) -> str:
@@ -177,6 +209,9 @@ def _loaded(path: Path) -> ModuleType:
         raise
     except BaseException as error:
         raise OwnCodeError(f"--use {located(error, path)}") from error
+    for each in vars(module).values():
+        if isinstance(each, Kernel) and each.py_func.__module__ == module.__name__:
+            each.check_indices()
     return module
 
 
@@ -274,11 +309,21 @@ def located(error: BaseException, path: Path) -> str:
         lines = [error.lineno]
     text = _said(error)
     compiling = [line for file, line in _PLACES.findall(text) if Path(file).resolve() == path.resolve()]
-    line = compiling[0] if compiling else lines[-1] if lines else None
+    line = compiling[0] if compiling else lines[-1] if lines else _line_of_unknown_name(text, path)
     where = str(path) if line is None else f"{path}, line {line}"
     if any(said in text for said in _ALLOCATES):
-        return f"{where}: a new array, list or text; allowed: with kernels.allocating in place of kernels.inline"
+        made = "a slice, a new array, list or text"
+        return f"{where}: {made}; allowed: with kernels.allocating in place of kernels.inline"
     texts = [text.strip() for text in text.splitlines()]
     said = next((text for text in texts if text and not text.startswith("Failed in nopython mode")), "")
     said = re.sub(" of type .*| \\(.*, line \\d+\\)$", "", said)  # types as numba writes them fill pages
     return f"{where}: {type(error).__name__}: {said:.200}".rstrip(": ")
+
+
+def _line_of_unknown_name(text: str, path: Path) -> int | None:
+    """Line where a file first reads the name that numba does not know: numba tells it without its line."""
+    unknown = _UNKNOWN.search(text)
+    if unknown is None:
+        return None
+    names = (node for node in ast.walk(ast.parse(path.read_bytes())) if isinstance(node, ast.Name))
+    return min((node.lineno for node in names if node.id == unknown[1]), default=None)

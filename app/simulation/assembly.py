@@ -14,6 +14,7 @@ from app.scenario.errors import (
     IrregularSurface,
     ScenarioError,
 )
+from app.scenario.own_code import own_fault
 from app.scenario.schema import Scenario, TruthSection
 from app.simulation.builders.controller_builder import (
     believed_compliance,
@@ -106,6 +107,11 @@ def assemble(scenario: Scenario, previous: System | None = None, memory: Memory 
         return _assemble(scenario, previous, known)
     except (InvalidGain, RobotError) as error:
         raise ScenarioError(str(error)) from error
+    except Exception as error:
+        fault = own_fault(error)
+        if fault is None:
+            raise
+        raise fault from error
 
 
 def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> System:

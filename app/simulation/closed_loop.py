@@ -9,7 +9,7 @@ import msgspec
 import structlog
 
 from app.scenario.errors import ScenarioError
-from app.scenario.own_code import OwnCodeError
+from app.scenario.own_code import OwnCodeError, own_fault
 from app.scenario.schema import Scenario, TruthSection, after_blend
 from app.simulation.assembly import assemble, with_truth
 from app.simulation.builders.controller_builder import law_of
@@ -46,7 +46,8 @@ def standing_of(system: System, state: State) -> Standing:
     stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
     outsiders = system.outsiders + beyond(errors, stated, system.scenario.declared.least_inertia, system.units)
     lost = losses(system, state.arm.views.holding)
-    return Standing(table, record, state.stopped, outsiders, system.units, lost, waiting=state.steps == 0)
+    law = system.controller.law
+    return Standing(table, record, state.stopped, outsiders, system.units, law, lost, waiting=state.steps == 0)
 
 
 class ClosedLoop:
@@ -345,6 +346,9 @@ class ClosedLoop:
     def fail(self, stage: str, error: Exception) -> None:
         """Stop for an exception at this stage of the step; one that arithmetic does not explain is reported as a fault
         of the program."""
+        own = own_fault(error)
+        if own is not None:
+            stage, error = "a function of --use", own
         known = isinstance(error, ArithmeticError | ValueError)
         what = f"{error}" if known and str(error) else f"{type(error).__name__}: {error}".rstrip(": ")
         self.state.stopped = f"t = {self.t:.3f} s: {stage} failed ({what})"
@@ -395,10 +399,13 @@ class ClosedLoop:
         self.controlled_arm.follow(self.system.controller.gains)
 
     def evaluated(self) -> Record[Evaluation]:
-        """Evaluation of the period that begins now; that of the previous period where the user's own law fails."""
+        """Evaluation of the period that begins now; that of the previous period where a function of the user's
+        own fails."""
         try:
             return self.controlled_arm.evaluated()
-        except OwnCodeError:
+        except Exception as error:
+            if not isinstance(error, OwnCodeError) and own_fault(error) is None:
+                raise
             return self.state.evaluation.copy()
 
     def view(self) -> View:

@@ -155,8 +155,16 @@ class CompiledRun:
                 loop.stop_without_force()
                 data.unsolved = False
             if data.nearest >= 0:
-                loop.premise_watch.judge_posture(data.nearest)
+                self._judge(data.nearest)
         return ahead.periods - left
+
+    def _judge(self, nearest: int) -> None:
+        """Judge the posture of the period that is being computed; an exception in this stops the run, as in a step."""
+        try:
+            self._loop.premise_watch.judge_posture(nearest)
+        except Exception as error:
+            self._loop.fail("the control law", error)
+            self._data.fields.moving = False
 
     def _explained(self, error: BaseException) -> Exception:
         """Error that the compiled function has raised, with its reason."""

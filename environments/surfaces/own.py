@@ -46,8 +46,8 @@ class OwnSurface:
     parameters: tuple[Parameter, ...] = ()
 
     def shape(self, form: OwnForm) -> Shape:
-        """Shape for kernels, with the parameters of a scenario. Raises ValueError with one sentence, and numba's
-        errors."""
+        """Shape for kernels, with the parameters of a scenario. Raises ValueError with one sentence,
+        OwnFunctionError, and numba's errors."""
         values = values_of(self.parameters, form.parameters, "surface.parameters")
         own = own_function(_adapted(self.chart), self.chart, values, ((3,), (3, 3), (3, 3, 3)))
         _require_within(self.kind, own)
@@ -55,9 +55,9 @@ class OwnSurface:
 
 
 def _require_within(kind: str, own: OwnFunction) -> None:
-    """Raise ValueError where the chart writes beyond its arrays."""
+    """Raise ValueError where the chart writes beyond its arrays, and OwnFunctionError where it fails."""
     for zeta in (np.zeros(3), *(NEAR * np.eye(3)), np.full(3, -NEAR)):
-        places = written_beyond(own, 0.0, (3, 9, 27), zeta)
+        places = written_beyond(own, 0.0, (3, 9, 27), f"tried at zeta = {written(zeta)}", zeta)
         behind = [name for name, place in zip(("g", "G", "G_p"), places, strict=True) if place is not None]
         if behind:
             raise ValueError(f"surface.name: {kind!r} writes behind the end of {behind[0]}; allowed: indices 0 to 2")
@@ -110,7 +110,7 @@ class OwnForm(Form, frozen=True, forbid_unknown_fields=True, tag="own"):
         psi, k = surface.chart(around, t).g, self.resolution
         psi_1, psi_2 = grid(k, (psi[1] - HALF, psi[1] + HALF), (psi[2] - HALF, psi[2] + HALF))
         points = np.array(
-            [_point(surface, np.array([0.0, u, v]), t, around) for u, v in zip(psi_1, psi_2, strict=True)]
+            [_point_drawn(surface, np.array([0.0, u, v]), t, around) for u, v in zip(psi_1, psi_2, strict=True)]
         )
         there = np.isfinite(points.sum(axis=1))
         vertices, faces = np.where(there[:, None], points - self.motion.offset(t), 0.0), triangles(k)
@@ -130,6 +130,15 @@ class OwnForm(Form, frozen=True, forbid_unknown_fields=True, tag="own"):
                     f"surface.name: {self.name!r} has a gradient of phi of the length {slope:.6g} at {written(p)}; "
                     "allowed: 1 on the surface, where phi is the penetration in metres"
                 )
+
+
+def _point_drawn(surface: Surface, g: np.ndarray, t: float, start: np.ndarray) -> np.ndarray:
+    """Point (3,) m as `_point` finds it; nan also where the chart raises an exception on the way, since it may have no
+    coordinates far from the tool."""
+    try:
+        return _point(surface, g, t, start)
+    except (ArithmeticError, LookupError, ValueError):
+        return np.full(3, np.nan)
 
 
 def _point(surface: Surface, g: np.ndarray, t: float, start: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ class OwnTrajectory:
 
     def course(self, path: OwnPath, n: int, free: range) -> Course:
         """Course with the parameters of a scenario, as a displacement of n coordinates. Raises ValueError with one
-        sentence, and numba's errors."""
+        sentence, OwnFunctionError, and numba's errors."""
         values = values_of(self.parameters, path.parameters, "motion.parameters")
         k = (len(free),)
         own = own_function(self.path, self.path, values, (k, k, k))
@@ -45,8 +45,10 @@ class OwnTrajectory:
 
 
 def _require_within(kind: str, own: OwnFunction, k: int) -> None:
-    """Raise ValueError where the path writes beyond its k coordinates."""
-    beyond = [place for t in INSTANTS for place in written_beyond(own, t, (k, k, k)) if place is not None]
+    """Raise ValueError where the path writes beyond its k coordinates, and OwnFunctionError where it fails."""
+    where = "tried at t = {:g} s with value.shape[0] = {}"
+    places = [place for t in INSTANTS for place in written_beyond(own, t, (k, k, k), where.format(t, k))]
+    beyond = [place for place in places if place is not None]
     if beyond:
         raise ValueError(
             f"motion.name: {kind!r} writes coordinate {k + 1 + min(beyond)}; allowed: 1 to {k} (value.shape[0]), the "

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from app.cli.status import STOPPED
 from app.scenario import own_code
 from tests.support.commands import Done
 from tests.support.pages import ROOT
@@ -75,6 +76,58 @@ def test_a_law_whose_state_has_no_length_is_refused(
     assert done.returncode == 2
     assert message in done.stderr
     assert str(law) in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "states", "message"),
+    [
+        (
+            "given, out",
+            "lambda n: 1",
+            "torque(given, out) in a law with states; allowed: torque(given, out, x, x_dot), or torque(given, out) "
+            "without states\n",
+        ),
+        (
+            "given, out, x, x_dot",
+            "None",
+            "torque(given, out, x, x_dot) in a law with no states; allowed: torque(given, out), or torque(given, out, "
+            "x, x_dot) with states\n",
+        ),
+    ],
+)
+@pytest.mark.parametrize("decorator", ["", "@inline\n"])
+def test_a_law_with_other_arguments_than_it_gets_is_refused(
+    decorator: str, arguments: str, states: str, message: str, tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    (law := tmp_path / "law.py").write_text(
+        "from controllers.control_law import ControlLaw\nfrom kernels import inline\n"
+        f"{decorator}def torque({arguments}):\n    pass\n"
+        f"LAW = ControlLaw('refused', 'Refused', 'None.', torque, states={states})\n"
+    )
+    done = here("run", "planar3r-hybrid", "--use", str(law), "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert done.stderr == f"vsmrc: --use {law}: {message}"
+
+
+def test_a_path_that_fails_in_the_run_ends_the_command_with_the_status_of_a_run_that_has_stopped(
+    tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    (path := tmp_path / "path.py").write_text(
+        "from environments.trajectories.own import OwnTrajectory\nfrom kernels import inline\n"
+        "@inline\ndef path(t, p, value, rate, acceleration):\n"
+        "    if 0.052999 < t and t < 0.053001:\n        raise ValueError('late')\n"
+        "TRAJECTORY = OwnTrajectory('late', 'Late', 'It fails.', path)\n"
+    )
+    for engine in ("pinocchio", "compiled"):
+        out = tmp_path / engine
+        done = here(
+            *("run", "ur5-hybrid", "--use", str(path), "--engine", engine, "--out", str(out)),
+            *("--set", "motion=own:late", "--duration", "0.1"),
+        )
+        assert done.returncode == STOPPED
+        said = f"t = 0.053 s: a function of --use failed ({path}, line 6: ValueError: late)"
+        assert said in done.stdout + done.stderr
+        assert (out / "recording.npz").exists()
 
 
 def test_a_file_that_was_changed_since_the_start_is_not_used_by_another_process(

@@ -245,15 +245,45 @@ def test_a_file_that_is_none_is_said(tmp_path: Path) -> None:
         ),
         (
             "@inline\ndef torque(given, out):\n    out.terms.linear[:] = given.task.J_q.T @ out.e_r\n",
-            "my_law.py, line 6: a new array, list or text; allowed: with kernels.allocating in place of kernels.inline",
+            "my_law.py, line 6: a slice, a new array, list or text; allowed: with kernels.allocating in place of "
+            "kernels.inline",
+        ),
+        (
+            "@inline\ndef torque(given, out):\n    out.terms.gravity[:] = given.feedforward.G_hat\n",
+            "my_law.py, line 6: a slice, a new array, list or text; allowed: with kernels.allocating",
+        ),
+        (
+            "@inline\ndef torque(given, out):\n    out.terms.inertia[out.tau.shape[0]] = 7.0\n",
+            "my_law.py, line 6: IndexError: index is out of bounds",
+        ),
+        (
+            "@allocating\ndef torque(given, out):\n    out.terms.linear[:] = given.q[:2]\n",
+            "my_law.py, line 6: ValueError: cannot assign slice",
+        ),
+        (
+            "@allocating\ndef torque(given, out):\n    foo(3)\n",
+            "my_law.py, line 6: TypingError: NameError: name 'foo' is not defined",
         ),
         (
             "@inline\ndef double(x, out):\n    out[:] = 2.0 * x\n\n\n"
             "@inline\ndef torque(given, out):\n    double(out.e_r, out.terms.linear)\n",
-            "my_law.py, line 6: a new array, list or text; allowed: with kernels.allocating",
+            "my_law.py, line 6: a slice, a new array, list or text; allowed: with kernels.allocating",
         ),
     ],
-    ids=["shape", "field", "input", "gain", "arguments", "compiled", "product", "in a part"],
+    ids=[
+        "shape",
+        "field",
+        "input",
+        "gain",
+        "arguments",
+        "compiled",
+        "product",
+        "slice",
+        "beyond",
+        "compiled shape",
+        "name",
+        "in a part",
+    ],
 )
 def test_a_law_that_cannot_answer_is_refused_and_what_runs_goes_on(
     torque: str, message: str, written: Callable[[str], Path]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,10 +18,12 @@ from app.session.changes import in_mode, on_surface
 from app.session.headless_run import simulate
 from app.session.ways_out import nearest
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
 from environments.surfaces.own import OwnForm
 from environments.surfaces.table import Surface
 from environments.trajectories.own import OwnPath
 from environments.trajectories.table import evaluated, numbered
+from tests.support.same_rows import require_same_rows
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 PLANE = """
@@ -54,6 +58,14 @@ TRAJECTORY = OwnTrajectory("ring", "Ring", "round", path, (
 ))
 """
 
+PUT = """
+from kernels import inline
+
+@inline
+def put(array, place, number):
+    array[place] = number
+"""
+
 
 @pytest.fixture
 def written(tmp_path: Path) -> Callable[[str], Path]:
@@ -63,6 +75,14 @@ def written(tmp_path: Path) -> Callable[[str], Path]:
         return path
 
     return write
+
+
+@pytest.fixture
+def beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file beside that of the user's own, whose functions have no checks of their indices."""
+    (tmp_path / "beside.py").write_text(PUT)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "beside", raising=False)
 
 
 def rows(scenario: Scenario, periods: int = 150) -> np.ndarray:
@@ -137,13 +157,71 @@ def test_a_path_with_wrong_derivatives_or_without_an_end_is_refused(
         ClosedLoop.from_scenario(edited(load("ur5-hybrid"), "motion", "own:ring"))
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("if t > 1.0: raise ValueError('late')", r"ValueError: late, tried at t = 1\.7 s with value\.shape\[0\] = 2"),
+        ("if t > 1.0: raise ZeroDivisionError", "ZeroDivisionError, tried at t = 1"),
+        ("value[:] = np.zeros(5)", "ValueError: cannot assign slice"),
+        ("value[2 + int(t)] = 0.0", "IndexError: index is out of bounds, tried at t = 0 s"),
+    ],
+)
+def test_a_path_that_fails_where_it_is_tried_is_refused_with_its_line(
+    written: Callable[[str], Path], line: str, said: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    use([written(CIRCLE.replace("inline", "allocating").replace("    w = ", f"    {line}\n    w = "))])
+    with pytest.raises(OwnCodeError, match=rf"^\S*mine\.py, line 9: {said}"):
+        ClosedLoop.from_scenario(edited(load("ur5-hybrid"), "motion", "own:ring"))
+    assert capfd.readouterr().err == ""
+
+
+def test_a_path_that_fails_later_stops_the_run_by_both_engines_with_its_line(
+    written: Callable[[str], Path], capfd: pytest.CaptureFixture[str]
+) -> None:
+    """After the duration, up to which the path is looked at before the run."""
+    late = "    if 0.25 < t and t < 1.0:\n        raise ValueError('late')\n    w = "
+    use([written(CIRCLE.replace("    w = ", late))])
+    scenario = edited(edited(load("ur5-hybrid"), "motion", "own:ring"), "simulation.duration", 0.2)
+    stepped, compiled = ClosedLoop.from_scenario(scenario), ClosedLoop.from_scenario(scenario)
+    for _ in range(300):
+        stepped.advance()
+    CompiledRun(compiled).advance(300)
+    assert stepped.stopped is not None
+    assert re.fullmatch(
+        r"t = 0\.251 s: a function of --use failed \(\S*mine\.py, line 10: ValueError: late\)", stepped.stopped
+    )
+    assert len(stepped.recording) == 251
+    require_same_rows(stepped, compiled)
+    assert np.isfinite(stepped.view().q).all()
+    assert capfd.readouterr().err == ""
+
+
+def test_a_surface_that_fails_is_refused_with_its_line_and_not_drawn_there(written: Callable[[str], Path]) -> None:
+    text = PLANE.format(slope=-1.0)
+    chart = text[text.index("    g[0]") :].splitlines()[0]
+    for limit, said in ((0.001, r", tried at zeta = \(0\.01, 0, 0\) m"), (0.011, "$")):
+        use([written(text.replace(chart, f"    if zeta[0] > {limit}:\n        raise ValueError('far')\n{chart}"))])
+        with pytest.raises(OwnCodeError, match=rf"mine\.py, line 9: ValueError: far{said}"):
+            ClosedLoop.from_scenario(on_surface(load("ur5-hybrid"), "own:floor"))
+    form = OwnForm(name="floor")
+    floor = Surface.of(form, shape=own_shape(form))
+    with pytest.raises(ValueError, match="far"):
+        floor.chart(np.array([0.02, 0.0, 0.0]), 0.0)
+    vertices, faces = floor.mesh(np.zeros(3), 0.0)
+    assert 0.0 <= vertices[faces][..., 0].max() <= 0.011
+
+
+@pytest.mark.usefixtures("beside")
 @pytest.mark.parametrize("number", ["0.01", "0.0"])
-def test_a_path_that_writes_beyond_its_coordinates_is_refused(written: Callable[[str], Path], number: str) -> None:
-    use([written(CIRCLE.replace("    rate[0],", f"    acceleration[4] = {number}\n    rate[0],"))])
-    for name, k in (("ur5-hybrid", 2), ("planar3r-hybrid", 1)):
-        beyond = 5 if k == 2 else 2
-        with pytest.raises(ScenarioError, match=rf"'ring' writes coordinate {beyond}; allowed: 1 to {k} \(value"):
-            ClosedLoop.from_scenario(edited(load(name), "motion", "own:ring"))
+def test_a_path_that_writes_beyond_its_coordinates_elsewhere_is_refused(
+    written: Callable[[str], Path], number: str
+) -> None:
+    text = CIRCLE.replace("    rate[0],", f"    put(acceleration, 4, {number})\n    rate[0],")
+    use([written("from beside import put\n" + text)])
+    with pytest.raises(ScenarioError, match=r"'ring' writes coordinate 5; allowed: 1 to 2 \(value"):
+        ClosedLoop.from_scenario(edited(load("ur5-hybrid"), "motion", "own:ring"))
+    with pytest.raises(ScenarioError, match=r"line 12: IndexError: index is out of bounds, tried at .* with \S* = 1$"):
+        ClosedLoop.from_scenario(edited(load("planar3r-hybrid"), "motion", "own:ring"))
     use([EXAMPLES / "figure_eight.py"])
     loop = ClosedLoop.from_scenario(edited(load("planar3r-hybrid"), "motion", "own:figure-eight"))
     reference = loop.system.reference(2.3)
@@ -151,13 +229,14 @@ def test_a_path_that_writes_beyond_its_coordinates_is_refused(written: Callable[
     assert reference.r_d[2] == loop.system.reference(0.0).r_d[2]  # the angle is not moved
 
 
-@pytest.mark.parametrize(("entry", "array"), [("g[3]", "g"), ("G[3, 1]", "G"), ("G_p[2, 2, 3]", "G_p")])
-def test_a_surface_that_writes_beyond_its_coordinates_is_refused(
+@pytest.mark.usefixtures("beside")
+@pytest.mark.parametrize(("entry", "array"), [("g, 3", "g"), ("G, (3, 1)", "G"), ("G_p, (2, 2, 3)", "G_p")])
+def test_a_surface_that_writes_beyond_its_coordinates_elsewhere_is_refused(
     written: Callable[[str], Path], entry: str, array: str
 ) -> None:
     chart = PLAIN.format(slope=-1.0).rstrip()
     body = chart[chart.index("def chart") :].splitlines()[1]
-    use([written(chart.replace(body, f"    {entry} = 0.0\n{body}"))])
+    use([written("from beside import put\n" + chart.replace(body, f"    put({entry}, 0.0)\n{body}"))])
     with pytest.raises(ScenarioError, match=rf"'plain' writes behind the end of {array}; allowed: indices 0 to 2"):
         ClosedLoop.from_scenario(on_surface(load("ur5-hybrid"), "own:plain"))
 

@@ -12,6 +12,7 @@ from app.scenario.schema import Scenario
 from app.session.changes import blending_to
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
+from app.simulation.promise.premise_watch import PremiseWatch
 from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from app.simulation.system import System
 from app.simulation.warm_up import SILENT
@@ -204,6 +205,20 @@ def test_law_of_your_own_that_fails_is_named_with_its_line() -> None:
     CompiledRun(loops[1]).advance(5)
     assert loops[0].stopped == loops[1].stopped
     assert "test_compiled_run.py, line " in (loops[1].stopped or "")
+
+
+def test_a_posture_check_that_fails_stops_both(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_nearest: int) -> None:
+        raise ValueError("no loop")
+
+    stepped, compiled = (ClosedLoop.from_scenario(load("ur5-hybrid")) for _ in range(2))
+    for loop in (stepped, compiled):
+        monkeypatch.setattr(loop.premise_watch, "judge_posture", fail)
+    stepped.advance()
+    monkeypatch.setattr(PremiseWatch, "judged_station", -2)  # elsewhere, so that the first period is judged
+    assert CompiledRun(compiled).advance(3) == 0
+    assert compiled.stopped == stepped.stopped == "t = 0.000 s: the control law failed (no loop)"
+    assert len(compiled.recording) == len(stepped.recording) == 0
 
 
 def under(law: ControlLaw, scenario: Scenario, parameters: dict[str, float]) -> System:

@@ -16,10 +16,14 @@ from app.dashboard.widgets.theorem.premise_table import premises_html
 from app.scenario.caption import promised
 from app.scenario.data import edited, shipped
 from app.scenario.errors import ScenarioError
+from app.scenario.units import CARTESIAN
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
+from app.simulation.promise.verdict import sentence
+from controllers.control_law import ControlLaw
+from controllers.laws.table import LAWS
 from controllers.posture_check import periods_between_checks
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise, PremiseTable, judge
@@ -90,6 +94,20 @@ def test_what_must_be_below_its_limit_fails_at_it() -> None:
     assert not judge.py_func(table, 0.5)
     failing = {premise for premise in Premise if table.failing[premise]}
     assert failing == {premise for premise, statement in STATEMENTS.items() if statement.sign == "<"}
+
+
+def test_the_sampled_loop_that_is_unstable_is_said_with_ways_that_the_law_has() -> None:
+    mine = ControlLaw("mine", "mine", "mine", torque=lambda _given, _out: None, told=("force",))
+    ways = {
+        law: sentence(Premise.SAMPLED_LOOP, 1.5, 1.0, CARTESIAN, law).partition("choose a shorter control period")[2]
+        for law in (*LAWS.values(), mine)
+    }
+    assert ways == {
+        LAWS["vsmrc"]: ", a smaller delay of the sensor, a softer target model, or smaller K_s and F_1",
+        LAWS["computed-torque"]: ", a smaller delay of the sensor, or a softer target model",
+        LAWS["pd-gravity"]: ", or a softer target model",
+        mine: ", a smaller delay of the sensor, or smaller gains",
+    }
 
 
 def test_a_verdict_before_the_first_period_has_the_numbers_of_the_law_in_force() -> None:

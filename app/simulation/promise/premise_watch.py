@@ -153,7 +153,7 @@ class PremiseWatch:
             self.leave_domain("flag", f"q has left Ω, over which the constants of (19) were computed{self._outlasted}")
         if self._beyond_known:
             self._table.value[Premise.DOMAIN] = np.inf
-            self.leave_domain("flag", sentence(Premise.DOMAIN, np.inf, self.system.constants.radius, self.system.units))
+            self.leave_domain("flag", self._sentence(Premise.DOMAIN, np.inf, self.system.constants.radius))
         station, judged, q = int(self._stations.of[nearest]), state.judged, state.arm.views.q
         if distance > self.near or self._changing:
             moved = judged.station is not None or not np.abs(q - judged.q).max() <= self.near
@@ -169,7 +169,10 @@ class PremiseWatch:
         for premise, value in self._judged_loop.premises.items():
             self._state_premise(premise, value, 1.0)
             if value > 1.0:
-                self.leave_domain("flag", sentence(premise, value, 1.0, self.system.units) + self._unsampled)
+                self.leave_domain("flag", self._sentence(premise, value, 1.0) + self._unsampled)
+
+    def _sentence(self, premise: Premise, value: float, limit: float) -> str:
+        return sentence(premise, value, limit, self.system.units, self.system.controller.law)
 
     @property
     def _beyond_known(self) -> bool:

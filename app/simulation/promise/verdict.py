@@ -10,6 +10,8 @@ from typing import Literal
 from msgspec import Struct
 
 from app.scenario.units import Units
+from controllers.control_law import ControlLaw
+from controllers.laws.table import LAWS
 from controllers.premise_statements import STATEMENTS
 from controllers.premises import Premise, PremiseTable, PromiseRecord
 
@@ -54,6 +56,7 @@ class Standing:
     stopped: why the run has stopped, as a sentence; None where it goes on.
     outsiders: sentences on the declared bounds that the true arm violates.
     units: of the task space.
+    law: the control law.
     losses: which rigid surfaces were lost, and when.
     waiting: whether the run has changed and no control period has been computed since."""
 
@@ -62,6 +65,7 @@ class Standing:
     stopped: str | None
     outsiders: Sequence[str]
     units: Units
+    law: ControlLaw
     losses: str
     waiting: bool = False
 
@@ -157,7 +161,7 @@ class Standing:
             return f"the true arm is outside the declared set: {self.outsiders[0]}"
         if premise is Premise.CONTACT and self.losses:
             return f"contact with a rigid surface is missing: {self.losses}"
-        return sentence(premise, self.table.value[premise], self.table.limit[premise], self.units)
+        return sentence(premise, self.table.value[premise], self.table.limit[premise], self.units, self.law)
 
     def _promise(self, verdict: Outcome, because: str) -> PromiseVerdict:
         fraction = 1.0 - self.promise_record.lost / max(self.promise_record.periods, 1)
@@ -172,13 +176,25 @@ def unit_of(premise: Premise, units: Units) -> str:
     return units.of_kind(of, {"r": "N", "joints": "rad", "J_q": "m", "": ""}[of]).removesuffix("1")
 
 
-def sentence(premise: Premise, value: float, limit: float, units: Units) -> str:
-    """Sentence on a premise that fails."""
+def sentence(premise: Premise, value: float, limit: float, units: Units, law: ControlLaw) -> str:
+    """Sentence on a premise that fails under this law."""
     statement = STATEMENTS[premise]
     words = statement.unknown if math.isinf(value) and statement.unknown else statement.failed
     digits = next((k for k in (4, 6, 9) if f"{value:.{k}g}" != f"{limit:.{k}g}"), 12)  # so that both are told apart
-    text = words.format(value=f"{value:.{digits}g}", limit=f"{limit:.4g}", unit=unit_of(premise, units))
+    number, bound, unit = f"{value:.{digits}g}", f"{limit:.4g}", unit_of(premise, units)
+    text = words.format(value=number, limit=bound, unit=unit, ways=_ways(law))
     return " ".join(text.split()).replace(" )", ")")  # as it reads without a unit
+
+
+def _ways(law: ControlLaw) -> str:
+    """Ways to a stable sampled loop, of what this law has; whether a law of one's own has the target model is not
+    known."""
+    delay = ["a smaller delay of the sensor"] if law.feels_force else []
+    if law.robust:
+        gains = ["a softer target model", "or smaller K_s and F_1"]
+    else:
+        gains = ["or a softer target model" if LAWS.get(law.kind) is law else "or smaller gains"]
+    return ", ".join(["a shorter control period", *delay, *gains])
 
 
 def _number(value: float) -> float | None:
