@@ -150,8 +150,9 @@ def tail_of(t: np.ndarray) -> np.ndarray:
 
 
 def saturated(record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Mask (N,) bool of the rows in which a drive's limit cuts the torque."""
-    return (record["tau_applied"] != record["tau"]).any(axis=1)
+    """Mask (N,) bool of the rows in which a drive's limit cuts the torque; no limit cuts one that is no number."""
+    tau = record["tau"]
+    return ((record["tau_applied"] != tau) & ~np.isnan(tau)).any(axis=1)
 
 
 def force_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -267,9 +268,11 @@ class ShownMetric:
     unit: Callable[[Units], str]
 
     def of(self, account: Account | Metrics | None) -> float | None:
-        """Value of the metric in the unit in which it is shown."""
-        value = None if account is None else getattr(account, self.field)
-        return None if value is None else value * self.factor + 0.0  # no "-0"
+        """Value of the metric in the unit in which it is shown; None where it has none, or no finite one."""
+        value: float | None = None if account is None else getattr(account, self.field)
+        if value is None or not math.isfinite(value):
+            return None
+        return value * self.factor + 0.0  # no "-0"
 
     def units(self, systems: Iterable[System]) -> str:
         """Unit of the metric in runs of these systems; both units where they differ."""

@@ -17,7 +17,7 @@ from app.access.admission import PortTaken
 from app.cli.compare import compare
 from app.cli.export import export
 from app.cli.figures import figures
-from app.cli.lesson import lesson
+from app.cli.lesson import ACTIONS, lesson
 from app.cli.list import list_
 from app.cli.options import UnwritableOutput
 from app.cli.overview import overview
@@ -54,6 +54,9 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "list": list_,
 }
 
+# commands that are typed behind the name of another one, by that name
+SUBCOMMANDS: dict[str, dict[str, Callable[..., int]]] = {"sweep": {"plot": sweep_plot}, "lesson": ACTIONS}
+
 
 def execute(arguments: list[str]) -> int:
     """Execute the command with these arguments; returns its exit status, see `app.__main__`. Raises
@@ -70,12 +73,7 @@ def execute(arguments: list[str]) -> int:
         print(f"vsmrc: {given}: no such command; {allowed(arguments[0], COMMANDS)}", file=sys.stderr)
         return BAD_INPUT
     try:
-        if arguments[:2] == ["sweep", "plot"]:
-            require_options("sweep plot", sweep_plot, arguments[2:], {"sweep": sweep})
-            return tyro.cli(sweep_plot, args=arguments[2:], prog="vsmrc sweep plot", config=OPTIONS)
-        others = {"sweep plot": sweep_plot} if arguments[0] == "sweep" else {}
-        require_options(arguments[0], COMMANDS[arguments[0]], arguments[1:], others)
-        return tyro.extras.subcommand_cli_from_dict(COMMANDS, args=arguments, prog="vsmrc", config=OPTIONS)
+        return _call(arguments[0], arguments[1:])
     except (ScenarioError, PortTaken) as error:
         print(f"vsmrc: {printable(with_powers(str(error)))}", file=sys.stderr)
         return BAD_INPUT
@@ -89,3 +87,16 @@ def execute(arguments: list[str]) -> int:
         events.info("fault", stage=arguments[0], exc_info=error)
         print(f"vsmrc: internal error: {printable(f'{type(error).__name__}: {error}')}", file=sys.stderr)
         return FAULT
+
+
+def _call(name: str, typed: list[str]) -> int:
+    """Execute the command of this name with what was typed behind it; returns its exit status. Raises ScenarioError."""
+    related = {f"{name} {action}": command for action, command in SUBCOMMANDS.get(name, {}).items()}
+    inner = f"{name} {typed[0]}" if typed else name
+    if inner in related:
+        others = {name: COMMANDS[name], **related}
+        command = others.pop(inner)
+        require_options(inner, command, typed[1:], others)
+        return tyro.cli(command, args=typed[1:], prog=f"vsmrc {inner}", config=OPTIONS)
+    require_options(name, COMMANDS[name], typed, related)
+    return tyro.extras.subcommand_cli_from_dict(COMMANDS, args=[name, *typed], prog="vsmrc", config=OPTIONS)

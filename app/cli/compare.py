@@ -29,7 +29,7 @@ ROUNDING = 1e-9
 
 
 def compare(
-    scenarios: Annotated[tuple[str, ...], tyro.conf.Positional],
+    scenarios: Annotated[tuple[str, ...], tyro.conf.Positional, NO_DEFAULT_SHOWN],
     /,
     *,
     last: Annotated[float | None, NO_DEFAULT_SHOWN] = None,
@@ -40,8 +40,12 @@ def compare(
 ) -> int:
     """Simulate scenarios and print their metrics side by side, as the page's tab Runs does with pinned runs.
 
+    --set, --duration and --use apply to every scenario. To compare two settings of one scenario, such as two control
+    laws, write it with one of them (`vsmrc run ur5-hybrid --set controller.law=pd-gravity --out pd`) and compare that
+    file with the other one (`vsmrc compare ur5-hybrid pd/scenario.toml`).
+
     Args:
-        scenarios: shipped scenarios or .toml files
+        scenarios: one or more shipped scenarios or .toml files
         last: compute the metrics only over this many seconds at the end, instead of over the whole run
         duration: simulated time in s; by default the duration that each scenario sets
         engine: pinocchio, or compiled, which is faster; their results differ by rounding (docs/command-line.md)

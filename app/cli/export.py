@@ -48,7 +48,7 @@ def export(
     /,
     *,
     out: Path,
-    to: Annotated[tuple[str, ...], tyro.conf.arg(metavar=braces(KINDS_OF_FILES))] = ("pdf",),
+    to: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{braces(KINDS_OF_FILES)} [...]")] = ("pdf",),
     plots: Annotated[tuple[str, ...], PLOTS.hint] = (),
     series: Annotated[tuple[str, ...], NO_DEFAULT_SHOWN] = (),
     width: Annotated[str | None, NO_DEFAULT_SHOWN] = None,
@@ -68,8 +68,8 @@ def export(
     Args:
         run: a recording.npz from `vsmrc run` or from the page, a shipped scenario, or a .toml file
         out: folder for the files
-        to: kinds of files: svg, pdf, png for figures; csv, npz for data; html for the 3-D playback; toml for the
-            scenario
+        to: one or more kinds of files, such as csv svg: svg, pdf, png for figures; csv, npz for data; html for the 3-D
+            playback; toml for the scenario
         plots: plots to draw: names of plots, titles of the page's plot tabs (docs/export.md), or all
         series: draw only these lines; use their names in the legends; type psi_1 for ψ₁; by default all of a plot
         width: width of a figure: single (column, 85 mm), double (180 mm), or a length such as

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,46 +12,68 @@ from app.cli.options import NO_DEFAULT_SHOWN, one_of, require_folder, written_to
 from app.cli.status import BAD_INPUT, DONE, STOPPED
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
+from app.scenario.number_text import counted
 
 if TYPE_CHECKING:
     from app.export.figures import Figure
     from app.lessons.lesson import Lesson
 
+Names = Annotated[tuple[str, ...], tyro.conf.Positional, NO_DEFAULT_SHOWN]
+
 
 def lesson(
-    action: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="{list,check,run}")],
-    lessons: Annotated[tuple[str, ...], tyro.conf.Positional, NO_DEFAULT_SHOWN] = (),
-    /,
-    *,
-    figures: Annotated[Path | None, NO_DEFAULT_SHOWN] = None,
+    action: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="{list,check,run}")], lessons: Names = (), /
 ) -> int:
-    """List the lessons, check them, or simulate their runs without a screen.
+    """List the lessons, check them, or simulate their runs without a screen. `vsmrc lesson run --help` lists the
+    options of one of these.
 
     Args:
         action: list: show all lessons; check: test a lesson: simulate its runs, score its reference answers and its
             wrong answers, and check its texts; run: simulate the runs and print what they measure
-        lessons: names of shipped lessons, or lesson.md files; check without a name checks all shipped lessons
-        figures: with run: folder for an SVG figure of each run
+        lessons: names of shipped lessons, or lesson.md files; list takes none
+    """
+    del lessons  # the command of a known action is called in place of this one
+    return ACTIONS[one_of("lesson", action, tuple(ACTIONS))]()
+
+
+def lesson_list() -> int:
+    """Show all lessons, with their minutes and titles."""
+    from app.lessons.lesson import shipped_lessons
+
+    for name, each in shipped_lessons().items():
+        print(f"{name:24s} {each.head.minutes:3.0f} min  {each.head.title}")
+    return DONE
+
+
+def lesson_check(lessons: Names = (), /) -> int:
+    """Test lessons: simulate their runs, score their reference answers and their wrong answers, and check their texts.
+
+    Args:
+        lessons: names of shipped lessons, or lesson.md files; without a name, all shipped lessons
     """
     from app.lessons.lesson import load as load_lesson
     from app.lessons.lesson import shipped_lessons
 
-    actions = ("list", "check", "run")
-    doing = one_of("lesson", action, actions)
-    if lessons and doing == "list":
-        raise ScenarioError(f"lesson list: {lessons[0]!r:.60}; allowed: no name, it lists all lessons")
-    if figures is not None and doing != "run":
-        raise ScenarioError(f"lesson {doing}: --figures {figures}; allowed: with `lesson run`")
+    return _check([load_lesson(name) for name in lessons or shipped_lessons()])
+
+
+def lesson_run(lessons: Names = (), /, *, figures: Annotated[Path | None, NO_DEFAULT_SHOWN] = None) -> int:
+    """Simulate the runs of lessons without a screen, and print what they measure.
+
+    Args:
+        lessons: one or more names of shipped lessons, or lesson.md files
+        figures: folder for an SVG figure of each run
+    """
+    from app.lessons.lesson import load as load_lesson
+
     if figures is not None:
         require_folder(figures, "--figures")
-    if doing == "list":
-        for name, each in shipped_lessons().items():
-            print(f"{name:24s} {each.head.minutes:3.0f} min  {each.head.title}")
-        return DONE
-    if not lessons and doing == "run":
+    if not lessons:
         raise ScenarioError("lesson run: no lesson; allowed: one or more (see `vsmrc lesson list`)")
-    chosen = [load_lesson(name) for name in lessons or shipped_lessons()]
-    return _check(chosen) if doing == "check" else _run(chosen, figures)
+    return _run([load_lesson(name) for name in lessons], figures)
+
+
+ACTIONS: dict[str, Callable[..., int]] = {"list": lesson_list, "check": lesson_check, "run": lesson_run}
 
 
 def _check(lessons: Sequence[Lesson]) -> int:
@@ -66,7 +88,8 @@ def _check(lessons: Sequence[Lesson]) -> int:
         problems += len(checked.problems)
         for problem in checked.problems:
             print(f"  {printable(problem)}")
-        print(f"  about {checked.minutes:.0f} minutes, {len(checked.measurements)} numbers measured")
+        minutes = counted(round(checked.minutes), "minute")
+        print(f"  about {minutes}, {counted(len(checked.measurements), 'number')} measured")
     return BAD_INPUT if problems else DONE
 
 

@@ -18,6 +18,9 @@ from app.scenario.field_info import FieldInfo, fields_of_kinds, paths_below, typ
 from app.scenario.schema import Scenario
 
 SECTIONS = tuple(name for name in Scenario.__struct_fields__ if types_of(Scenario, name))
+# matrices of a target model have neither default nor bounds of their own
+MODELS = {"target_model": "the mode's", "blend.to": "target_model's"}  # defaults, by section
+MATRIX, MORE_ON_MATRICES = "n numbers, or n rows", "; n: joints; defaults: docs/target-model.md"
 
 
 def list_(
@@ -80,13 +83,15 @@ def _fields_of(section: str) -> list[str]:
                 alike.setdefault((field.info, _written(field.default)), []).append(field.kind)
         for (info, default), having in alike.items():
             kinds_having = f" ({', '.join(having)})" if len(having) < len(around) else ""
+            model = MODELS.get(path.rpartition(".")[0])
             columns = (
                 f"{path:34s}",
                 f"{info.unit.removesuffix('1'):9s}",
-                f"{default:16s}",
-                f"{_allowed(info, default):22s}",
+                f"{model or default:16s}",
+                f"{MATRIX if model else _allowed(info, default):22s}",
             )
-            lines.append("  ".join((*columns, info.doc + kinds_having)).rstrip())
+            meaning = info.doc + (MORE_ON_MATRICES if model else kinds_having)
+            lines.append("  ".join((*columns, meaning)).rstrip())
     return lines
 
 

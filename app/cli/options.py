@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import tempfile
@@ -27,6 +28,7 @@ from parameters import allowed
 Choice = TypeVar("Choice", bound=str)
 Value = TypeVar("Value")
 NO_DEFAULT_SHOWN: Any = tyro.conf.arg(help_behavior_hint="")  # the help shows no "(default: None)"
+REPEATABLE: Any = tyro.conf.arg(help_behavior_hint="(repeatable)")  # the help of an option that may be typed again
 Files = Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE.py")]
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
@@ -283,7 +285,10 @@ def _value(text: str) -> object:
 
 
 def shown(value: object) -> str:
-    """A metric's value as the terminal shows it."""
+    """A metric's value as the terminal shows it; a dash where it is none, as in metrics.json a number that is not
+    finite."""
     if isinstance(value, list):
         return "  ".join(shown(v) for v in value)
-    return plain(value, 4) if isinstance(value, float) else "—" if value is None else str(value)
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return "—"
+    return plain(value, 4) if isinstance(value, float) else str(value)

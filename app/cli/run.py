@@ -79,10 +79,18 @@ def run(
     require_folder(out)
     use_own(use)
     if from_ is not None:
-        if scenario is not None or row is None or settings or duration is not None:
-            raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
-        if typed(blend_to, engine, use):
-            raise ScenarioError("--from: with --engine, --use or --blend-to; allowed: the same run again, as it was")
+        as_it_was = {
+            f"the scenario {scenario!r:.60}": scenario,
+            "--set": settings,
+            "--duration": duration,
+            "--blend-to": blend_to,
+            "--engine": engine,
+            "--use": use,
+        }
+        if other := next((name for name, value in as_it_was.items() if typed(value)), None):
+            raise ScenarioError(f"--from: with {other}; allowed: the same run again, as it was")
+        if row is None:
+            raise ScenarioError("--from: without --row; allowed: --from FOLDER --row N")
         chosen, by, until = _of_sweep(from_, row)
     elif row is not None:
         raise ScenarioError(f"--row {row} without --from; allowed: --from FOLDER --row N")
@@ -153,7 +161,12 @@ def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine, float]:
     """Scenario, engine and end (s, 0 for the scenario's) of a run of a sweep."""
     from app.sweep import plan
     from app.sweep.fingerprint import another_program, fingerprint
+    from app.tune.plan import Tuning
 
+    if (folder / Tuning.file).exists() and not (folder / plan.FILE).exists():
+        raise ScenarioError(
+            f"--from {folder}: holds runs of `vsmrc tune`, which cannot be repeated; allowed: the folder of a sweep"
+        )
     sweep = plan.read(folder / plan.FILE)
     if sweep.program != fingerprint(sweep):
         print_line(f"this sweep was computed by {another_program(sweep)}: digits may differ")
@@ -170,7 +183,9 @@ def _print_metrics(metrics: Metrics, loop: ClosedLoop) -> None:
         value = metric.of(metrics)
         unit = "" if value is None else metric.units([system])
         print(f"{metric.title:{TITLE}s} {shown(value)} {unit}".rstrip())
-    variation = listed(map(shown, metrics.torque_total_variation), "N·m/s", system.robot.slides, between="  ")
+    variation = shown(None)
+    if np.isfinite(metrics.torque_total_variation).any():
+        variation = listed(map(shown, metrics.torque_total_variation), "N·m/s", system.robot.slides, between="  ")
     print(f"{'torque variation, per joint':{TITLE}s} {variation}")
     if system.controller.law.robust:
         for line in _sampling(loop):
@@ -204,7 +219,8 @@ def _print_promise(metrics: Metrics) -> None:
         if finding.premise == LAW:
             print(f"premise failed at {finding.failed:.4g} s: {finding.title}")
         else:
+            unit = "" if finding.margin is None else finding.unit
             print(
                 f"premise failed at {finding.failed:.4g} s: {finding.title}, least margin {shown(finding.margin)} "
-                f"{finding.unit}".rstrip()
+                f"{unit}".rstrip()
             )

@@ -11,6 +11,7 @@ import tyro
 
 from app.cli.options import (
     NO_DEFAULT_SHOWN,
+    REPEATABLE,
     Default,
     EngineOption,
     Settings,
@@ -28,7 +29,7 @@ from app.cli.options import (
 from app.cli.status import BAD_INPUT, DONE, FAULT
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
-from app.scenario.number_text import with_powers
+from app.scenario.number_text import counted, with_powers
 
 if TYPE_CHECKING:
     from app.sweep.cluster import Cluster
@@ -57,9 +58,9 @@ def sweep(
     scenario: tyro.conf.Positional[str],
     /,
     *,
-    vary: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], NO_DEFAULT_SHOWN] = (),
+    vary: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], REPEATABLE] = (),
     design: Annotated[str | None, tyro.conf.arg(metavar="{grid,latin,sobol}"), DESIGN.hint] = None,
-    points: Annotated[int | None, POINTS.hint] = None,
+    points: Annotated[int | None, NO_DEFAULT_SHOWN] = None,
     draw: Annotated[int | None, DRAW.hint] = None,
     corners: Annotated[tyro.conf.DisallowNone[bool | None], CORNERS.hint] = None,
     seed: Annotated[int | None, SEED.hint] = None,
@@ -81,9 +82,9 @@ def sweep(
             With --design latin or sobol: PATH=LOW:HIGH, or PATH=LOW:HIGH:log.
         design: grid: all combinations of the values; latin: points of a Latin hypercube; sobol: points of a Sobol
             sequence
-        points: with --design latin or sobol: number of points
+        points: number of points; required with --design latin or sobol, and only there
         draw: number of true arms, drawn at random inside the declared set; every point gets the same arms
-            (where the declared set is varied, the same shares of it)
+            (where the declared set is varied, the same shares of it); 0: the scenario's own true arm
         corners: draw these arms at the corners of the declared set
         seed: seed of the random arms and points
         out: folder for the runs; required, except with --dry-run
@@ -125,7 +126,7 @@ def _read(path: Path, options: _SweepOptions) -> Sweep:
 def _request(scenario: str, options: _SweepOptions) -> Sweep:
     """Sweep of a scenario. Raises ScenarioError."""
     from app.sweep import plan
-    from app.sweep.axes import axis_of, fitted
+    from app.sweep.axes import axis_of, fitted, require_uncounted
     from app.sweep.fingerprint import fingerprint
 
     for name, given in (("points", options.points), ("draw", options.draw), ("seed", options.seed)):
@@ -135,10 +136,13 @@ def _request(scenario: str, options: _SweepOptions) -> Sweep:
         raise ScenarioError(f"--points: {options.points} in a grid; allowed: with --design latin or sobol")
     require_until(options.until)
     chosen = configured(scenario, options.settings, options.duration)
+    design = one_of("--design", DESIGN.unless(options.design), get_args(plan.Design))
+    for each in options.vary:
+        require_uncounted(each, design)
     request = plan.Sweep(
         scenario=chosen,
         vary=tuple(fitted(axis_of(each), chosen) for each in options.vary),
-        design=one_of("--design", DESIGN.unless(options.design), get_args(plan.Design)),
+        design=design,
         points=POINTS.unless(options.points),
         draw=DRAW.unless(options.draw),
         corners=CORNERS.unless(options.corners),
@@ -207,7 +211,8 @@ def _sweep_into(out: Path, request: Sweep, on: int | Cluster | None) -> int:
             print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
             raise
         refused, ended = refusals(out), int((~store.done).sum())
-    print(f"{count} runs in {out}" + (f", {failed} of the last {len(left)} stopped or refused" if failed else ""))
+    without = f", {failed} of the last {len(left)} stopped or refused" if failed else ""
+    print(f"{counted(count, 'run')} in {out}{without}")
     if ended:
         print(f"{ended} of {count} runs were ended by a fault (column stopped); the same command tries them again")
         return FAULT

@@ -10,6 +10,7 @@ import tyro
 
 from app.cli.options import (
     NO_DEFAULT_SHOWN,
+    REPEATABLE,
     Settings,
     configured,
     folder_of,
@@ -22,6 +23,7 @@ from app.cli.options import (
 from app.cli.status import DONE, FAULT
 from app.cli.tables import show_table
 from app.scenario.errors import ScenarioError
+from app.scenario.number_text import counted
 
 if TYPE_CHECKING:
     from app.tune.plan import Tuning
@@ -31,9 +33,9 @@ def tune(
     scenario: Annotated[str, tyro.conf.Positional],
     /,
     *,
-    move: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], NO_DEFAULT_SHOWN] = (),
+    move: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], REPEATABLE] = (),
     aims: Annotated[
-        tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="for", metavar="METRIC"), NO_DEFAULT_SHOWN
+        tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="for", metavar="METRIC"), REPEATABLE
     ] = (),
     draw: int = 0,
     budget: int = 120,
@@ -124,13 +126,13 @@ def _tune_into(out: Path, tuning: Tuning, workers: int | None) -> int:
 
     with written_to(out, "; what is there stays"), RunStore(out, tuning) as store:
         if done := int(store.done.sum()):
-            print(f"{done} runs are there already")
+            print(f"{counted(done, 'run')} {'is' if done == 1 else 'are'} there already")
         else:
             _estimate(tuning, workers)
         try:
             found = running.run(store, tuning, workers, show_progress=True)
         except KeyboardInterrupt:
-            print(f"stopped with {int(store.done.sum())} runs; the same command goes on")
+            print(f"stopped with {counted(int(store.done.sum()), 'run')}; the same command goes on")
             raise
         outcome.write(tuning, found, out)
         ended = running.ended(store)

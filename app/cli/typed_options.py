@@ -72,7 +72,7 @@ def require_options(name: str, command: Command, typed: list[str], others: Mappi
                 raise ScenarioError(f"{name}: an empty text; allowed: a name, see `vsmrc {name} --help`")
             if most is not None and names > most:
                 single = [each for each in given if options[each].repeats and options[each].count == 1]
-                more = f"{most}, and {single[0]} before each of its values" if single else most
+                more = f"{most}, and {single[0]} before each of its values" if single else most or "none"
                 raise ScenarioError(
                     f"{name}: {token!r:.60} is one name too many; allowed: {more}, see `vsmrc {name} --help`"
                 )
@@ -139,7 +139,8 @@ def _options(command: Command) -> dict[str, _Option]:
         name = next((each.name for each in arguments if each.name), parameter.name.replace("_", "-"))
         metavar = next((each.metavar for each in arguments if each.metavar), None)
         kind, count = _kind(hint)
-        noun = metavar.strip("{}").replace(",", ", ") if metavar else NOUNS.get(kind, "a text")
+        # of {svg,pdf} [...] only what stands in braces
+        noun = metavar.partition("}")[0].strip("{").replace(",", ", ") if metavar else NOUNS.get(kind, "a text")
         if kind is Path and name in FOLDERS:
             noun = "the name of a folder"
         needed = parameter.default is inspect.Parameter.empty

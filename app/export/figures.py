@@ -43,7 +43,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class FilledArea:
-    """Filled area between two of a chart's curves, counted from 0, which have the same x."""
+    """Filled area between two of a chart's curves, counted from 0, over every x that both of them have."""
 
     upper: int
     lower: int

@@ -264,7 +264,9 @@ def _stretches(curve: Curve, *, logarithmic_x: bool) -> Iterator[tuple[np.ndarra
 def _plot(axes: Axes, chart: FigureChart, looks: list[dict[str, Any]]) -> None:
     for area in chart.areas:
         upper, lower = chart.curves[area.upper], chart.curves[area.lower]
-        x, high, low = enclosed(upper.x, upper.y, lower.y, BINS)
+        # an edge has no point where its number is none, as in the last row of a run that stopped on such a torque
+        shared, of_upper, of_lower = np.intersect1d(upper.x, lower.x, return_indices=True)
+        x, high, low = enclosed(shared, upper.y[of_upper], lower.y[of_lower], BINS)
         ink = inks_of(chart).get(area.color, printed(area.color))
         axes.fill_between(x, low, high, color=ink, alpha=0.35, linewidth=0.0)
     for curve, look in zip(chart.curves, looks, strict=True):

@@ -113,8 +113,21 @@ def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
         held: Any = data
         for name in names:
             held = held.get(name) if isinstance(held, dict) else None
+        if path == ".".join(names):
+            _require_no_section(path, held, value)
         _replace(data, ".".join(names), _with_entry(held, path.split(".")[len(names) :], value, path))
     return from_plain(_without_none(data))
+
+
+def _require_no_section(path: str, held: Any, value: object) -> None:
+    """Raise WrongKind for a number or a list at the path of a section, of which only a field can have one. held: what
+    stands there now."""
+    section = isinstance(held, dict) and not f"{path}.".startswith(OWN_PARAMETERS)
+    if section and isinstance(value, int | float | list | tuple):
+        numeric = isinstance(value, int | float) and not isinstance(value, bool)
+        names = [name for name, each in held.items() if isinstance(each, float)] if numeric else []
+        example = f"{path}.{names[0]}={value}" if names else f"{path}.{next(iter(held))}"
+        raise WrongKind(f"{path:.200}: {value!r:.60}; allowed: a field of this section, such as {example:.200}")
 
 
 def found_at(scenario: Scenario, path: str) -> object:
@@ -163,10 +176,13 @@ def _with_entry(table: object, places: list[str], value: object, path: str) -> o
         return value
     place, *rest = places
     numbered = place.isdecimal() and len(place) <= MOST_DIGITS
-    if not numbered or not isinstance(table, list | tuple) or not 1 <= int(place) <= len(table):
+    if not numbered or not isinstance(table, list | tuple) or not table:
         raise UnknownField(
             f"{path:.200}: no such entry; allowed: an entry, from 1, of a list that the scenario has, or the whole list"
         )
+    if not 1 <= int(place) <= len(table):
+        held = ".".join(path.split(".")[: -len(places)])
+        raise UnknownField(f"{path:.200}: no such entry; allowed: {held:.200}.1 to {held:.200}.{len(table)}")
     at = int(place) - 1
     return [*table[:at], _with_entry(table[at], rest, value, path), *table[at + 1 :]]
 

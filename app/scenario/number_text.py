@@ -59,3 +59,8 @@ def with_powers(text: str) -> str:
     """Text in which numbers that Python has written with an exponent have a power of ten; what stands in quotes is as
     it was."""
     return _EXPONENT.sub(lambda found: with_power(found[0]) if found["number"] else found[0], text)
+
+
+def counted(number: int, noun: str) -> str:
+    """Number of things with their noun, which has an s unless there is one: 1 run, 2 runs."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")

@@ -12,6 +12,7 @@ from msgspec import Struct
 
 from app.scenario.data import with_value
 from app.scenario.errors import ScenarioError, WrongKind
+from app.scenario.number_text import counted
 from app.scenario.schema import Scenario
 
 MOST_VALUES = 100_000  # of one axis
@@ -112,9 +113,21 @@ def axis_of(text: str, flag: str = "--vary", shape: str = SHAPE) -> Axis:
     if count is None:
         return whole
     if not 2 <= count <= MOST_VALUES:
-        raise ScenarioError(f"{flag} {path}: {count} values; allowed: 2 to {MOST_VALUES}")
+        raise ScenarioError(f"{flag} {path}: {counted(count, 'value')}; allowed: 2 to {MOST_VALUES}")
     spaced = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
     return Axis(path, tuple(float(f"{value:.12g}") for value in spaced))
+
+
+def require_uncounted(text: str, design: str) -> None:
+    """Raise ScenarioError for a text PATH=LOW:HIGH:COUNT in a design that is no grid and chooses its points itself."""
+    path, _, spec = (part.strip() for part in text.partition("="))
+    low, *ends = spec.split(":")
+    if design != "grid" and ends and axis_of(text).values:
+        steps = ":log" if ends[-1] == "log" else ""
+        raise ScenarioError(
+            f"--vary {path}: {spec} with --design {design}, whose number of points is --points; allowed: "
+            f"{path}={low}:{ends[0]}{steps}, without a number of values"
+        )
 
 
 def fitted(axis: Axis, scenario: Scenario) -> Axis:

@@ -20,6 +20,7 @@ from app.scenario.data import field_of, found_at, kind_of, require_few_dots, tex
 from app.scenario.departures import DRAWN, MOVING, Departure
 from app.scenario.errors import ScenarioError, UnknownChoice, UnknownField, WrongKind, scenario_errors
 from app.scenario.idle_fields import idle
+from app.scenario.number_text import counted
 from app.scenario.schema import STATED_IN, RobotSection, Scenario
 from app.scenario.struct_refusals import struct_refusal
 from app.simulation.builders.controller_builder import law_of
@@ -230,7 +231,7 @@ def _require_sound(sweep: Sweep) -> None:
         if sweep.points:
             raise ScenarioError(f"points: {sweep.points} in a grid; allowed: with --design latin or sobol")
     elif not sweep.vary or not sweep.points:
-        given = f"{sweep.points} points, {len(paths)} varied fields"
+        given = f"{counted(sweep.points, 'point')}, {counted(len(paths), 'varied field')}"
         raise ScenarioError(f"design: {sweep.design!r} with {given}; allowed: 1 or more of each")
     _require_until(sweep)
     for axis in sweep.vary:

@@ -74,7 +74,8 @@ COLUMNS: dict[str, Column] = {
     "constraint_violation": Column("m", "largest distance from a rigid surface"),
     "settling_time": Column(
         "s",
-        "until the force, or without force control the path, stays within 2 % of its largest deviation",
+        "until the force error, or without force control the path error, stays within 2 % of its largest deviation "
+        "from its final value",
         may_never=True,
     ),
     "reaching_time": Column("s", "until ‖s‖ is within the boundary layer", may_never=True),

@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from app.process import worker_pool
 from app.process.cores import usable_cores
+from app.scenario.number_text import counted
 from app.sweep.cluster import Cluster
 from app.sweep.plan import Sweep, SweepPlan, SweepT
 from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
@@ -18,9 +19,11 @@ from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
 if TYPE_CHECKING:
     from app.sweep.run_store import RunStore  # pyarrow is large, and the page needs none
 
-BYTES = 90  # of a run on disk, measured (docs/sweeps.md)
+# measured with sweeps of 2 to 900 runs on two cores
+BYTES = 80  # of a run on disk
+FILES = 16_000  # bytes of sweep.toml, and of a Parquet file besides its runs
 CHUNK = 8  # runs that a process takes at once, at most
-BEGIN = 1.7  # s until the processes have their first runs, measured (docs/sweeps.md)
+BEGIN = 3.0  # s until the processes have their first runs and until they have ended: 1 where nothing else runs, to 5
 
 
 @dataclass(frozen=True)
@@ -34,15 +37,29 @@ class SweepEstimate:
     size: float
 
     @classmethod
-    def of(cls, runs: int, simulated: float, computing: float | None, on: int | Cluster | None) -> SweepEstimate:
-        """Estimate from the computing time of all runs on one core, s. on: see `run`."""
+    def of(
+        cls,
+        runs: int,
+        simulated: float,
+        computing: float | None,
+        on: int | Cluster | None,
+        *,
+        begin: float = BEGIN,
+        files: int = FILES,
+    ) -> SweepEstimate:
+        """Estimate from the computing time of all runs on one core, s.
+        on: see `run`.
+        begin: s that it takes besides its runs.
+        files: bytes that it takes besides its runs."""
         cores = usable_cores()
         workers = on.workers if isinstance(on, Cluster) else min(on or cores, cores)  # more processes take turns
-        seconds = None if computing is None else BEGIN + computing / (workers or 1)
-        return cls(runs, simulated, seconds, runs * BYTES)
+        if runs == 0:
+            return cls(0, 0.0, 0.0, 0.0)
+        seconds = None if computing is None else begin + computing / (workers or 1)
+        return cls(runs, simulated, seconds, files + runs * BYTES)
 
     def __str__(self) -> str:
-        runs = f"{self.runs} {'run' if self.runs == 1 else 'runs'} of {_duration(self.simulated)} simulated time in all"
+        runs = f"{counted(self.runs, 'run')} of {_duration(self.simulated)} simulated time in all"
         if self.seconds is None:
             unknown = "their computing time is not known, since a run that was tried has ended its process"
             return f"{runs}, {_size(self.size)}; {unknown}"

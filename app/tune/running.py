@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 BATCH = 8  # candidates that are asked for at once, with any number of processes
 MOST_OFFERED = 9  # of a front
+# measured with searches of 4 to 64 candidates on two cores
+BEGIN = 4.5  # s of a search besides its runs: its processes, the optimiser and the figure
+FILES = 35_500  # bytes besides its runs: those of a sweep, the candidates and the figure
+SCENARIO = 3_900  # bytes of a scenario that is offered
 Task = tuple[SweepRow, ...]
 
 
@@ -46,13 +50,19 @@ def estimated(tuning: Tuning, left: int, workers: int | None = None) -> SweepEst
     """Estimate for `left` runs of a tuning, from the computing time of one run. Two are played, of different true
     arms: the first one also computes what all runs have in common, and the second what each has for itself."""
     seconds = last_wall_time(computing, tuning, (SweepRow(0, 0, 0, {}), SweepRow(1, 0, 1, {}))) if left else 0.0
-    return SweepEstimate.of(left, left * tuning.length, None if seconds is None else left * seconds, workers)
+    whole = None if seconds is None else left * seconds
+    files = FILES + _most_offered(tuning) * SCENARIO
+    return SweepEstimate.of(left, left * tuning.length, whole, workers, begin=BEGIN, files=files)
 
 
 def most_runs(tuning: Tuning) -> int:
     """Number of runs of a tuning, where as many candidates as possible are offered."""
-    offered = 1 if len(tuning.aims) == 1 else MOST_OFFERED
-    return tuning.points * tuning.seen + (1 + offered) * tuning.unseen
+    return tuning.points * tuning.seen + (1 + _most_offered(tuning)) * tuning.unseen
+
+
+def _most_offered(tuning: Tuning) -> int:
+    """Largest number of candidates that are offered."""
+    return 1 if len(tuning.aims) == 1 else MOST_OFFERED
 
 
 def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_progress: bool = False) -> TuningResult:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 import numpy as np
 import pytest
 
-from app.analysis.metrics import TAIL, account, metrics_of, path_error, settling_time
+from app.analysis.metrics import RUN_METRICS, TAIL, account, metrics_of, path_error, saturated, settling_time
 from app.analysis.perturbation import PerturbationAnalysis
 from app.scenario.data import edited, load, shipped
 from app.scenario.schema import Scenario
@@ -160,3 +162,14 @@ def test_a_surface_in_the_way_of_motion_control_hides_no_error() -> None:
     assert (late["multiplier"] > 10.0).all()
     assert metrics_of(loop).motion_error_tail == pytest.approx(np.linalg.norm(e_r, axis=1).max(), rel=0.01)
     assert np.linalg.norm(e_r[:, :2], axis=1).max() < 0.9 * np.linalg.norm(e_r, axis=1).max()
+
+
+def test_what_is_no_number_is_at_no_limit_and_is_not_shown() -> None:
+    tau = np.array([[1.0, 2.0], [1.0, 5.0], [np.nan, 2.0], [np.nan, 5.0]])
+    assert saturated({"tau": tau, "tau_applied": np.minimum(tau, 3.0)}).tolist() == [False, True, False, True]
+    loop = running(edited(load("planar2r-semicircle"), "simulation.duration", 0.1), 0.01)
+    metrics = metrics_of(loop)
+    residual = next(each for each in RUN_METRICS if each.field == "target_model_residual_tail")
+    assert residual.of(metrics) is not None
+    for value in (math.nan, math.inf):
+        assert residual.of(msgspec.structs.replace(metrics, target_model_residual_tail=value)) is None

@@ -154,6 +154,15 @@ def test_a_filled_area_reaches_as_far_as_its_edges_do(rows: int) -> None:
         np.testing.assert_allclose(corners.max(axis=0), (t[-1], high))
 
 
+def test_a_filled_area_ends_where_an_edge_has_no_point() -> None:
+    """A run that stopped on a torque that is no number: its term has no last point, the sum of the others has one."""
+    t = np.arange(82) / 1000.0
+    edges = Curve("sum", SERIES[0], t, np.zeros(82)), Curve("term", SERIES[1], t[:-1], np.ones(81))
+    axes = drawn(Figure((FigureChart("", "N", edges, (FilledArea(1, 0, SERIES[1]),)),), ""), FigureOptions()).axes[0]
+    corners = np.vstack([path.vertices for area in axes.collections for path in area.get_paths()])
+    np.testing.assert_allclose((corners.min(axis=0), corners.max(axis=0)), ((0.0, 0.0), (t[-2], 1.0)))
+
+
 @pytest.mark.parametrize(
     ("high", "numbers"), [(1e4, {"1", "100", "10000"}), (1e6, {"10⁰", "10²", "10⁴", "10⁶"}), (5e6, {"10⁰", "10²"})]
 )

@@ -325,8 +325,9 @@ def test_the_command_checks_plays_and_lists(tmp_path: Path, capsys: pytest.Captu
     [
         (("chek",), "lesson 'chek'; allowed: list, check, run; did you mean check?"),
         (("run",), "lesson run: no lesson; allowed: one or more"),
-        (("list", "nonsense"), "lesson list: 'nonsense'; allowed: no name"),
-        (("list", "--figures", "out"), "lesson list: --figures out; allowed: with `lesson run`"),
+        (("chek", "13-more"), "lesson 'chek'; allowed: list, check, run; did you mean check?"),
+        (("list", "nonsense"), "lesson list: 'nonsense' is one name too many; allowed: none"),
+        (("list", "--figures", "out"), "lesson list: --figures: no such option; allowed: with `vsmrc lesson run`"),
         (("check", "13-more"), "lesson '13-more': unknown; allowed: a lesson.md or 01-target-model"),
         (("check", "nowhere/lesson.md"), "lesson 'nowhere/lesson.md': cannot be read: No such file or directory"),
     ],

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from app.analysis.metrics import ACCOUNT_METRICS, RUN_METRICS
-from app.cli.commands import COMMANDS, execute
+from app.cli.commands import COMMANDS, SUBCOMMANDS, execute
 from app.cli.list import SECTIONS
 from app.cli.run import run
 from app.scenario.data import edited, from_toml, load, to_toml
@@ -118,6 +118,9 @@ def test_the_fields_of_each_section_are_listed(section: str, capsys: pytest.Capt
         assert lines["surface.tilt.amplitude"][0].split()[1:3] == ["rad", "0.0"]
         assert lines["surface.motion.amplitude"][0].split()[1:3] == ["m", "0.0"]
         assert lines["surface.motion.amplitude"][0].endswith("<= 1              amplitude")
+    if section in ("target_model", "blend"):
+        place, default = ("target_model", "the mode's") if section == "target_model" else ("blend.to", "target_model's")
+        assert re.search(rf"{default} +n numbers, or n rows  .*docs/target-model.md$", lines[f"{place}.K_m"][0])
     if section == "rotation":
         assert lines["rotation.radius"][0].split()[1:3] == ["rad", "0.05"]
     if section == "motion":
@@ -211,6 +214,23 @@ def test_the_help_has_every_command_and_says_what_runs_without_one(here: Callabl
     assert "required" not in words
     listed = re.findall(r"^  (\S+) +[A-Z]", done.stdout, re.MULTILINE)
     assert listed == list(COMMANDS)
+
+
+def test_each_help_says_what_is_typed(here: Callable[..., Done]) -> None:
+    helps = {
+        name: " ".join(re.sub("[│╭╮╰╯─]", " ", here(*name.split(), "--help").stdout).split())
+        for name in (*COMMANDS, *(f"{name} {action}" for name in SUBCOMMANDS for action in SUBCOMMANDS[name]))
+    }
+    assert len(set(helps.values())) == len(helps)
+    for name, shown in helps.items():
+        assert f"usage: vsmrc {name} [-h]" in shown
+        assert "(default: )" not in shown
+    assert (helps["sweep"].count("(repeatable)"), helps["tune"].count("(repeatable)")) == (2, 3)
+    assert "{svg,pdf,png,csv,npz,html,toml} [...]" in helps["export"]
+    points = helps["sweep"].rpartition(" --points ")[2].partition(" --draw ")[0]
+    assert "required with --design latin or sobol" in points
+    assert "default" not in points
+    assert "--set, --duration and --use apply to every scenario" in helps["compare"]
 
 
 def test_list_shows_robots_and_scenarios() -> None:

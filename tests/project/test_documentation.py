@@ -13,7 +13,7 @@ from tests.support.pages import PAGES, ROOT, Page
 
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
-COMMANDS = ("serve", "run", "compare", "export", "response", "sweep", "sweep plot", "tune", "figures", "lesson",
+COMMANDS = ("serve", "run", "compare", "export", "response", "sweep", "sweep plot", "tune", "figures", "lesson run",
             "list")  # fmt: skip
 TESTS = {path.name: path for path in (ROOT / "tests").glob("*/test_*.py")}
 FOLDERS = ("docs/", *(f"{path.parent.name}/" for path in ROOT.glob("*/__init__.py")))

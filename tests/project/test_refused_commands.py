@@ -241,7 +241,7 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
         ),
         (
             ("run", "--from", "map", "--row", "1", "--use", "docs/examples/pid_gravity.py"),
-            "--from: with --engine, --use or --blend-to; allowed: the same run again, as it was",
+            "--from: with --use; allowed: the same run again, as it was\n",
         ),
         (
             ("response", "ur5-hybrid", "--newtons", "2"),
@@ -252,6 +252,14 @@ def test_a_text_that_is_not_in_utf_8_is_refused_with_the_files_name(
             "--seed 0: nothing is drawn; allowed: with --draw, or --design latin or sobol",
         ),
         (("run", "ur5-hybrid", "--row", "3"), "--row 3 without --from; allowed: --from FOLDER --row N"),
+        (("run", "--from", "map"), "vsmrc: --from: without --row; allowed: --from FOLDER --row N\n"),
+        (("run", "ur5-hybrid", "--from", "map"), "--from: with the scenario 'ur5-hybrid'; allowed: the same run again"),
+        (("run", "--from", "map", "--row", "1", "--set", "mode=motion"), "--from: with --set; allowed: the same run"),
+        (
+            ("sweep", "ur5-hybrid", "--vary", "contact.K_e=1e3:1e5:9:log", "--design", "latin", "--points", "4"),
+            "--vary contact.K_e: 1e3:1e5:9:log with --design latin, whose number of points is --points; allowed: "
+            "contact.K_e=1e3:1e5:log, without a number of values\n",
+        ),
         (("sweep", "any/sweep.toml", "--seed", "7"), "is the whole question; allowed: without --vary, --draw, --seed"),
     ],
 )
@@ -284,7 +292,7 @@ def test_wrong_input_is_refused_in_one_sentence(
             ("compare", "planar3r-hybrid", "--last", "11"),
             "--last 11: longer than the run of planar3r-hybrid; allowed: at",
         ),
-        (("lesson", "run", ""), "lesson: an empty text; allowed: a name"),
+        (("lesson", "run", ""), "lesson run: an empty text; allowed: a name"),
     ],
 )
 def test_what_has_no_folder_is_refused_in_one_sentence_too(
@@ -338,3 +346,13 @@ def test_a_chart_goes_to_a_file_with_a_known_ending(tmp_path: Path, here: Callab
     ):
         done = here("sweep", "plot", str(tmp_path), "--out", str(out))
         assert (done.returncode, done.stderr) == (2, f"vsmrc: --out {out}: {message}\n")
+
+
+def test_a_run_of_a_search_for_gains_cannot_be_repeated(tmp_path: Path, here: Callable[..., Done]) -> None:
+    (tmp_path / "tune.toml").write_text("")
+    done = here("run", "--from", str(tmp_path), "--row", "0", "--out", str(tmp_path / "out"))
+    assert (done.returncode, done.stderr) == (
+        2,
+        f"vsmrc: --from {tmp_path}: holds runs of `vsmrc tune`, which cannot be repeated; allowed: the folder of a "
+        "sweep\n",
+    )

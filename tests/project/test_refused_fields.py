@@ -98,7 +98,20 @@ pytestmark = pytest.mark.slow  # processes of its own
             "surface.normal: 10²⁰⁰, 10²⁰⁰, 0 is too long for a direction; allowed: three numbers that are not all 0, "
             "such as 0, 0, 1, and none beyond 10⁹\n",
         ),
-        (("run", "ur5-impedance", "--set", "target_model.K_m.9=1"), "target_model.K_m.9: no such entry; allowed: an"),
+        (
+            ("run", "ur5-impedance", "--set", "target_model.K_m.9=1"),
+            "target_model.K_m.9: no such entry; allowed: target_model.K_m.1 to target_model.K_m.6\n",
+        ),
+        (
+            ("run", "ur5-hybrid", "--set", "target_model.K_m.1=1"),
+            "target_model.K_m.1: no such entry; allowed: an entry",
+        ),
+        (
+            ("run", "ur5-hybrid", "--set", "force=20"),
+            "vsmrc: force: 20; allowed: a field of this section, such as force.value=20\n",
+        ),
+        (("run", "ur5-hybrid", "--set", "surface=[1,2]"), "surface: [1, 2]; allowed: a field of this section, such as"),
+        (("run", "ur5-hybrid", "--set", "force.1=20"), "force.1: no such entry; allowed: an entry, from 1, of a list"),
         (("run", "ur5-impedance", "--set", f"target_model.K_m.{'9' * 5000}=1"), "no such entry; allowed: an entry"),
         (("run", "ur5-hybrid", "--set", "contact.K_e.1=1"), "contact.K_e.1: no such entry; allowed: an entry, from 1"),
         (("run", "ur5-hybrid", "--set", "5=1"), "5: no such field; allowed: name, title, mode, robot"),

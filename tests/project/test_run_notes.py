@@ -73,3 +73,34 @@ def test_settling_w_and_the_band_are_printed(tmp_path: Path, here: Here) -> None
     (row,) = [line.split("│") for line in here("compare", *run).stdout.splitlines() if "settled after [s]" in line]
     assert row[2].strip() == f"{settled:.4g}"
     assert "settled" not in here("compare", *run, "--last", "0.1").stdout
+
+
+NO_NUMBER = """
+from controllers.control_law import ControlLaw
+
+def torque(given, out, x, x_dot):
+    x_dot[:] = 1.0
+    out.terms.gravity[:] = given.feedforward.G_hat if x[0] < 0.03 else float("nan")
+
+LAW = ControlLaw(
+    kind="ends", title="Ends", about="Ends.", torque=torque, told=("gravity",), terms={"gravity": "gravity"},
+    states=lambda n: 1,
+)
+"""
+
+
+def test_a_run_that_stopped_on_no_number_has_dashes_and_figures(tmp_path: Path, here: Here) -> None:
+    (law := tmp_path / "ends.py").write_text(NO_NUMBER)
+    chosen = ("planar3r-hybrid", "--use", str(law), "--set", "controller.law=ends", "--out", str(out := tmp_path / "o"))
+    done = here("run", *chosen)
+    assert done.returncode == 3
+    shown = {line[:40].strip(): line[40:].strip() for line in done.stdout.splitlines()}
+    assert "no finite number" in shown["stopped"]
+    for metric in ("residual of (8) at the end, RMS", "torque variation, per joint"):
+        assert shown[metric] == "—"
+    assert shown["time with a drive at its limit"] == "0 %"
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert (metrics["saturated_share"], metrics["target_model_residual_tail"]) == (0.0, None)
+    done = here("export", *chosen, "--to", "csv", "svg")
+    assert (done.returncode, done.stderr.count("vsmrc:")) == (3, 0)
+    assert {path.suffix for path in out.iterdir()} >= {".csv", ".svg"}

@@ -111,7 +111,8 @@ def test_an_estimate_is_of_the_durations_that_are_varied(monkeypatch: pytest.Mon
     for left, length in ((range(6), 2.4), ((0, 1, 2), 0.4), ((3, 4, 5), 2.0), ((), 0.0)):  # also after an interruption
         estimate = running.estimated(asked, np.array(left, dtype=int), 1)
         assert estimate.simulated == pytest.approx(length)
-        assert estimate.seconds == pytest.approx(running.BEGIN + length)
+        assert estimate.seconds == pytest.approx(running.BEGIN + length if left else 0.0)
+        assert estimate.size == (running.FILES + len(left) * running.BYTES if left else 0.0)
 
 
 def test_an_estimate_has_numbers_that_are_read_at_a_glance() -> None:
@@ -125,7 +126,7 @@ def ending(_: Sweep) -> Callable[[tuple[int, ...]], list[RunMetrics]]:
     return lambda _: os._exit(7)
 
 
-UNKNOWN = "12 runs of 3.6 s simulated time in all, 1.08 kB; their computing time is not known, since a run"
+UNKNOWN = "12 runs of 3.6 s simulated time in all, 17 kB; their computing time is not known, since a run"
 
 
 @pytest.mark.slow
@@ -202,6 +203,8 @@ def test_a_sweep_on_two_processes_that_is_stopped_and_goes_on_has_every_row_once
     whole, interrupted = tmp_path / "whole", tmp_path / "interrupted"
     with RunStore(whole, SWEEP) as store:
         assert running.run(store, SWEEP, 2) == 0
+    size = sum(path.stat().st_size for path in whole.rglob("*") if path.is_file())
+    assert SweepEstimate.of(8, 2.4, 1.0, 2).size == pytest.approx(size, rel=0.2)  # most of it is not of the runs
     text = [f"--vary={axis}" for axis in ("contact.K_e=1e3:1e4:2:log", "controller.law=vsmrc,computed-torque")]
     command = [sys.executable, "-m", "app", "sweep", "planar3r-hybrid", *text, "--draw", "2", "--duration", "0.3",
                "--workers", "1", "--out", str(interrupted)]  # fmt: skip

@@ -21,6 +21,7 @@ from app.process.worker_pool import BARRIER, FALLEN
 from app.scenario.data import load, shipped, with_values
 from app.scenario.errors import ScenarioError
 from app.sweep.run_store import JOURNAL, RunStore
+from app.sweep.running import BYTES
 from app.tune import background, offers, outcome, running
 from app.tune.candidates import Candidate
 from app.tune.plan import Tuning, moved, program
@@ -176,7 +177,7 @@ def test_a_run_that_ends_its_process_leaves_the_estimate_without_a_time(monkeypa
     monkeypatch.setattr(worker_pool, "results", lambda _, __, tasks, ___: ((task, FALLEN) for task in tasks))
     estimate = running.estimated(TUNING, 5, 1)
     assert estimate.seconds is None
-    assert str(estimate).startswith("5 runs of 1 s simulated time in all, 0.45 kB; their computing time is not known")
+    assert str(estimate).startswith("5 runs of 1 s simulated time in all, 71 kB; their computing time is not known")
 
 
 def test_an_unusable_candidate_is_a_row_and_other_runs_there_are_refused(tmp_path: Path) -> None:
@@ -201,6 +202,8 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
     assert "at most 10 runs of 1 s simulated time" in capsys.readouterr().out
     assert execute([*asked, "--out", str(out)]) == 0
     first = capsys.readouterr().out
+    size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+    assert pytest.approx(size, rel=0.2) == running.FILES + running.SCENARIO + 10 * BYTES
     assert "residual: best.toml better than the own gains, on the worst of the 2 test arms" in first
     assert execute([*asked, "--out", str(out)]) == 0
     assert "10 runs are there already" in capsys.readouterr().out
