@@ -19,7 +19,7 @@ from app.sweep.run_metrics import RunMetrics, SweepRunner, rows_of
 if TYPE_CHECKING:
     from app.sweep.run_store import RunStore  # pyarrow is large, and the page needs none
 
-# measured with sweeps of 2 to 900 runs on two cores
+# measured with sweeps of 2, 30 and 900 runs on two cores
 BYTES = 80  # of a run on disk
 FILES = 16_000  # bytes of sweep.toml, and of a Parquet file besides its runs
 CHUNK = 8  # runs that a process takes at once, at most

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 BATCH = 8  # candidates that are asked for at once, with any number of processes
 MOST_OFFERED = 9  # of a front
-# measured with searches of 4 to 64 candidates on two cores
+# measured with searches of 4 and 12 candidates on two busy cores
 BEGIN = 4.5  # s of a search besides its runs: its processes, the optimiser and the figure
 FILES = 35_500  # bytes besides its runs: those of a sweep, the candidates and the figure
 SCENARIO = 3_900  # bytes of a scenario that is offered
