@@ -42,7 +42,7 @@ test-browser:
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m browser --junitxml=build/tests/browser.xml $(or $(ARGS),tests/browser) || test $$? -eq 5
 
 test-others:
-	$(BIN)/python -m pytest -n 4 --dist worksteal --ignore tests/browser -m "not browser" --junitxml=build/tests/others.xml $(ARGS) || test $$? -eq 5
+	$(BIN)/python -m pytest -n 3 --dist worksteal --ignore tests/browser -m "not browser" --junitxml=build/tests/others.xml $(ARGS) || test $$? -eq 5
 
 test-fast: .venv/dev.stamp kernels
 	$(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/browser -m "not slow" $(ARGS)

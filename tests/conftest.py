@@ -6,6 +6,7 @@ import contextlib
 import gc
 import logging
 import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -26,6 +27,10 @@ os.environ[priority.SAME] = "1"
 
 # A collection looks at all that the program has loaded, again and again, and finds little.
 gc.set_threshold(20_000, 20, 20)
+
+# A script starts what stands before & with interruptions ignored, and so all that this starts: no test could send one.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 DEFAULTS = structlog.get_config()
 PLAINLY = structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback)

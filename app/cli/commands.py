@@ -20,6 +20,7 @@ from app.cli.figures import figures
 from app.cli.lesson import ACTIONS, lesson
 from app.cli.list import list_
 from app.cli.options import UnwritableOutput
+from app.cli.output import told
 from app.cli.overview import overview
 from app.cli.response import response
 from app.cli.run import run
@@ -32,7 +33,6 @@ from app.cli.typed_options import require_options
 from app.process import log
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
-from app.scenario.number_text import with_powers
 from parameters import allowed
 
 events = structlog.get_logger()
@@ -75,7 +75,7 @@ def execute(arguments: list[str]) -> int:
     try:
         return _call(arguments[0], arguments[1:])
     except (ScenarioError, PortTaken) as error:
-        print(f"vsmrc: {printable(with_powers(str(error)))}", file=sys.stderr)
+        print(f"vsmrc: {told(str(error))}", file=sys.stderr)
         return BAD_INPUT
     except UnwritableOutput as error:
         print(f"vsmrc: {printable(str(error))}", file=sys.stderr)

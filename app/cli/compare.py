@@ -19,6 +19,7 @@ from app.cli.options import (
     shown,
     use_own,
 )
+from app.cli.output import told
 from app.cli.status import DONE, STOPPED
 from app.cli.tables import show_table
 from app.scenario.errors import ScenarioError
@@ -75,7 +76,7 @@ def compare(
         accounts.append(account(loop.system, loop.recording, since, loop.t))
         if loop.stopped:
             stopped = True
-            print(f"{name} stopped: {loop.stopped}")
+            print(told(f"{name} stopped: {loop.stopped}"))
     rows = [
         (f"{metric.title} [{metric.units(systems)}]", *(shown(metric.of(each)) for each in accounts))
         for metric in ACCOUNT_METRICS

@@ -26,10 +26,10 @@ from app.cli.options import (
     use_own,
     written_to,
 )
+from app.cli.output import told
 from app.cli.status import DONE, STOPPED
 from app.export.figures import FigureOptions, inches_of
 from app.export.formats import ALL_PLOTS, Format, Kind
-from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError, scenario_errors
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def export(
     use_own(use)
     played = _recorded(run, engine, settings)
     if stopped := played.stopped:
-        print(printable(f"stopped: {stopped}"))
+        print(told(f"stopped: {stopped}"))
     with written_to(out):
         stretch = ExportedStretch(played.scenario, played.recording, begins, ends, stopped)
         for path in write(stretch, kinds, figure, out):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from app.cli.options import NO_DEFAULT_SHOWN, one_of, require_folder, written_to
+from app.cli.output import told
 from app.cli.status import BAD_INPUT, DONE, STOPPED
 from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
@@ -87,7 +88,7 @@ def _check(lessons: Sequence[Lesson]) -> int:
         checked = check(lesson, memory)
         problems += len(checked.problems)
         for problem in checked.problems:
-            print(f"  {printable(problem)}")
+            print(f"  {told(problem)}")
         minutes = counted(round(checked.minutes), "minute")
         print(f"  about {minutes}, {counted(len(checked.measurements), 'number')} measured")
     return BAD_INPUT if problems else DONE
@@ -114,7 +115,7 @@ def _run(lessons: Sequence[Lesson], figures: Path | None) -> int:
                 stopped |= bool(outcome.stopped and not run.stops)
                 stopped |= bool(outcome.refusal and not run.refused)
             ended = " ".join(filter(None, (outcome.refusal, outcome.stopped)))
-            print(f"  {printable(getattr(step.block, 'title', ''))}: {text}  {printable(ended)}".rstrip())
+            print(f"  {printable(getattr(step.block, 'title', ''))}: {text}  {told(ended)}".rstrip())
             if figures is not None:
                 path = figures / name_of_figure(lesson, step, "svg")
                 _write_figure(figure_of_run(lesson, step, outcome, course.traces(step), ()), path)

@@ -7,10 +7,17 @@ import sys
 from typing import TYPE_CHECKING, TextIO
 
 from app.cli.status import FAULT
-from app.process.terminal_text import stand_in
+from app.process.terminal_text import printable, stand_in
+from app.scenario.number_text import with_powers
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
+
+
+def told(sentence: str) -> str:
+    """Sentence of the simulation, or a refusal, as a terminal shows it: numbers with powers of ten, and nothing of a
+    file or of the user's own code that a terminal would carry out."""
+    return printable(with_powers(sentence))
 
 
 class _Output(io.FileIO):

@@ -27,6 +27,7 @@ from app.cli.options import (
     use_own,
     written_to,
 )
+from app.cli.output import told
 from app.cli.status import BROKEN, DONE, STOPPED, UNPROMISED
 from app.process.terminal_text import print_line
 from app.scenario.errors import ScenarioError
@@ -130,11 +131,11 @@ def _print_notes(loop: ClosedLoop) -> None:
     from app.analysis.metrics import untouched_sentences
 
     for sentence in untouched_sentences(loop.system, loop.recording):
-        print(f"note: {sentence}")
+        print(told(f"note: {sentence}"))
     for violation in loop.standing.outsiders:
-        print(f"the true arm is outside the declared set: {violation}")
+        print(told(f"the true arm is outside the declared set: {violation}"))
     if loop.warning:
-        print(f"flagged: {loop.warning}")
+        print(told(f"flagged: {loop.warning}"))
 
 
 def _require_one_blend(blend_to: str | None, settings: Settings) -> None:
@@ -191,7 +192,7 @@ def _print_metrics(metrics: Metrics, loop: ClosedLoop) -> None:
         for line in _sampling(loop):
             print(line)
     if metrics.stopped is not None:
-        print(f"{'stopped':{TITLE}s} {metrics.stopped}")
+        print(told(f"{'stopped':{TITLE}s} {metrics.stopped}"))
 
 
 def _sampling(loop: ClosedLoop) -> Iterator[str]:
@@ -211,7 +212,7 @@ def _print_promise(metrics: Metrics) -> None:
     from app.scenario.caption import percent
 
     promise = metrics.promise
-    print(f"{'promise':{TITLE}s} {promise.verdict}: {promise.because}")
+    print(told(f"{'promise':{TITLE}s} {promise.verdict}: {promise.because}"))
     print(f"{'promised share of the run':{TITLE}s} {percent(promise.share)} %")
     for finding in metrics.premises:
         if finding.failed is None:

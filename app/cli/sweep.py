@@ -26,10 +26,10 @@ from app.cli.options import (
     typed,
     written_to,
 )
+from app.cli.output import told
 from app.cli.status import BAD_INPUT, DONE, FAULT
-from app.process.terminal_text import printable
 from app.scenario.errors import ScenarioError
-from app.scenario.number_text import counted, with_powers
+from app.scenario.number_text import counted
 
 if TYPE_CHECKING:
     from app.sweep.cluster import Cluster
@@ -219,5 +219,5 @@ def _sweep_into(out: Path, request: Sweep, on: int | Cluster | None) -> int:
     if not refused:
         return DONE
     (reason, times), everything = refused.most_common(1)[0], refused.total() == count
-    print(f"{refused.total()} of {count} runs were refused, {times} of them for: {printable(with_powers(reason))}")
+    print(f"{refused.total()} of {count} runs were refused, {times} of them for: {told(reason)}")
     return BAD_INPUT if everything else DONE
