@@ -28,6 +28,7 @@ from app.process.fork_server import ForkServer
 from app.process.terminal_text import print_line
 from app.scenario.data import to_toml
 from app.scenario.errors import ScenarioError
+from app.scenario.number_text import counted
 from app.scenario.schema import Scenario
 from app.storage.session_index import StateError
 
@@ -50,7 +51,7 @@ def serve(scenario: Scenario, style: PageStyle, server_settings: ServerSettings,
     if not 0 < server_settings.idle_minutes < math.inf:
         raise ScenarioError(f"--idle-minutes: {server_settings.idle_minutes:g}; allowed: more than 0")
     sessions = (server_settings.capacity or default_capacity()) if server_settings.shared else 1
-    open_files.require(_files(sessions), f"for {sessions} {'session' if sessions == 1 else 'sessions'} and their pages")
+    open_files.require(_files(sessions), f"for {counted(sessions, 'session')} and their pages")
     try:
         # in separate folders, apart from that of a server for its own user
         store = SessionStore(state_dir / ("shared" if server_settings.shared else "everyone")) if state_dir else None

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
@@ -120,10 +120,16 @@ class ArmsAhead:
     each arm is built when a thread is free for it, while the other threads run arms that are there."""
 
     def __init__(
-        self, begun: ClosedLoop, loops: list[Callable[[], ClosedLoop]], stretch: BandStretch, pool: ThreadPoolExecutor
+        self,
+        begun: ClosedLoop,
+        loop_of: Callable[[int], ClosedLoop],
+        count: int,
+        stretch: BandStretch,
+        pool: ThreadPoolExecutor,
     ) -> None:
-        """begun: the run of the scenario's own true arm. loops: functions that build those of the others."""
-        self._begun, self._loops, self._stretch = begun, loops, stretch
+        """begun: the run of the scenario's own true arm. loop_of: builds that of the arm with this number, of `count`
+        arms."""
+        self._begun, self._loop_of, self._count, self._stretch = begun, loop_of, count, stretch
         self._arms, self._waiting = list[_Arm](), list[_Arm]()
         self._lock, self._left = threading.Lock(), threading.Event()
         self._running: list[Future[None]] = [pool.submit(self._advance) for _ in range(usable_cores())]
@@ -131,7 +137,7 @@ class ArmsAhead:
     @property
     def reached(self) -> int:
         """Number of rows that all arms have computed."""
-        return min(arm.reached for arm in self._arms) if len(self._arms) == len(self._loops) else 0
+        return min(arm.reached for arm in self._arms) if len(self._arms) == self._count else 0
 
     @property
     def rows(self) -> int:
@@ -189,8 +195,8 @@ class ArmsAhead:
 
     def _next(self) -> _Arm | None:
         """Arm to run next, which nobody else runs meanwhile; None where there is none. To be called with the lock."""
-        if len(self._arms) < len(self._loops):
-            self._arms.append(_Arm(self._loops[len(self._arms)](), self._stretch))
+        if len(self._arms) < self._count:
+            self._arms.append(_Arm(self._loop_of(len(self._arms)), self._stretch))
             return self._arms[-1]
         behind = [arm for arm in self._waiting if arm.reached < self._stretch.rows]
         if not behind:
@@ -215,10 +221,10 @@ class TrueArms:
         begun = self._begun = ClosedLoop.from_state(stretch.begins, 1, self._begun and self._begun.system, self._memory)
         scenario, n, recording = begun.system.scenario, begun.system.robot.n, _memory_of_slice(begun)
 
-        def loop(number: int) -> ClosedLoop:
+        def loop_of(number: int) -> ClosedLoop:
             truth = _departure(number, n).truth(scenario.declared, of=scenario.truth)
             built = begun.with_truth(truth, recording, self._systems.get(number))
             self._systems[number] = built.system
             return built
 
-        return ArmsAhead(begun, [partial(loop, number) for number in range(count)], stretch, self._pool)
+        return ArmsAhead(begun, loop_of, count, stretch, self._pool)

@@ -23,6 +23,7 @@ from app.scenario.errors import (
     UnboundedGain,
     WrongFace,
 )
+from app.scenario.number_text import counted
 from app.scenario.schema import (
     ControllerSection,
     RobotSection,
@@ -354,8 +355,7 @@ def pushed(scenario: Scenario, robot: robots.Robot, t: float) -> Scenario:
 
 def _forces(scenario: Scenario) -> str:
     """Surfaces about which a scenario's coordinates are, in words."""
-    count = len(scenario.surfaces)
-    return f"{count} {'surface' if count == 1 else 'surfaces'}{' with a flat tool' if scenario.face.flat else ''}"
+    return f"{counted(len(scenario.surfaces), 'surface')}{' with a flat tool' if scenario.face.flat else ''}"
 
 
 def blending_to(scenario: Scenario, other: Scenario, at: float, over: float) -> Scenario:

@@ -14,6 +14,7 @@ from app.export.lettering import wrapped
 from app.export.printing import file_of
 from app.export.ticks import plain_decades
 from app.scenario.errors import ScenarioError
+from app.scenario.number_text import counted
 from app.storage.joint_kinds import units_of
 from app.sweep.axes import Axis
 from app.sweep.plan import Sweep, SweepPlan
@@ -261,7 +262,7 @@ def _caption(sweep: Sweep, points: Points, view: SweepView, missing: str, stoppe
     """Caption. missing, stopped: what points without a number look like, and those of which a run stopped or was
     refused; where both look the same, one that has a number looks like any other."""
     arms, plan = sweep.arms, SweepPlan(sweep)
-    caption = f"{sweep.scenario.name}, {_counted(len(points.number))}"
+    caption = f"{sweep.scenario.name}, {counted(len(points.number), 'point')}"
     if sweep.draw:
         kind = "corners of the declared set" if sweep.corners else "inside the declared set"
         moved = any(axis.path.startswith(("declared.", "robot.")) for axis in sweep.vary)
@@ -270,9 +271,9 @@ def _caption(sweep: Sweep, points: Points, view: SweepView, missing: str, stoppe
     if (runs := int(points.arms.sum())) < plan.count:
         caption += f". Only {runs} of {plan.count} runs so far"
         if fewer := int((points.arms < arms).sum()):
-            caption += f", {_counted(fewer)} with fewer arms"
+            caption += f", {counted(fewer, 'point')} with fewer arms"
     if fewer := int(((points.counted < points.arms) & (points.counted > 0)).sum()):
-        caption += f". In {_counted(fewer)} only some arms have this metric, and they alone count"
+        caption += f". In {counted(fewer, 'point')} only some arms have this metric, and they alone count"
     if statistic_of(view) == "share" and sweep.draw:
         low, _ = interval(arms, arms)
         caption += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"
@@ -280,16 +281,12 @@ def _caption(sweep: Sweep, points: Points, view: SweepView, missing: str, stoppe
         caption += ". 1: the run keeps the limit, 0: it does not"
     marked = points.stopped & np.isnan(points.number) if stopped == missing else points.stopped
     if marked.any():
-        caption += f". {stopped}: runs that stopped or were refused ({_counted(int(marked.sum()))})"
+        caption += f". {stopped}: runs that stopped or were refused ({counted(int(marked.sum()), 'point')})"
     if never := int((points.never & ~points.stopped).sum()):
-        caption += f". {missing}: not on every arm ({_counted(never)})"
+        caption += f". {missing}: not on every arm ({counted(never, 'point')})"
     if none := int((np.isnan(points.number) & ~points.never & ~points.stopped).sum()):
-        caption += f". {missing}: no run has this metric ({_counted(none)})"
+        caption += f". {missing}: no run has this metric ({counted(none, 'point')})"
     return caption + "."
-
-
-def _counted(points: int) -> str:
-    return f"{points} point" if points == 1 else f"{points} points"
 
 
 def _bar(canvas: Canvas, plot: Axes, colored: Any, sweep: Sweep, points: Points, view: SweepView) -> None:

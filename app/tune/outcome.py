@@ -18,7 +18,7 @@ from app.export.printing import file_of
 from app.export.ticks import plain_decades
 from app.process.atomic_write import write_whole
 from app.scenario import data
-from app.scenario.number_text import plain, rounded
+from app.scenario.number_text import counted, plain, rounded
 from app.scenario.schema import Scenario
 from app.simulation.builders.environment_builder import robot_of, truth_of
 from app.storage.joint_kinds import units_of
@@ -201,8 +201,7 @@ def summary_rows(tuning: Tuning, found: TuningResult) -> list[list[str]]:
     of the search."""
     paths = (axis.path.replace(".", ".\n", 1) for axis in tuning.vary)
     aims = (in_words(aim, units_of(tuning.scenario)) for aim in tuning.aims)
-    tests = "1 test arm" if tuning.unseen == 1 else f"{tuning.unseen} test arms"
-    rows = [[f"worst of\n{tests}", *paths, *aims, "promise\nholds"]]
+    rows = [[f"worst of\n{counted(tuning.unseen, 'test arm')}", *paths, *aims, "promise\nholds"]]
     files = files_of(tuning, found)
     for number, each in found.tried.items():
         if number and number not in files:

@@ -13,7 +13,7 @@ from html import escape
 
 import numpy as np
 
-from app.scenario.number_text import in_one_style, rounded
+from app.scenario.number_text import counted, in_one_style, rounded
 
 _R, _HOLE = 112.0, 14.0  # px: radius of the largest circle, and of the circle of the smallest decade
 _X, _Y = 168.0, 128.0  # px: position of the origin
@@ -124,9 +124,8 @@ def _ray(zeta: float) -> str:
 def _mark(pole: Pole, low: int, high: int, look: str, number_of: int | None = None) -> str:
     x, y = _place(pole, low, high)
     imaginary = f" ± {rounded(pole.value.imag, 4)} j" if pole.value.imag > _SAME * pole.omega else ""
-    counted = "1 pole" if pole.count == 1 else f"{pole.count} poles"
     swing = f"ω = {rounded(pole.omega, 4)} rad/s, ζ = {pole.zeta:.3g}"
-    tip = f"{rounded(pole.value.real, 4)}{imaginary} 1/s, {swing}, {counted}"
+    tip = f"{rounded(pole.value.real, 4)}{imaginary} 1/s, {swing}, {counted(pole.count, 'pole')}"
     shape = (
         f'<path d="M {x - 4.5:.1f} {y - 4.5:.1f} l 9 9 m 0 -9 l -9 9"/>'
         if look == "now"
