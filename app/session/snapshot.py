@@ -14,7 +14,8 @@ from app.session.pacing import Pace
 from app.session.timeline import Pinned
 from app.session.ways_out import WayOut
 from app.simulation.assembly import assemble
-from app.simulation.closed_loop import ClosedLoop, standing_of
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.promise.standing import standing_of
 from app.simulation.promise.verdict import Standing
 from app.simulation.recording import Recording
 from app.simulation.sampled_loop.sampled_stability import RespondingLoop

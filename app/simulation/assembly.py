@@ -17,10 +17,8 @@ from app.scenario.errors import (
 from app.scenario.own_code import own_fault
 from app.scenario.schema import Scenario, TruthSection
 from app.simulation.builders.controller_builder import (
-    believed_compliance,
     blend_of,
     controller_of,
-    followed_faces,
     mode_of,
     uncertainty_of,
     z_at_start,
@@ -29,13 +27,9 @@ from app.simulation.builders.environment_builder import (
     contacts_of,
     environment_of,
     face_of,
-    forces_of,
-    motion_of,
     positions_of,
     push_of,
     robot_of,
-    rotation_of,
-    spread_over,
     surfaces_of,
     task_axes,
     task_surface,
@@ -53,6 +47,7 @@ from app.simulation.builders.environment_checks import (
 )
 from app.simulation.builders.error_model import ErrorModel
 from app.simulation.builders.own_path_check import require_path
+from app.simulation.builders.reference_builder import plan_of
 from app.simulation.builders.reuse_keys import (
     constants_key,
     controller_key,
@@ -61,7 +56,7 @@ from app.simulation.builders.reuse_keys import (
     sampled_loops_key,
     surfaces_key,
 )
-from app.simulation.builders.starting_posture import r_at_start, require_within_reach, starting_posture
+from app.simulation.builders.starting_posture import require_within_reach, starting_posture
 from app.simulation.builders.step_check import require_resolved, unresolved
 from app.simulation.builders.task_layout import coordinates_of, layout_of
 from app.simulation.omega.domain import Constants, constants_over, mobility_over, span_of
@@ -70,7 +65,7 @@ from app.simulation.omega.reference_postures import ReferencePostures, postures_
 from app.simulation.omega.search_memory import Memory, key_of
 from app.simulation.omega.stations import Stations, turning_normals
 from app.simulation.period.observation import Observer
-from app.simulation.period.planned_reference import Forces, Planned, ReferencePlan
+from app.simulation.period.planned_reference import Planned, ReferencePlan
 from app.simulation.system import System
 from controllers import modes
 from controllers.controller import Controller
@@ -141,7 +136,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     require_reachable_moment(scenario, mode)
     require_sampled(scenario)
     observer = Observer(nominal, charted.shapes, layout, ErrorModel.of(scenario, q_0))
-    plan = _plan(scenario, mode, layout, robot, observer, q_0)
+    plan = plan_of(scenario, mode, layout, robot, observer, q_0)
     constants = _constants(scenario, robot, mode, nominal, observer, plan, surfaces, q_0, memory, previous)
     mobility = _mobility(scenario, plant, constants, nominal, memory, previous)
     stations = _stations(constants, surfaces, observer, previous)
@@ -192,24 +187,6 @@ def _charted(
     if not mode.on_surface:
         return cartesian
     return task_surface(scenario, surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p)
-
-
-def _plan(
-    scenario: Scenario, mode: Mode, layout: TaskLayout, robot: robots.Robot, observer: Observer, q_0: np.ndarray
-) -> ReferencePlan:
-    """Plan of the reference, from where the tool is at q_0 (n,) rad. Raises ScenarioError."""
-    motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
-    shift = spread_over("shift.by", scenario.shift.by, mode, layout)
-    return ReferencePlan(
-        start=r_at_start(scenario, robot, observer, q_0, in_corner=mode.on_surface and len(scenario.surfaces) > 1),
-        compliance=np.zeros((3, 3)) if mode.rigid else _compliance(scenario),
-        followed=followed_faces(scenario),
-        m=mode.force_directions,
-        motion=motion,
-        rotation=rotation,
-        shift=SmoothShift.fresh(shift, scenario.shift.duration),
-        forces=Forces.of(forces),
-    )
 
 
 def with_truth(system: System, truth: TruthSection, previous: System | None) -> System:
@@ -380,13 +357,6 @@ def _sampled_loops(
         return known and sampled_loops_key(previous.scenario) == sampled_loops_key(scenario)
 
     return _reused(previous, same, lambda p: p.sampled_loops, dict[int, "SampledLoop"])
-
-
-def _compliance(scenario: Scenario) -> np.ndarray:
-    """Compliance (3, 3) m/N of r_fd, (33): that of the surfaces whose force is controlled."""
-    compliance, believed = np.zeros((3, 3)), believed_compliance(scenario)
-    compliance[: len(believed), : len(believed)] = believed
-    return compliance
 
 
 def _surfaces_in_use(

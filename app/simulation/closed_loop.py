@@ -18,9 +18,8 @@ from app.simulation.omega.search_memory import Memory
 from app.simulation.period.alarms import Alarm
 from app.simulation.period.control_period import Evaluation, Setting
 from app.simulation.period.controlled_arm import ControlledArm
-from app.simulation.promise.failure_sentences import losses
 from app.simulation.promise.premise_watch import NOT_FED_BACK, PremiseWatch
-from app.simulation.promise.true_errors import beyond
+from app.simulation.promise.standing import standing_of
 from app.simulation.promise.verdict import Standing
 from app.simulation.recording import Recording
 from app.simulation.sampled_loop.sampled_stability import RespondingLoop
@@ -37,17 +36,6 @@ from kernels.records import Record
 
 log = structlog.get_logger()
 HISTORY = 600_000  # rows
-
-
-def standing_of(system: System, state: State) -> Standing:
-    """The premises of the theorem and the verdict on a run in this state."""
-    evaluation = state.evaluation
-    table, record = evaluation.part("table"), evaluation.part("promise_record")
-    stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
-    outsiders = system.outsiders + beyond(errors, stated, system.scenario.declared.least_inertia, system.units)
-    lost = losses(system, state.arm.views.holding)
-    law = system.controller.law
-    return Standing(table, record, state.stopped, outsiders, system.units, law, lost, waiting=state.steps == 0)
 
 
 class ClosedLoop:
