@@ -24,9 +24,11 @@ OURS = "ur5-hybrid"  # the task that MuJoCo gets, too
 RK4 = f"{OURS}, rk4"
 FLOOR = "bare pin calls of "
 COMPILED = ", compiled"
-THREADS = 2  # number of threads that compute a run each at the same time
-LONGER = 8  # factor of the periods of their runs: handing a run to a thread takes as long as a dozen periods
-TOGETHER = f"{OURS}{COMPILED}, {THREADS} threads"
+THREADS = (1, 2)  # numbers of threads that compute a run each at the same time
+# Factor of the periods of their runs: handing a run to a thread takes as long as a dozen periods, and who ends first
+# waits for the other one.
+LONGER = 40
+TOGETHER = {threads: f"{OURS}{COMPILED}, {threads} thread{'s' if threads > 1 else ''}" for threads in THREADS}
 HISTORY = 4096  # rows of the recording, so that its memory is soon reused, and no allocation is measured
 WARM = 14_000  # steps before the first round, until no new memory is needed
 
@@ -77,14 +79,18 @@ def bare_calls(loop: ClosedLoop) -> Call:
 class Together:
     """Runs of one scenario together: compiled, each advanced by a thread of its own at the same time."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        self._loops = [ClosedLoop.from_scenario(scenario, HISTORY) for _ in range(THREADS)]
+    def __init__(self, scenario: Scenario, threads: int) -> None:
+        self._loops = [ClosedLoop.from_scenario(scenario, HISTORY) for _ in range(threads)]
         self._runs = [CompiledRun(loop) for loop in self._loops]
-        self._pool = ThreadPoolExecutor(THREADS)
+        self._pool = ThreadPoolExecutor(threads)
 
     def advance(self, periods: int) -> None:
         """Advance every run by a number of control periods."""
         list(self._pool.map(lambda run: run.advance(periods), self._runs))
+
+    def advance_long(self, periods: int) -> None:
+        """Advance every run by `LONGER` times a number of control periods."""
+        self.advance(LONGER * periods)
 
     @property
     def stopped(self) -> str | None:
@@ -110,13 +116,15 @@ def measure(effort: Effort) -> Table:
         if name != RK4:
             calls[FLOOR + name] = bare_calls(stepped)
     contenders = mujoco_osc.contenders(loops[OURS].system)
-    together = Together(load(OURS))
-    together.advance(WARM)
-    calls[TOGETHER] = Whole(lambda steps: together.advance(LONGER * steps))
+    together = {TOGETHER[threads]: Together(load(OURS), threads) for threads in THREADS}
+    for name, runs in together.items():
+        runs.advance(WARM)
+        calls[name] = Whole(runs.advance_long)
     times = interleaved(calls | contenders, effort.rounds, effort.steps)
-    together.close()
-    times[TOGETHER] = [us / (THREADS * LONGER) for us in times[TOGETHER]]
-    for name, loop in (*loops.items(), (TOGETHER, together)):
+    for threads, name in TOGETHER.items():
+        together[name].close()
+        times[name] = [us / (threads * LONGER) for us in times[name]]
+    for name, loop in (*loops.items(), *together.items()):
         if loop.stopped:
             raise RuntimeError(f"{name}: {loop.stopped}")
     header = (
@@ -129,7 +137,7 @@ def measure(effort: Effort) -> Table:
         f"× {OURS}{COMPILED}",
     )
     rows = []
-    for name in (*loops, TOGETHER, *contenders):
+    for name in (*loops, *together, *contenders):
         us, floor = times[name], times.get(FLOOR + name)
         period = loops[name if name in loops else OURS].period
         rows.append(

@@ -160,7 +160,7 @@ class PageContent:
         if not same or self._scene.has_new_meshes:
             self._viewing.legend = self._scene.show(snapshot, options)
             self._hand.show(snapshot, self._viewing.legend.newtons)
-        foreseen = self._whatif.look(snapshot, self._server.get_clients())
+        foreseen = self._whatif.look(snapshot, self._server.get_clients(), now)
         if foreseen or now - self._refreshed >= REFRESH:
             self._refresh(snapshot, now)
             self._refreshed = now

@@ -26,6 +26,7 @@ from app.export.playback_frames import PlaybackFrames
 from app.process import launcher
 from app.storage.recording_files import ProgressCallback, RecordingTable
 
+NICENESS = 5  # of the process; at 10, on a busy machine, it got next to no time
 PATIENCE = 2.0  # s in which the process may end by itself
 LONGEST_NAME, LONGEST_CONTENT = 60, 150  # letters of a part of a file's name
 PLAYBACK_LIMIT = 25e6  # bytes
@@ -177,7 +178,9 @@ class ExportJobs:
             if self._closed:
                 raise ExportError("the program is ending")
             given = (connection, file)
-            process = launcher.start("app.workers.export", *map(str, given), stdin=subprocess.DEVNULL, pass_fds=given)
+            process = launcher.start(
+                "app.workers.export", *map(str, given), niceness=NICENESS, stdin=subprocess.DEVNULL, pass_fds=given
+            )
             self._working.add(process)
             return process
 

@@ -50,7 +50,7 @@ Start = Callable[[int], Awaitable[ChildProcess]]
 
 async def started(file: int) -> ChildProcess:
     """New process of a session, which inherits this file. Raises OSError."""
-    return launcher.start("app.workers.session", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
+    return launcher.start("app.workers.session", str(file), niceness=0, stdin=subprocess.DEVNULL, pass_fds=(file,))
 
 
 class Worker:

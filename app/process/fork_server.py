@@ -110,7 +110,7 @@ class ForkServer:
         with theirs:
             file = theirs.fileno()
             self._process = launcher.start(
-                "app.workers.fork_server", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,)
+                "app.workers.fork_server", str(file), niceness=0, stdin=subprocess.DEVNULL, pass_fds=(file,)
             )
         ours.send(self._scenario.encode())
         ours.setblocking(False)

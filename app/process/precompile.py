@@ -21,7 +21,7 @@ def start() -> subprocess.Popen[bytes] | None:
     if mark().exists():
         return None
     try:
-        process = launcher.start("app.workers.precompile", stdin=subprocess.PIPE)
+        process = launcher.start("app.workers.precompile", niceness=19, stdin=subprocess.PIPE)
     except OSError as error:
         log.warning("no precompilation", reason=error.strerror)
         return None

@@ -21,6 +21,7 @@ from app.simulation.state import State
 
 log = structlog.get_logger()
 
+NICENESS = 10  # of the process
 PATIENCE = 2.0  # s that the process has to end by itself
 
 
@@ -132,7 +133,12 @@ class Previewer:
         with theirs:
             file = theirs.fileno()
             process = self._starter.submit(
-                launcher.start, "app.workers.preview", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,)
+                launcher.start,
+                "app.workers.preview",
+                str(file),
+                niceness=NICENESS,
+                stdin=subprocess.DEVNULL,
+                pass_fds=(file,),
             ).result()
         return self._with_listener(_Worker(process, ours))
 

@@ -102,6 +102,7 @@ def _answer(path: Path) -> tuple[LinkMesh, ...]:
                 "app.workers.link_meshes",
                 str(theirs.fileno()),
                 str(path),
+                niceness=10,
                 stdin=subprocess.PIPE,
                 pass_fds=(theirs.fileno(),),
             )

@@ -95,7 +95,9 @@ class Background:
             with ours:
                 with theirs:
                     file = theirs.fileno()
-                    process = launcher.start("app.workers.sweep", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
+                    process = launcher.start(
+                        "app.workers.sweep", str(file), niceness=19, stdin=subprocess.DEVNULL, pass_fds=(file,)
+                    )
                 ours.send(self._work)
                 while not (self.complete or self.problem or self._cancelled.is_set()):
                     if ours.poll(0.1):

@@ -15,14 +15,11 @@ import structlog
 from app.export.export_jobs import DataJob, ExportDone, ExportProgress, Failure, FigureJob, Job, MadeJob, PlaybackJob
 from app.export.printing import render
 from app.process.log import configure_as_parent
-from app.process.priority import lower_priority
 from app.scenario.errors import ScenarioError
 from app.simulation.signals import columns_of
 from app.storage.recording_files import RecordingTable, TooLarge, write_csv, write_npz
 
 log = structlog.get_logger()
-
-NICENESS = 5  # the running loop comes first; at 10, on a busy machine, this process got next to no time
 
 
 class _Reporter:
@@ -86,7 +83,6 @@ def _received(data: RecordingTable, asker: Connection) -> Iterator[np.ndarray]:
 
 def main() -> None:
     configure_as_parent()
-    lower_priority(NICENESS)
     with Connection(int(sys.argv[1])) as asker:
         try:
             serve(asker, int(sys.argv[2]))

@@ -22,9 +22,10 @@ from app.process import launcher, precompile
 from app.process.fork_server import ForkedProcess
 from app.process.free_memory import give_back
 from app.process.log import configure_as_parent
+from app.process.priority import lower_priority
 from app.scenario.data import from_toml, shipped
 from app.scenario.errors import ScenarioError
-from app.session.preview_client import Previewer
+from app.session.preview_client import NICENESS, Previewer
 from app.simulation.warm_up import warm_up
 from app.workers import preview, session
 
@@ -95,6 +96,7 @@ def _forked_preview(session_file: int) -> tuple[ForkedProcess, Connection]:
             _become(PREVIEW, parent)
             os.close(session_file)
             ours.close()
+            lower_priority(NICENESS)
             preview.run(theirs)
         finally:
             os._exit(0)

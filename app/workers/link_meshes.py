@@ -12,11 +12,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from app.process import launcher
-from app.process.priority import lower_priority
 from app.storage.link_meshes import CPU, MEMORY, MOST_TRIANGLES, LinkMesh
 from app.storage.mesh_reading import read
-
-NICENESS = 10  # the running loop comes first
 
 
 def answer(path: Path) -> tuple[LinkMesh, ...] | str:
@@ -39,7 +36,6 @@ def answer(path: Path) -> tuple[LinkMesh, ...] | str:
 def main() -> None:
     logging.basicConfig(level=logging.ERROR)
     launcher.end_with_parent()
-    lower_priority(NICENESS)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CPU, (CPU, CPU))
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))

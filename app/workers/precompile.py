@@ -12,7 +12,6 @@ import structlog
 from app.process import launcher
 from app.process.log import configure_as_parent
 from app.process.precompile import mark
-from app.process.priority import lower_priority
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot
@@ -47,10 +46,9 @@ def to_compile(joints: int | None) -> Iterator[Scenario]:
 
 
 def main() -> None:
-    """Compile, at the lowest priority, until it is done or the process that began this ends."""
+    """Compile until it is done or the process that began this ends."""
     configure_as_parent()
     launcher.end_with_parent()
-    lower_priority(19)
     try:
         for _ in compiled():
             pass

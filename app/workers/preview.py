@@ -14,7 +14,6 @@ from multiprocessing.connection import Connection
 import structlog
 
 from app.process.log import configure_as_parent
-from app.process.priority import lower_priority
 from app.scenario.errors import ScenarioError
 from app.session.arm_band import LATER, ArmBand, ArmsAhead, BandStretch, TrueArms
 from app.session.headless_run import engine_ready
@@ -35,7 +34,6 @@ REST = 0.6  # s for the band, before the answer to a request that differs from t
 PICTURES = 2  # of the band that grows, meanwhile
 OLD = 0.5 * LATER  # s of simulated time, after which a band is computed anew
 SOON = 0.06  # s: an answer to a moving slider that needs less than this is completed, also when a newer request waits
-NICENESS = 10  # the running loop comes first
 TURN = 5e-4  # s that a thread keeps the interpreter while another one waits for it
 
 
@@ -252,8 +250,7 @@ def load_for(loop: ClosedLoop) -> None:
 
 
 def run(asker: Connection) -> None:
-    """Answer requests at a lower priority than the asker's, until it has gone."""
-    lower_priority(NICENESS)
+    """Answer requests until the asker has gone."""
     sys.setswitchinterval(TURN)
     with asker:
         try:

@@ -11,7 +11,6 @@ import structlog
 
 from app.process import slots
 from app.process.log import configure_as_parent
-from app.process.priority import lower_priority
 from app.scenario.errors import ScenarioError
 from app.sweep import background
 from app.sweep.background import Begun, ComputeRequest, SweepDone, SweepFailed, Waiting
@@ -19,8 +18,6 @@ from app.tune import background as tuning_background
 from app.tune.plan import Tuning
 
 log = structlog.get_logger()
-
-NICENESS = 19  # the loop comes first
 
 
 def serve(asker: Connection) -> None:
@@ -47,7 +44,6 @@ def _wait(asker: Connection) -> None:
 
 def main() -> None:
     configure_as_parent()
-    lower_priority(NICENESS)
     with Connection(int(sys.argv[1])) as asker:
         try:
             serve(asker)

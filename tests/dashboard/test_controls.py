@@ -246,14 +246,14 @@ def test_a_slider_whose_preview_has_ended_shows_the_running_value_and_applies_no
     _, text, slider = page.widgets
     field.show(page.snapshot())
     running, place = text.value, slider.value
-    page.whatif.look(page.snapshot(), {1})
+    page.whatif.look(page.snapshot(), {1}, 0.0)
     page.give(slider, place - 0.2)
     if ended_by == "another run":
         page.desk.post(Reset())
     elif ended_by == "revert":
         assert page.whatif.held is not None
         page.whatif.drop(page.whatif.held)
-    page.whatif.look(page.snapshot(), set() if "page" in ended_by else {1})
+    page.whatif.look(page.snapshot(), set() if "page" in ended_by else {1}, 0.0)
     field.show(page.snapshot())
     assert (text.value, slider.value) == (running, place)
     page.give(text, f"{text.value}{RELEASED}")

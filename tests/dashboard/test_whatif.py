@@ -5,10 +5,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
-from app.dashboard.widgets.run.whatif import HeldControl, WhatIf
+from app.dashboard.widgets.run.whatif import OPENING, HeldControl, WhatIf
 from app.dashboard.widgets.run.whatif_panel import body_html
 from app.scenario.data import edited, shipped
-from app.session.commands import DragTool, Edit, Seek
+from app.session.commands import DragTool, Edit, Reset, Seek
 from app.session.preview import PreviewRun
 from app.session.preview_client import Previewer
 from app.session.preview_messages import Preview, PreviewRequest
@@ -31,18 +31,30 @@ def test_a_preview_of_a_past_instant_goes_on_without_the_hand_as_its_edit_would(
     runner._obey([DragTool(Grip((0.5, 0.0, 0.3)))])
     for _ in range(50):
         runner._commanded.step()
-    whatif.look(runner._publish(), ())  # which run it is
+    whatif.look(runner._publish(), (), 0.0)  # which run it is
     whatif.hold(HeldControl(edit, "layer", "0.02", object(), 1, runner._publish().run))
-    whatif.look(runner._publish(), (1,))
+    whatif.look(runner._publish(), (1,), 0.0)
     assert asked[-1].grip is not None
     runner._obey([Seek(0.02)])
     past = runner._publish()
     assert past.looking_back
-    whatif.look(past, (1,))
+    whatif.look(past, (1,), 0.0)
     assert asked[-1].grip is None
     assert asked[-1].t == past.t
     runner._obey([edit])
     assert runner._loop.grip is None
+
+
+def test_the_process_for_previews_is_started_once_a_run_and_not_while_the_first_page_opens() -> None:
+    warmed: list[State] = []
+    whatif = WhatIf(cast(Previewer, SimpleNamespace(newest=None, failure="", idle=True, warm_up=warmed.append)))
+    runner = Runner(shipped()["planar2r-semicircle"])
+    for now, started in ((100.0, 0), (100.0 + OPENING, 0), (100.1 + OPENING, 1), (200.0, 1)):
+        whatif.look(runner._publish(), (1,), now)
+        assert len(warmed) == started, now
+    runner._obey([Reset()])
+    whatif.look(runner._publish(), (1,), 200.1)
+    assert len(warmed) == 2
 
 
 def test_the_panel_says_of_which_seconds_it_tells_and_whether_a_layer_or_the_band_is_reached() -> None:

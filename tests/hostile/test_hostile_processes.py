@@ -69,7 +69,7 @@ def children(process: int) -> list[int]:
 
 
 def test_a_helper_is_in_the_session_of_its_parent_but_not_in_the_group_that_ctrl_c_reaches() -> None:
-    helper = launcher.start(*HELPER, stdin=subprocess.PIPE)
+    helper = launcher.start(*HELPER, niceness=0, stdin=subprocess.PIPE)
     try:
         assert os.getsid(helper.pid) == os.getsid(0)
         assert os.getpgid(helper.pid) == helper.pid

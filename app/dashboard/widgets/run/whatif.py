@@ -18,6 +18,7 @@ from app.session.snapshot import Snapshot
 from app.simulation.builders.restarts import begins_anew
 
 HORIZON, PUSH, ARMS = 5.0, 30.0, 16  # s, N, and number of true arms of the band, until the user changes them
+OPENING = 3.0  # s after the first look, in which the cores are left to the page that opens
 
 
 @dataclass(frozen=True)
@@ -116,6 +117,7 @@ class WhatIf:
         self._request: _RequestKey | None = None
         self._applied: _Applied | None = None
         self._run = -1
+        self._first_look: float | None = None
 
     def hold(self, held: HeldControl) -> None:
         """Preview the effect of a slider that has been moved and is held."""
@@ -169,14 +171,17 @@ class WhatIf:
             return None
         return EditAll({path: old for path, (old, _) in differences(applied.before, applied.after).items()})
 
-    def look(self, snapshot: Snapshot, clients: Collection[int]) -> bool:
-        """Request the preview of the held slider, and take answers. Returns whether the preview to draw has changed."""
+    def look(self, snapshot: Snapshot, clients: Collection[int], now: float) -> bool:
+        """Request the preview of the held slider, and take answers. Returns whether the preview to draw has changed.
+
+        now: time of a clock, s.
+        """
         held = self.held
         if held is not None and (held.client not in clients or snapshot.run > held.run):
             self.drop(held)  # the page was closed with the slider held, or another run has begun
             held = None
         if held is None:
-            return self._rest(snapshot)
+            return self._rest(snapshot, now)
         drawn, refused = self.preview, self.refusal
         self._ask(held, snapshot)
         match self._previewer.newest:
@@ -188,12 +193,14 @@ class WhatIf:
                 self.preview, self.refusal = None, self._previewer.failure
         return self.preview is not drawn or self.refusal != refused
 
-    def _rest(self, snapshot: Snapshot) -> bool:
+    def _rest(self, snapshot: Snapshot, now: float) -> bool:
         if self._request is not None:
             self._previewer.drop()
             self._request, self.preview, self.refusal = None, None, ""
             return True
-        if snapshot.run != self._run:
+        if self._first_look is None:
+            self._first_look = now
+        if snapshot.run != self._run and now - self._first_look > OPENING:
             self._run = snapshot.run
             if self.on:
                 self._previewer.warm_up(snapshot.state)
