@@ -23,7 +23,7 @@ from app.dashboard.page_content import REFRESH
 from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.transport.visible_parts import VisibleParts
 from app.dashboard.view_options import Viewing
-from app.dashboard.widgets.run.whatif import HeldControl, WhatIf
+from app.dashboard.widgets.run.whatif import OPENING, HeldControl, WhatIf
 from app.scenario.data import load
 from app.scenario.schema import Scenario
 from app.session.commands import Edit
@@ -111,7 +111,7 @@ class WatchedPage:
                 framed = now
                 self.awake.clear()
                 snapshot = self.runner.snapshot
-                foreseen = self.whatif.look(snapshot, {CLIENT})
+                foreseen = self.whatif.look(snapshot, {CLIENT}, now)
                 if foreseen or now - refreshed >= REFRESH:
                     refreshed = now
                     preview, horizon = self.whatif.preview, self.whatif.horizon
@@ -143,7 +143,7 @@ def watched_page(scenario: str) -> Iterator[WatchedPage]:
     page = WatchedPage(runner, WhatIf(previewer, awake.set), plots, viewing, awake)
     try:
         runner.start()
-        page.watch(1.0)
+        page.watch(OPENING + 1.0)
         while not previewer.idle:
             time.sleep(0.05)
         yield page
