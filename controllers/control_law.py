@@ -181,6 +181,7 @@ TOLD: Mapping[str, str] = MappingProxyType(
         "bounds": "the declared bounds",
         "force": "the measured force",
         "rates": "the velocities",
+        "compensator": "z and s",
     }
 )
 
@@ -195,7 +196,8 @@ class ControlLaw:
     else it is plain numpy.
     told: what its torque depends on, names of `TOLD`: "model" stands for M_hat and C_hat, "gravity" for G_hat,
     "bounds" for `Gains.uncertainty` and `ControlOutput.needed`, "force" for the measured F and F_c, "rates" for q_dot
-    and the rates that follow from it. A test checks this of the laws of the program.
+    and the rates that follow from it, "compensator" for z and s of (9) and (10). A test checks this of the laws of the
+    program.
     terms: name of each term of its torque that it writes, for the legends of plots, by the field of `TorqueTerms`;
     None for the fields' own names.
     robust: whether the law is (25), the law of Theorem 1: z and s act on the torque.
@@ -221,6 +223,11 @@ class ControlLaw:
     def feels_force(self) -> bool:
         """Whether the measured force acts on the torque."""
         return "force" in self.told
+
+    @property
+    def compensated(self) -> bool:
+        """Whether z and s act on the torque."""
+        return "compensator" in self.told
 
     @property
     def named_terms(self) -> Mapping[str, str]:

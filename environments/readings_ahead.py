@@ -102,8 +102,9 @@ class ReadingsAhead:
 
 
 def compilable(reader: ForceReader) -> bool:
-    """Whether all stages of the reader are `COMPILED`."""
-    return all(type(stage) in COMPILED for stage in reader.stages)
+    """Whether all stages of the reader are `COMPILED`, and a reading passes them in that order."""
+    stages = [type(stage) for stage in reader.stages]
+    return stages == [each for each in COMPILED if each in stages]
 
 
 S = TypeVar("S", bound=Stage)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -80,16 +80,8 @@ def run(
     require_folder(out)
     use_own(use)
     if from_ is not None:
-        as_it_was = {
-            f"the scenario {scenario!r:.60}": scenario,
-            "--set": settings,
-            "--duration": duration,
-            "--blend-to": blend_to,
-            "--engine": engine,
-            "--use": use,
-        }
-        if other := next((name for name, value in as_it_was.items() if typed(value)), None):
-            raise ScenarioError(f"--from: with {other}; allowed: the same run again, as it was")
+        others = {"--duration": duration, "--blend-to": blend_to, "--engine": engine, "--use": use}
+        _require_as_it_was({f"the scenario {scenario!r:.60}": scenario, "--set": settings} | others)
         if row is None:
             raise ScenarioError("--from: without --row; allowed: --from FOLDER --row N")
         chosen, by, until = _of_sweep(from_, row)
@@ -111,6 +103,12 @@ def run(
         _print_run(metrics, loop)
     print(f"written to {out}")
     return _status(metrics, loop, strict=strict)
+
+
+def _require_as_it_was(others: Mapping[str, object]) -> None:
+    """Raise ScenarioError where anything else is typed with --from. others: values of the options, by their names."""
+    if other := next((name for name, value in others.items() if typed(value)), None):
+        raise ScenarioError(f"--from: with {other}; allowed: the same run again, as it was")
 
 
 def _status(metrics: Metrics, loop: ClosedLoop, *, strict: bool) -> int:

@@ -24,7 +24,14 @@ from parameters import allowed
 LARGEST = 100_000  # bytes of a TOML file; the shipped ones have 2000, and readers of TOML are slow
 MOST_DOTS = 300  # in a line: a key a.b.c... of 50,000 parts keeps tomllib busy for minutes
 OWN = "own"  # kind of a section from a file of the user's own: "own:spiral" is the one named "spiral" there
-OWN_PARAMETERS = ("controller.own.", "surface.parameters.", "motion.parameters.")  # such a file names their fields
+# Sections whose fields such a file names.
+OWN_PARAMETERS = (
+    "controller.own.",
+    "surface.parameters.",
+    "second.surface.parameters.",
+    "third.surface.parameters.",
+    "motion.parameters.",
+)
 DEEPEST = 16  # tables and lists within each other: a scenario has four
 MOST_DIGITS = 9  # of the number of an entry; Python refuses to read thousands
 OPENING = "ur5-heavy"  # what `vsmrc serve` shows first

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from operator import attrgetter
 
-from app.scenario.data import edited
+from app.scenario.data import OWN_PARAMETERS, edited
 from app.scenario.errors import (
     ForceInJoints,
     IrregularCorner,
@@ -99,9 +100,9 @@ def _bounds(scenario: Scenario, path: str) -> tuple[float | None, float | None]:
         match path.split("."):
             case "controller", "own", kind, name:
                 own = laws()
-            case "surface" | "motion" as section, "parameters", name:
-                own = own_code().surfaces if section == "surface" else own_code().trajectories
-                kind = getattr(getattr(scenario, section), "name", "")
+            case [*section, "parameters", name] if path.startswith(OWN_PARAMETERS):
+                own = own_code().trajectories if section == ["motion"] else own_code().surfaces
+                kind = getattr(attrgetter(".".join(section))(scenario), "name", "")
             case _:
                 info = field_info(path)
                 return info.least, info.largest

@@ -47,7 +47,12 @@ def torques_where_one_input_differs(kind: str) -> tuple[ControlOutput, dict[str,
     reference = random_reference(system.observe(q, q_dot, t)[1].r, random)
 
     def output(
-        law: Controller, rates: float = 1.0, model: float = 1.0, gravity: float = 1.0, F: np.ndarray = F
+        law: Controller,
+        rates: float = 1.0,
+        model: float = 1.0,
+        gravity: float = 1.0,
+        F: np.ndarray = F,
+        z: np.ndarray = z,
     ) -> ControlOutput:
         estimate, task = system.observe(q, rates * q_dot, t)
         believed = FeedforwardModel.at(estimate)
@@ -59,7 +64,7 @@ def torques_where_one_input_differs(kind: str) -> tuple[ControlOutput, dict[str,
     declared = replace(law, uncertainty=law.uncertainty._replace(rho=0.3, payload_mass=2.0))
     others = {
         "model": output(law, model=1.1), "gravity": output(law, gravity=1.1), "bounds": output(declared),
-        "force": output(law, F=F + push), "rates": output(law, rates=1.1),
+        "force": output(law, F=F + push), "rates": output(law, rates=1.1), "compensator": output(law, z=z + 0.1),
     }  # fmt: skip
     return output(law), others
 

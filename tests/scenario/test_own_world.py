@@ -338,13 +338,15 @@ def test_derivatives_that_differences_do_not_confirm_are_refused(written: Callab
 def test_the_way_out_of_a_parameter_out_of_bounds_is_the_bound() -> None:
     use([EXAMPLES / name for name in ("pid_gravity.py", "figure_eight.py", "cone.py")])
     scenario = on_surface(edited(load("ur5-hybrid"), "motion", "own:figure-eight"), "own:cone")
-    for path, value, bound in (
-        ("controller.own.pid-gravity.k_i", -1.0, 0.0),
-        ("motion.parameters.height", 9.0, 0.2),
-        ("surface.parameters.angle", 0.1, 0.3),
+    corner = on_surface(load("ur5-corner"), "own:cone", "second.surface")
+    for around, path, value, bound in (
+        (scenario, "controller.own.pid-gravity.k_i", -1.0, 0.0),
+        (scenario, "motion.parameters.height", 9.0, 0.2),
+        (scenario, "surface.parameters.angle", 0.1, 0.3),
+        (corner, "second.surface.parameters.angle", 5.0, 1.5),
     ):
-        way = nearest(scenario, path, value)
+        way = nearest(around, path, value)
         assert way is not None
         assert way.scenario is not None
-        assert differences(way.scenario, scenario)[path][0] == bound
+        assert differences(way.scenario, around)[path][0] == bound
     assert nearest(scenario, "surface.parameters.width", 0.1) is None

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from app.scenario import own_code
 from app.scenario.data import edited, load, shipped, with_values
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot
@@ -272,3 +274,35 @@ def test_a_force_on_a_curved_surface_that_is_read_late_is_a_negative_damping(for
     early, late = error[1500:2000].max(), error[2500:].max()
     assert math.log(late / early) / 1000 == pytest.approx(math.log(growth), rel=0.2)
     assert ("the sampled loop is unstable" in (loop.warning or "")) == (force > 100.0)
+
+
+OF_S = """
+from controllers.control_law import ControlLaw
+from parameters import Parameter
+
+def torque(given, out):
+    out.terms.linear[:] = -given.parameters.g * given.task.J_q.T @ out.s
+    out.terms.force[:] = given.task.J_q.T @ given.reference.F_cd
+    out.terms.gravity[:] = given.feedforward.G_hat
+
+LAW = ControlLaw(
+    kind="of-s", title="Of s", about="Of s.", torque=torque, told=("gravity", "rates", "compensator"),
+    parameters=(Parameter("g", 100.0, 0.0, 1e5, "N s/m", "gain on s"),),
+)
+"""
+
+
+@pytest.mark.parametrize("g", [30.0, 100.0])
+def test_a_law_of_one_s_own_that_reads_z_is_judged_with_it(tmp_path: Path, g: float) -> None:
+    """s has an integral of the error in it: with a small gain on s the arm swings up slowly."""
+    (file := tmp_path / "of_s.py").write_text(OF_S)
+    own_code.use([file])
+    scenario = pressing("planar3r", 1e4, H, controller__law="of-s", simulation__substeps=8, contact__unilateral=False)
+    scenario = edited(scenario, "controller.own.of-s.g", g)
+    growth = growth_per_period(assemble(scenario))
+    assert (growth > 1.0) == (g < 50.0)
+    loop = ClosedLoop.from_scenario(edited(scenario, "force.value", 1e-5 if growth > 1.0 else 10.0))
+    for _ in range(6000):
+        loop.step()
+    error = np.abs(loop.recording.signals(("e_r",))["e_r"]).max(axis=1)
+    assert math.log(error[-600:].max() / error[-1800:-1200].max()) / 1200 == pytest.approx(math.log(growth), rel=0.15)

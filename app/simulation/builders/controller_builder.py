@@ -160,8 +160,8 @@ def square(path: str, value: Matrix | float, n: int) -> np.ndarray:
 
 
 def compensation(scenario: Scenario, n: int) -> np.ndarray:
-    """A (n, n) of the compensator (9), 1/s; zero under a law without compensator."""
-    return square("controller.A", scenario.controller.A, n) if law_of(scenario).robust else np.zeros((n, n))
+    """A (n, n) of the compensator (9), 1/s; zero under a law that does not read it."""
+    return square("controller.A", scenario.controller.A, n) if law_of(scenario).compensated else np.zeros((n, n))
 
 
 def target_model(scenario: Scenario, n: int) -> TargetModel:

@@ -101,8 +101,8 @@ class PeriodMap:
     its present place.
 
     Deviations x: of the arm along the directions in which it can move and of their rates, in task coordinates, m and
-    m/s; of z (m/s) under a law that has it, and of a law's own state; of the next readings of the force sensor, N: the
-    load of a heavy contact from the period before, and the delayed readings.
+    m/s; of z (m/s) under a law that reads it, and of a law's own state; of the next readings of the force sensor, N:
+    the load of a heavy contact from the period before, and the delayed readings.
 
     touched: numbers of the surfaces that are touched, None for all.
     moments: whether the readings of a tool whose contact is a point have the moments of a push, too.
@@ -128,7 +128,7 @@ class PeriodMap:
         self._arm.settings.data["online"] = system.scenario.controller.estimates == "online"
         self._blank, controller = state.evaluation.copy(), system.controller
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
-        if controller.law.robust:
+        if controller.law.compensated:
             self._parts.append(state.evaluation.views.z)
         if len(state.x):
             self._parts.append(state.x)
@@ -196,7 +196,7 @@ class PeriodMap:
         # steps by which s stays as small: s contains F_1 e and F_2 z
         compensator = self._still.controller.compensator
         self._steps[:f] = speed / max(10.0, float(np.abs(compensator.F_1).max()))
-        if self._still.controller.law.robust:
+        if self._still.controller.law.compensated:
             self._steps[2 * f : 2 * f + n] = speed / np.abs(np.diag(compensator.F_2))
         self._ways, self._gather = np.zeros((count, 2 * n + rest)), np.zeros((count, 2 * n + rest))
         self._ways[:f, :n] = self._ways[f : 2 * f, n : 2 * n] = spread.T
