@@ -90,7 +90,8 @@ control.send(b"1")  # too late
 def test_failed_fork_is_reported_and_late_answers_are_discarded(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def start(_: str, file: str, **options: Any) -> subprocess.Popen[bytes]:
+    def start(_: str, file: str, *, niceness: int, **options: Any) -> subprocess.Popen[bytes]:
+        assert niceness == 0  # a session and its loop come first
         return subprocess.Popen[bytes]([sys.executable, "-c", STAND_IN, file], **options)
 
     monkeypatch.setattr("app.process.launcher.start", start)

@@ -48,7 +48,8 @@ def test_the_children_of_a_session_that_is_killed_meanwhile_are_waited_for(monke
     time.sleep(0.05)  # the system tells to a hundredth of a second when a process began
     own: list[subprocess.Popen[bytes]] = []
 
-    def start(_: str, file: str, **options: Any) -> subprocess.Popen[bytes]:
+    def start(_: str, file: str, *, niceness: int, **options: Any) -> subprocess.Popen[bytes]:
+        assert niceness == 0  # a session and its loop come first
         return subprocess.Popen[bytes]([sys.executable, "-c", STAND_IN, file, str(session.pid)], **options)
 
     async def another_child() -> None:
@@ -73,5 +74,6 @@ def test_the_children_of_a_session_that_is_killed_meanwhile_are_waited_for(monke
         assert own[0].wait() == 0  # its status is left for the one who started it
     finally:
         forks.close()
+        session.kill()
         session.wait()
         session.stdout.close()
