@@ -200,7 +200,7 @@ class ControlLaw:
     program.
     terms: name of each term of its torque that it writes, for the legends of plots, by the field of `TorqueTerms`;
     None for the fields' own names.
-    robust: whether the law is (25), the law of Theorem 1: z and s act on the torque.
+    robust: whether the law is (25), the law of Theorem 1.
     states: gives the length k of the law's own state for n coordinates; then the torque is `torque(given, out, x,
     x_dot)`, which writes the rate x_dot (k,) of x (k,); x is zero at the start and when the law is chosen.
     """
@@ -221,8 +221,8 @@ class ControlLaw:
 
     @property
     def feels_force(self) -> bool:
-        """Whether the measured force acts on the torque."""
-        return "force" in self.told
+        """Whether the measured force acts on the torque, also where it does so through z (9) alone."""
+        return "force" in self.told or self.compensated
 
     @property
     def compensated(self) -> bool:

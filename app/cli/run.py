@@ -80,8 +80,16 @@ def run(
     require_folder(out)
     use_own(use)
     if from_ is not None:
-        others = {"--duration": duration, "--blend-to": blend_to, "--engine": engine, "--use": use}
-        _require_as_it_was({f"the scenario {scenario!r:.60}": scenario, "--set": settings} | others)
+        _require_as_it_was(
+            {
+                f"the scenario {scenario!r:.60}": scenario,
+                "--set": settings,
+                "--duration": duration,
+                "--blend-to": blend_to,
+                "--engine": engine,
+                "--use": use,
+            }
+        )
         if row is None:
             raise ScenarioError("--from: without --row; allowed: --from FOLDER --row N")
         chosen, by, until = _of_sweep(from_, row)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from operator import attrgetter
 
-from app.scenario.data import OWN_PARAMETERS, edited
+from app.scenario.data import OWN_PARAMETERS, edited, found_at
 from app.scenario.errors import (
     ForceInJoints,
     IrregularCorner,
@@ -102,7 +101,7 @@ def _bounds(scenario: Scenario, path: str) -> tuple[float | None, float | None]:
                 own = laws()
             case [*section, "parameters", name] if path.startswith(OWN_PARAMETERS):
                 own = own_code().trajectories if section == ["motion"] else own_code().surfaces
-                kind = getattr(attrgetter(".".join(section))(scenario), "name", "")
+                kind = str(found_at(scenario, ".".join([*section, "name"])))
             case _:
                 info = field_info(path)
                 return info.least, info.largest

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from app.analysis.metrics import RUN_METRICS, TAIL, account, metrics_of, path_error, saturated, settling_time
 from app.analysis.perturbation import PerturbationAnalysis
+from app.scenario import own_code
 from app.scenario.data import edited, load, shipped
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode
@@ -18,6 +20,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.recording import BLOCK
 from app.storage.constants_store import kept_memory
+from tests.support import law_of_s
 
 
 @pytest.mark.parametrize("name", ["planar3r-hybrid", "ur5-motion"])
@@ -120,9 +123,11 @@ def test_what_has_not_come_to_rest_where_it_is_wanted_has_no_settling_time() -> 
         assert settling_time(t, np.append(np.ones(99), odd), 1e-6) == np.inf
 
 
-@pytest.mark.parametrize("law", ["computed-torque", "pd-gravity"])
+@pytest.mark.parametrize("law", ["computed-torque", "pd-gravity", "of-s"])
 def test_a_law_that_reads_no_force_is_foretold_as_with_k_f_of_1(law: str) -> None:
-    """The tool rests on the plane 2 cm deep; where the law settles is where the force is."""
+    """The tool rests on the plane 2 cm deep; where the law settles is where the force is. Not so a law that reads z,
+    which is told of the force."""
+    own_code.use([Path(law_of_s.__file__)])
     lifted = shipped()["ur5-impedance"].surface.origin[2] + 0.02
     known = {"truth.push": [0.0, 0.0, 0.0], "truth.link_scaling": 1.0, "controller.law": law}
     place = {"surface.origin": [*shipped()["ur5-impedance"].surface.origin[:2], lifted]}

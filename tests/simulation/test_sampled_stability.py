@@ -19,6 +19,7 @@ from app.simulation.compiled_run import CompiledRun
 from app.simulation.sampled_loop.period_map import PeriodMap, Posture
 from app.simulation.sampled_loop.sampled_stability import sampled_loop, touched_at_once
 from controllers.premises import Premise
+from tests.support import law_of_s
 from tests.support.arms import arm
 from tests.support.pressing import H, changed, growth_per_period, pressing, run
 
@@ -276,27 +277,10 @@ def test_a_force_on_a_curved_surface_that_is_read_late_is_a_negative_damping(for
     assert ("the sampled loop is unstable" in (loop.warning or "")) == (force > 100.0)
 
 
-OF_S = """
-from controllers.control_law import ControlLaw
-from parameters import Parameter
-
-def torque(given, out):
-    out.terms.linear[:] = -given.parameters.g * given.task.J_q.T @ out.s
-    out.terms.force[:] = given.task.J_q.T @ given.reference.F_cd
-    out.terms.gravity[:] = given.feedforward.G_hat
-
-LAW = ControlLaw(
-    kind="of-s", title="Of s", about="Of s.", torque=torque, told=("gravity", "rates", "compensator"),
-    parameters=(Parameter("g", 100.0, 0.0, 1e5, "N s/m", "gain on s"),),
-)
-"""
-
-
 @pytest.mark.parametrize("g", [30.0, 100.0])
-def test_a_law_of_one_s_own_that_reads_z_is_judged_with_it(tmp_path: Path, g: float) -> None:
+def test_a_law_of_one_s_own_that_reads_z_is_judged_with_it(g: float) -> None:
     """s has an integral of the error in it: with a small gain on s the arm swings up slowly."""
-    (file := tmp_path / "of_s.py").write_text(OF_S)
-    own_code.use([file])
+    own_code.use([Path(law_of_s.__file__)])
     scenario = pressing("planar3r", 1e4, H, controller__law="of-s", simulation__substeps=8, contact__unilateral=False)
     scenario = edited(scenario, "controller.own.of-s.g", g)
     growth = growth_per_period(assemble(scenario))
