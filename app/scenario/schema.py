@@ -23,6 +23,7 @@ from controllers.modes import ModeName
 from controllers.switching import SwitchingName
 from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import AnyForceProfile
+from environments.integrators import IntegratorName
 from environments.sensors import Sensor
 from environments.surfaces.plane import Plane
 from environments.surfaces.table import AnyForm
@@ -329,9 +330,7 @@ class Simulation(Section, frozen=True, forbid_unknown_fields=True):
     seed: Annotated[
         int, field("seed of the sensor's noise", "", ge=0, le=2**63 - 1, title="seed of the sensor's noise")
     ] = 0
-    integrator: Annotated[Literal["leapfrog", "semi-implicit-euler", "rk4"], field("integrator of the plant", "")] = (
-        "leapfrog"
-    )
+    integrator: Annotated[IntegratorName, field("integrator of the plant", "")] = "leapfrog"
     substeps: Annotated[
         int, field("integration steps per control period", "", ge=1, le=1000, title="steps per period")
     ] = 1

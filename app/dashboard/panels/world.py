@@ -16,6 +16,7 @@ from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 from environments.contact_kinds import CONTACTS, ContactKind
 from environments.force_profiles.table import FORCE_PROFILES
+from environments.integrators import INTEGRATORS
 from environments.sensors import Sensor
 from environments.surfaces.formula import FormulaSurface
 from environments.surfaces.plane import Plane
@@ -146,11 +147,7 @@ class WorldPanel:
                     desk,
                     "simulation.integrator",
                     "Integrator",
-                    {
-                        "leapfrog": "leapfrog",
-                        "semi-implicit Euler": "semi-implicit-euler",
-                        "Runge-Kutta 4": "rk4",
-                    },
+                    {integrator.title: name for name, integrator in INTEGRATORS.items()},
                 ),
                 NumberField(desk, FieldBinding("simulation.substeps"), "substeps"),
             ]
