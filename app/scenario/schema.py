@@ -19,7 +19,8 @@ from app.scenario.contact_sections import (
     FurtherSurface,
     SurfaceInWorld,
 )
-from controllers.modes import ModeName
+from controllers.laws import KINDS
+from controllers.modes import IN_JOINTS, ModeName
 from controllers.switching import SwitchingName
 from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import AnyForceProfile
@@ -227,9 +228,10 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
 class TaskSpaceSection(Section, frozen=True, forbid_unknown_fields=True):
     """The task coordinates r."""
 
-    kind: Annotated[Literal["cartesian", "joint"], field("r from the tool's pose, or r = q (motion mode only)", "")] = (
-        "cartesian"
-    )
+    kind: Annotated[
+        Literal["cartesian", "joint"],
+        field(f"r from the tool's pose, or r = q ({' or '.join(IN_JOINTS)} mode only)", ""),
+    ] = "cartesian"
     characteristic_length: Annotated[
         float, field("characteristic length: turns radians into metres, since r contains ℓ·angle", "m", ge=0.001, le=10)
     ] = 0.15
@@ -271,7 +273,7 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
     law: Annotated[
         Name,
         field(
-            "vsmrc (the paper's); computed-torque, pd-gravity (no robust term); or a law of your own file",
+            f"{', '.join(KINDS)}; or a law of your own file",
             "",
             title="control law",
         ),
