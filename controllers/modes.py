@@ -198,6 +198,7 @@ MODES: dict[str, Mode] = {
         ),
     )
 }
+IN_JOINTS = tuple(name for name, mode in MODES.items() if mode.in_joints)  # modes in which r may be q
 if TYPE_CHECKING:
     ModeName = str
 else:

@@ -10,16 +10,27 @@ from typing import TYPE_CHECKING, Literal
 class ContactKind:
     """Kind of contact.
     title: name on the page; equation: the paper's number.
-    touches: whether there is a surface.
-    springs, massive: whether the surface has K_e and B_e, and M_e.
-    rigid: whether the surface does not yield."""
+    springs, massive: whether the surface has K_e and B_e, and M_e beside them.
+    rigid: whether the surface does not yield.
+
+    With neither springs nor rigid there is no surface. Raises ValueError for a row that contradicts itself."""
 
     title: str
     equation: str
-    touches: bool = True
     springs: bool = False
     massive: bool = False
     rigid: bool = False
+
+    def __post_init__(self) -> None:
+        if self.massive and not self.springs:
+            raise ValueError(f"massive: True in the kind of contact {self.title!r} without springs; allowed: False")
+        if self.rigid and self.springs:
+            raise ValueError(f"rigid: True in the kind of contact {self.title!r} with springs; allowed: False")
+
+    @property
+    def touches(self) -> bool:
+        """Whether there is a surface."""
+        return self.springs or self.rigid
 
     @property
     def heavy(self) -> bool:
@@ -32,8 +43,9 @@ def combined_kind(kinds: tuple[ContactKind, ...]) -> ContactKind:
     return replace(kinds[0], massive=any(kind.massive for kind in kinds))
 
 
+FREE = "free"  # without a surface
 CONTACTS = {
-    "free": ContactKind("none", "", touches=False),
+    FREE: ContactKind("none", ""),
     "elastic": ContactKind("elastic", "(32)", springs=True),
     "mass-damper-spring": ContactKind("mass, damper, spring", "(28)", springs=True, massive=True),
     "rigid": ContactKind("rigid", "(39)", rigid=True),

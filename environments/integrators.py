@@ -1,14 +1,67 @@
-"""Integrators of the plant: steps of an `Arm` whose q_ddot is known, for `Plant` and the compiled run."""
+"""Integrators of the plant: the table of them, and their steps of an `Arm` whose q_ddot is known, for `Plant` and the
+compiled run."""
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
 
 from kernels import inline, kernel
 from kernels.algebra import copy
 
-Integrator = Literal["leapfrog", "semi-implicit-euler", "rk4"]
+Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Step = Callable[[Acceleration, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
 STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0))  # of Runge and Kutta: weight of each, and where in the step the next is
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """Integrator of the plant, a row of `INTEGRATORS`.
+    title: name on the page.
+    step: one step of h s from x and v, for an acceleration a(x, v): (x, v) at its end.
+    midpoint: whether it evaluates the acceleration first in the middle of its step, not at the beginning."""
+
+    title: str
+    step: Step
+    midpoint: bool = False
+
+
+def _leapfrog(acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    x = x + 0.5 * h * v
+    v = v + h * acceleration(x, v)
+    return x + 0.5 * h * v, v
+
+
+def _semi_implicit_euler(
+    acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float
+) -> tuple[np.ndarray, np.ndarray]:
+    v = v + h * acceleration(x, v)
+    return x + h * v, v
+
+
+def _rk4(acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    a_1 = acceleration(x, v)
+    v_2 = v + 0.5 * h * a_1
+    a_2 = acceleration(x + 0.5 * h * v, v_2)
+    v_3 = v + 0.5 * h * a_2
+    a_3 = acceleration(x + 0.5 * h * v_2, v_3)
+    v_4 = v + h * a_3
+    a_4 = acceleration(x + h * v_3, v_4)
+    return x + (h / 6) * (v + 2 * v_2 + 2 * v_3 + v_4), v + (h / 6) * (a_1 + 2 * a_2 + 2 * a_3 + a_4)
+
+
+INTEGRATORS = {
+    "leapfrog": Integrator("leapfrog", _leapfrog, midpoint=True),
+    "semi-implicit-euler": Integrator("semi-implicit Euler", _semi_implicit_euler),
+    "rk4": Integrator("Runge-Kutta 4", _rk4),
+}
+if TYPE_CHECKING:
+    IntegratorName = str
+else:
+    IntegratorName = Literal[tuple(INTEGRATORS)]
 
 
 @inline

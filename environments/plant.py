@@ -27,8 +27,9 @@ from environments.contact import Contact, ContactForce, Contacts, Face, World
 from environments.contact_kinds import ContactKind
 from environments.coupled_surfaces import EnvironmentMatrices
 from environments.integrators import (
+    INTEGRATORS,
     STAGES,
-    Integrator,
+    IntegratorName,
     begin_stages,
     drift,
     end_stages,
@@ -75,7 +76,7 @@ class Plant:
         surfaces: tuple[Surface, ...],
         kind: ContactKind,
         contacts: tuple[Contact, ...],
-        integrator: Integrator = "leapfrog",
+        integrator: IntegratorName = "leapfrog",
         substeps: int = 1,
         face: Face | None = None,
         environment: EnvironmentMatrices | None = None,
@@ -99,7 +100,7 @@ class Plant:
         self._tool = (self.data.J, carrier.rotation, carrier.translation)
         self._tool_moving = (self.data.J, self.data.dJ, carrier.rotation, carrier.translation)
         self._inertia = (self.data.M, self.data.nle)
-        self._integrator: Integrator = integrator
+        self._integrator = integrator
         self._integrate = {"leapfrog": self._leapfrog, "semi-implicit-euler": self._euler, "rk4": self._rk4}[integrator]
         self._accelerate = (
             self._accelerate_heavy
@@ -260,7 +261,7 @@ class Plant:
     def _evaluated_at(self, state: PlantState, t: float, h: float) -> tuple[PlantState, float]:
         """Copy of the state, and the time, at which a step of h s evaluates the acceleration first."""
         twin = state.copy()
-        if self._integrator != "leapfrog":
+        if not INTEGRATORS[self._integrator].midpoint:
             return twin, t
         self._drift(twin.data, 0.5 * h)
         return twin, t + 0.5 * h

@@ -10,7 +10,7 @@ Coulomb friction is not judged: it is bounded, so that a step that is too long m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain, combinations
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ import pinocchio as pin
 from environments.contact import Contact
 from environments.contact_kinds import ContactKind
 from environments.coupled_surfaces import EnvironmentMatrices
-from environments.integrators import Integrator
+from environments.integrators import INTEGRATORS, IntegratorName
 from environments.truth import Truth
 
 ROUNDING = 1e-7  # of the radius of an undamped oscillator, which is 1
@@ -122,53 +122,22 @@ def _coupled(environment: EnvironmentMatrices, k: int, Y: float) -> Iterator[Sti
         yield StiffElement("coupling.K_e", float(K_e[-1]), "N/m", stiffness, damping)
 
 
-Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
-Step = Callable[[Acceleration, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
-
-
-def _leapfrog(acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
-    x = x + 0.5 * h * v
-    v = v + h * acceleration(x, v)
-    return x + 0.5 * h * v, v
-
-
-def _semi_implicit_euler(
-    acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float
-) -> tuple[np.ndarray, np.ndarray]:
-    v = v + h * acceleration(x, v)
-    return x + h * v, v
-
-
-def _rk4(acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
-    a_1 = acceleration(x, v)
-    v_2 = v + 0.5 * h * a_1
-    a_2 = acceleration(x + 0.5 * h * v, v_2)
-    v_3 = v + 0.5 * h * a_2
-    a_3 = acceleration(x + 0.5 * h * v_2, v_3)
-    v_4 = v + h * a_3
-    a_4 = acceleration(x + h * v_3, v_4)
-    return x + (h / 6) * (v + 2 * v_2 + 2 * v_3 + v_4), v + (h / 6) * (a_1 + 2 * a_2 + 2 * a_3 + a_4)
-
-
-STEPS: dict[Integrator, Step] = {"leapfrog": _leapfrog, "semi-implicit-euler": _semi_implicit_euler, "rk4": _rk4}
-
-
-def spectral_radius(integrator: Integrator, stiffness: float, damping: float, h: float) -> float:
+def spectral_radius(integrator: IntegratorName, stiffness: float, damping: float, h: float) -> float:
     """Spectral radius of one step of h s: the largest factor by which it multiplies a deviation in the long run."""
 
     def acceleration(x: np.ndarray, v: np.ndarray) -> np.ndarray:
         return -stiffness * x - damping * v
 
     x, v = np.eye(2)  # two columns at once: the deviations (1, 0) and (0, 1)
-    step = np.array(STEPS[integrator](acceleration, x, v, h))
+    step = np.array(INTEGRATORS[integrator].step(acceleration, x, v, h))
     return float(np.abs(np.linalg.eigvals(step)).max())
 
 
-def resolved(integrator: Integrator, element: StiffElement, h: float) -> bool:
+def resolved(integrator: IntegratorName, element: StiffElement, h: float) -> bool:
     """Whether deviations do not grow under steps of h s."""
     return spectral_radius(integrator, element.stiffness, element.damping, h) <= 1.0 + ROUNDING
 
 
-def substeps_needed(integrator: Integrator, element: StiffElement, period: float, most: int) -> int | None:
+def substeps_needed(integrator: IntegratorName, element: StiffElement, period: float, most: int) -> int | None:
     """Smallest number of steps per period (s) that resolves the element, None where even `most` do not."""
     return next((n for n in range(1, most + 1) if resolved(integrator, element, period / n)), None)

@@ -18,7 +18,7 @@ from app.evidence.twins import Twin, bands, loop_errors, plant_errors
 from app.export.figures import Curve, FigureChart
 from app.process.markdown import Table
 from app.scenario.data import edited, shipped
-from environments.integrators import Integrator
+from environments.integrators import IntegratorName
 
 CONTACTS: Mapping[str, tuple[Mapping[str, Any], tuple[int, ...]]] = {  # of the twin; plant steps in SPAN
     "elastic, moving sphere": ({"mode": "hybrid"}, (16, 32, 64, 128)),
@@ -36,8 +36,8 @@ BANDS = (
     ("planar2r-semicircle-discontinuous", 20.0),
 )  # scenario, d N
 
-ORDERS: Mapping[Integrator, float] = {"leapfrog": 1.0, "semi-implicit-euler": 1.0, "rk4": 4.0}
-NAMES: Mapping[Integrator, str] = {"leapfrog": "leapfrog", "semi-implicit-euler": "Euler", "rk4": "RK4"}
+ORDERS: Mapping[IntegratorName, float] = {"leapfrog": 1.0, "semi-implicit-euler": 1.0, "rk4": 4.0}
+NAMES: Mapping[IntegratorName, str] = {"leapfrog": "leapfrog", "semi-implicit-euler": "Euler", "rk4": "RK4"}
 Subject = Literal["plant", "loop", "band"]
 SUBJECTS: Mapping[Subject, str] = {
     "plant": "plant: error of (q, q̇) [rad, rad/s]",
@@ -65,21 +65,21 @@ class Decline:
 
     subject: Subject
     name: str
-    integrator: Integrator
+    integrator: IntegratorName
     steps: np.ndarray
     errors: np.ndarray
     slope: float
     expected: float
 
 
-def of_plant(contact: str, integrator: Integrator) -> Decline:
+def of_plant(contact: str, integrator: IntegratorName) -> Decline:
     """Decline of the largest error of (q, q_dot) (rad, rad/s) after `SPAN` under a constant torque."""
     substeps = CONTACTS[contact][1]
     errors = plant_errors(_twin(contact, integrator), substeps, SPAN)
     return _decline("plant", contact, integrator, SPAN / np.array(substeps), errors, ORDERS[integrator])
 
 
-def of_loop(contact: str, integrator: Integrator) -> Decline:
+def of_loop(contact: str, integrator: IntegratorName) -> Decline:
     """Decline of the largest error of q (rad) within `LOOP_SPAN` in the sampled loop, which holds the torque over a
     period and integrates z by Euler's method."""
     errors = loop_errors(_twin(contact, integrator), PERIODS, LOOP_SPAN)
@@ -95,12 +95,12 @@ def of_band(name: str, d: float) -> Decline:
 
 
 def _decline(
-    subject: Subject, name: str, integrator: Integrator, steps: np.ndarray, errors: np.ndarray, expected: float
+    subject: Subject, name: str, integrator: IntegratorName, steps: np.ndarray, errors: np.ndarray, expected: float
 ) -> Decline:
     return Decline(subject, name, integrator, steps, errors, order(steps, errors), expected)
 
 
-def _twin(contact: str, integrator: Integrator) -> Twin:
+def _twin(contact: str, integrator: IntegratorName) -> Twin:
     return Twin("ur5", radius=0.3, integrator=integrator, **CONTACTS[contact][0])
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, assert_never
 
 import numpy as np
 import pinocchio as pin
@@ -42,9 +42,15 @@ class RigidGround:
 
     def gradient_and_curvature(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Gradient (3,) and curvature (3, 3) 1/m of the penetration phi at p (3,) m."""
-        if self.kind == "plane":
-            return self.normal, np.zeros((3, 3))
-        around = np.eye(3) - (np.outer(self.axis, self.axis) if self.kind == "cylinder" else 0.0)
+        match self.kind:
+            case "plane":
+                return self.normal, np.zeros((3, 3))
+            case "cylinder":
+                around = np.eye(3) - np.outer(self.axis, self.axis)
+            case "sphere":
+                around = np.eye(3)
+            case _:
+                assert_never(self.kind)
         away = around @ (p - self.origin)
         distance = float(np.linalg.norm(away))
         outward = away / distance
@@ -52,11 +58,17 @@ class RigidGround:
 
     def slider(self) -> tuple[pin.SE3, tuple[pin.JointModel, pin.JointModel], np.ndarray]:
         """Slider: placement of its first joint, its two joints, and its end (3,) m in the second one."""
-        if self.kind == "plane":
-            frame = _rotation(self.normal)
-            return pin.SE3(frame, self.origin), (pin.JointModelPX(), pin.JointModelPY()), np.zeros(3)
+        match self.kind:
+            case "plane":
+                frame = _rotation(self.normal)
+                return pin.SE3(frame, self.origin), (pin.JointModelPX(), pin.JointModelPY()), np.zeros(3)
+            case "cylinder":
+                second = pin.JointModelPZ()
+            case "sphere":
+                second = pin.JointModelRY()
+            case _:
+                assert_never(self.kind)
         frame = _rotation(self.axis)
-        second = pin.JointModelPZ() if self.kind == "cylinder" else pin.JointModelRY()
         return pin.SE3(frame, self.origin), (pin.JointModelRZ(), second), np.array([self.radius, 0.0, 0.0])
 
 
@@ -124,6 +136,8 @@ def _slider_at(ground: RigidGround, p: np.ndarray) -> tuple[float, float]:
             return np.arctan2(p[1], p[0]), p[2]
         case "sphere":
             return np.arctan2(p[1], p[0]), -np.arcsin(p[2] / ground.radius)
+        case _:
+            assert_never(ground.kind)
 
 
 def _rotation(z: np.ndarray) -> np.ndarray:

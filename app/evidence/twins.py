@@ -19,7 +19,7 @@ from app.simulation.assembly import assemble
 from app.simulation.builders.environment_builder import face_axes
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System
-from environments.integrators import Integrator
+from environments.integrators import IntegratorName
 from environments.plant import Plant
 
 TOWARDS = np.array([0.28, 0.0, 0.96])  # direction out of the first surface, in the plane of the planar arms
@@ -75,7 +75,7 @@ class Twin:
     M_e: float = 0.0
     moving: bool = True
     unknown: bool = True
-    integrator: Integrator = "semi-implicit-euler"  # which evaluates the acceleration at the state itself
+    integrator: IntegratorName = "semi-implicit-euler"  # which evaluates the acceleration at the state itself
     ideal: bool = False
     surfaces: int = 1
     pushed: bool = False

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from environments.contact_kinds import CONTACTS, ContactKind, ContactName
+from environments.contact_kinds import CONTACTS, FREE, ContactKind, ContactName
 from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import AnyForceProfile
 from environments.surfaces.plane import Plane
@@ -19,8 +19,12 @@ class ContactSection(Section, frozen=True, forbid_unknown_fields=True):
     """Contact between the tool and the surface."""
 
     kind: Annotated[
-        ContactName, field("contact: none (free), elastic (32), mass-damper-spring (28), or rigid (39)", "")
-    ] = "free"
+        ContactName,
+        field(
+            "contact: " + ", ".join(f"{name} {kind.equation or f'({kind.title})'}" for name, kind in CONTACTS.items()),
+            "",
+        ),
+    ] = FREE
     K_e: Annotated[float, field("stiffness of the surface", "N/m", ge=0, le=1e7, title="stiffness of the surface")] = (
         10000.0
     )

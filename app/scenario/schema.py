@@ -19,10 +19,12 @@ from app.scenario.contact_sections import (
     FurtherSurface,
     SurfaceInWorld,
 )
-from controllers.modes import ModeName
+from controllers.laws import KINDS
+from controllers.modes import IN_JOINTS, ModeName
 from controllers.switching import SwitchingName
 from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import AnyForceProfile
+from environments.integrators import IntegratorName
 from environments.sensors import Sensor
 from environments.surfaces.plane import Plane
 from environments.surfaces.table import AnyForm
@@ -226,9 +228,10 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
 class TaskSpaceSection(Section, frozen=True, forbid_unknown_fields=True):
     """The task coordinates r."""
 
-    kind: Annotated[Literal["cartesian", "joint"], field("r from the tool's pose, or r = q (motion mode only)", "")] = (
-        "cartesian"
-    )
+    kind: Annotated[
+        Literal["cartesian", "joint"],
+        field(f"r from the tool's pose, or r = q ({' or '.join(IN_JOINTS)} mode only)", ""),
+    ] = "cartesian"
     characteristic_length: Annotated[
         float, field("characteristic length: turns radians into metres, since r contains ℓ·angle", "m", ge=0.001, le=10)
     ] = 0.15
@@ -270,7 +273,7 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
     law: Annotated[
         Name,
         field(
-            "vsmrc (the paper's); computed-torque, pd-gravity (no robust term); or a law of your own file",
+            f"{', '.join(KINDS)}; or a law of your own file",
             "",
             title="control law",
         ),
@@ -329,9 +332,7 @@ class Simulation(Section, frozen=True, forbid_unknown_fields=True):
     seed: Annotated[
         int, field("seed of the sensor's noise", "", ge=0, le=2**63 - 1, title="seed of the sensor's noise")
     ] = 0
-    integrator: Annotated[Literal["leapfrog", "semi-implicit-euler", "rk4"], field("integrator of the plant", "")] = (
-        "leapfrog"
-    )
+    integrator: Annotated[IntegratorName, field("integrator of the plant", "")] = "leapfrog"
     substeps: Annotated[
         int, field("integration steps per control period", "", ge=1, le=1000, title="steps per period")
     ] = 1

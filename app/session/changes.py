@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import to_builtins
 
 from app.scenario.admitted_contacts import admitted_contacts
+from app.scenario.contact_sections import FurtherSurface
 from app.scenario.data import edited, from_plain, of_kind, to_plain
 from app.scenario.errors import (
     IrregularCorner,
@@ -46,8 +47,9 @@ from controllers.nominal_model import NominalModel
 from controllers.target_model import InvalidGain
 from environments import robots
 from environments.catalogue import CATALOGUE
+from environments.contact_kinds import CONTACTS, FREE
 from environments.surfaces.form import Form
-from environments.surfaces.formula import FormulaSurface
+from environments.surfaces.plane import Plane
 from environments.trajectories.point_to_point import Hold
 from environments.urdf import RobotError
 from parameters import allowed
@@ -74,10 +76,10 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     admitted = admitted_contacts(mode)
     if scenario.contact.kind not in admitted:
         data["contact"]["kind"] = admitted[0]
-    for further in ("second", "third"):
-        kind = data[further]["contact"]["kind"]
-        if kind != "free" and kind not in admitted:
-            data[further]["contact"]["kind"] = data["contact"]["kind"]
+    for name in ("second", "third"):
+        further: FurtherSurface = getattr(scenario, name)
+        if further.present and further.contact.kind not in admitted:
+            data[name]["contact"]["kind"] = data["contact"]["kind"]
     if not mode.in_joints:
         data["task_space"]["kind"] = "cartesian"
     return adapted(scenario, from_plain(data))
@@ -101,7 +103,7 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
             scenario = with_face(scenario, flat=False)
         except PathOutOfReach:
             paths = {name: getattr(scenario, name) for name in ("motion", "rotation")}
-            if all(isinstance(path, Hold) for path in paths.values()):
+            if not any(path.moves for path in paths.values()):
                 if len(scenario.surfaces) == 1:
                     raise
                 scenario = without_last(scenario)
@@ -183,26 +185,20 @@ def on_surface(scenario: Scenario, kind: str, path: str = "surface") -> Scenario
     changed = edited(scenario, path, {**of_kind(kind), "motion": to_builtins(before.motion)})
     _, p = _start(scenario)
     chart = surface(before, p).chart(p, 0.0)
-    phi = float(np.clip(chart.g[0], -NEAR, NEAR))
-    if path != "surface":
-        changed = _turned(changed, path, chart.G[0], p, phi)
+    phi, normal = float(np.clip(chart.g[0], -NEAR, NEAR)), chart.G[0]
     form: Form = attrgetter(path)(changed)
-    if path == "surface" and (below := form.below(p, phi)) is not None:
-        return edited(changed, path, to_builtins(below))
-    if isinstance(form, FormulaSurface):
-        return changed
-    at_origin = surface(form, np.zeros(3)).point(np.array([phi, 0.0, 0.0]), 0.0)
+    placed = form.below(p, phi) if path == "surface" else form.across(normal, p, phi)
+    if placed is not None:
+        return edited(changed, path, to_builtins(placed))
+    if path != "surface":
+        changed = _turned(changed, path, normal)
+    at_origin = surface(attrgetter(path)(changed), np.zeros(3)).point(np.array([phi, 0.0, 0.0]), 0.0)
     return edited(changed, f"{path}.origin", (p - at_origin).round(4).tolist())
 
 
-def _turned(scenario: Scenario, path: str, normal: np.ndarray, p: np.ndarray, phi: float) -> Scenario:
-    """The scenario with a further surface turned so that the tool at p (3,) m goes along `normal` (3,) into it, with
-    its axis across; one given by a formula is a plane, phi (m) from the tool."""
-    if isinstance(attrgetter(path)(scenario), FormulaSurface):
-        terms = " ".join(
-            f"{-value:+.4g}*{name}" for name, value in zip("xyz", normal, strict=True) if abs(value) > 1e-4
-        )
-        scenario = edited(scenario, f"{path}.text", f"{normal @ p - phi:.4g} {terms}")
+def _turned(scenario: Scenario, path: str, normal: np.ndarray) -> Scenario:
+    """The scenario with a further surface turned so that the tool goes along `normal` (3,) into it, with its axis
+    across."""
     directions = {"normal": normal, "reference": -normal, "axis": np.roll(normal, 1)}
     for name in attrgetter(path)(scenario).__struct_fields__:
         if name in directions:
@@ -212,25 +208,26 @@ def _turned(scenario: Scenario, path: str, normal: np.ndarray, p: np.ndarray, ph
 
 def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:
     """The scenario with a further surface, `second` or `third`, of this kind of contact, or of that of the first one
-    where the mode does not allow it; "free" takes the surface away. A new one is a plane beside the tool, across the
+    where the mode does not allow it; `FREE` takes the surface away. A new one is a plane beside the tool, across the
     others. The target model is at the mode's defaults then, since its coordinates are others.
 
     Raises ScenarioError for an unknown kind.
     """
     mode, was = modes.MODES[scenario.mode], getattr(scenario, section)
-    requested = kind if kind == "free" or kind in admitted_contacts(mode) else scenario.contact.kind
-    edited(scenario, f"{section}.contact.kind", kind)  # refuses an unknown kind
-    changed = edited(scenario, f"{section}.contact.kind", requested)
-    if requested == "free" or not was.present:
+    changed = edited(scenario, f"{section}.contact.kind", kind)  # refuses an unknown kind
+    if CONTACTS[kind].touches and kind not in admitted_contacts(mode):
+        changed = edited(scenario, f"{section}.contact.kind", scenario.contact.kind)
+    there = getattr(changed, section).present
+    if not there or not was.present:
         changed = _without_model(changed)
-    if requested == "free" or was.present:
+    if not there or was.present:
         return adapted(scenario, changed)
     robot, p = _start(scenario)
     normals = [each.chart(p, 0.0).G[0] for each in surfaces_of(scenario, p)]
     usual = _ACROSS[1:] if robot.geometry == "planar" else _ACROSS
     normal = max(usual, key=lambda n: np.linalg.svd([*normals, n], compute_uv=False)[-1])
-    beside = {"kind": "plane", "normal": list(normal), "origin": (p + BESIDE * np.array(normal)).round(4).tolist()}
-    return adapted(scenario, edited(changed, f"{section}.surface", beside))
+    beside = Plane(normal=normal, origin=tuple((p + BESIDE * np.array(normal)).round(4).tolist()))
+    return adapted(scenario, edited(changed, f"{section}.surface", to_builtins(beside)))
 
 
 def with_face(scenario: Scenario, *, flat: bool) -> Scenario:
@@ -248,7 +245,7 @@ def _without_model(scenario: Scenario) -> Scenario:
 
 def without_last(scenario: Scenario) -> Scenario:
     """The scenario without the last of its further surfaces."""
-    return with_further(scenario, last_surface(scenario), "free")
+    return with_further(scenario, last_surface(scenario), FREE)
 
 
 def last_surface(scenario: Scenario) -> str:

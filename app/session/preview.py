@@ -34,7 +34,6 @@ from app.simulation.engines import Engine
 from app.simulation.omega.search_memory import Memory
 from app.simulation.state import State
 from app.simulation.system import System
-from environments.trajectories.point_to_point import Hold
 
 POINTS = 200  # about the number of pixels that a plot has ahead of now
 STEADY = 1e-6  # N, by which a desired force may vary in the tail and still count as constant
@@ -247,7 +246,7 @@ def _turns(system: System) -> bool:
     """Whether the angles yield to a moment or follow a path."""
     first = system.layout.end_of_positions
     yields = (system.controller.model.K_f[first:] * system.controller.controlled).any()
-    return bool(yields) or not isinstance(system.scenario.rotation, Hold)
+    return bool(yields) or system.scenario.rotation.moves
 
 
 def _grows(path: np.ndarray, tail: np.ndarray) -> bool:

@@ -27,6 +27,7 @@ from app.session.changes import adapted, in_mode, last_surface, with_face, witho
 from app.simulation.builders.controller_builder import laws, mode_of
 from app.simulation.builders.environment_checks import require_stiff
 from controllers.control_law import ControlLaw
+from controllers.modes import IN_JOINTS
 from environments.surfaces.own import OwnSurface
 from environments.trajectories.own import OwnTrajectory
 
@@ -58,7 +59,7 @@ def way_out(requested: Scenario, error: ScenarioError) -> WayOut | None:
         case UnboundedGain():
             return WayOut("Take a constant gain d", requested)
         case ForceInJoints():
-            return WayOut("Go to motion mode", in_mode(requested, "motion"))
+            return WayOut(f"Go to {IN_JOINTS[0]} mode", in_mode(requested, IN_JOINTS[0]))
         case IrregularSurface():
             return WayOut("Take this surface's default form", requested)
         case IrregularCorner():

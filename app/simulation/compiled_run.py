@@ -8,14 +8,14 @@ there.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.period.alarms import Alarm
-from app.simulation.period.compiled_period import RunData, run_periods
-from environments.integrators import Integrator
+from app.simulation.period.compiled_period import INTEGRATOR_NUMBERS, RunData, run_periods
+from environments.integrators import INTEGRATORS
 from environments.readings_ahead import ReadingsAhead, compilable
 from environments.rigid_surfaces import out_of_reach
 from kernels import compiled_for
@@ -27,9 +27,10 @@ BATCH = 4096  # periods whose readings are prepared together
 
 def obstacle(loop: ClosedLoop) -> str | None:
     """Why the compiled run cannot take this loop in its present state, None where it can."""
-    law = loop.system.controller.law
+    law, integrator = loop.system.controller.law, loop.system.scenario.simulation.integrator
     reasons = {
         f"controller.law: {law.kind!r} is in plain numpy": not law.compiled,
+        f"simulation.integrator: {integrator!r} is known to the interpreter only": integrator not in INTEGRATOR_NUMBERS,
         "the force sensor has a stage that is known to the interpreter only": not compilable(loop.state.reader),
         "a hand holds the tool": loop.grip is not None,
     }
@@ -68,7 +69,7 @@ class CompiledRun:
         if reason is not None:
             raise ValueError(reason)
         system, n = loop.system, loop.system.robot.n
-        plant = system.plant
+        plant, integrator = system.plant, system.scenario.simulation.integrator
         self._loop, rows = loop, loop.recording.new_rows(1)
         self._checks = PostureChecks.of(loop)
         nominal_chain, true_chain = system.nominal.chain, plant.chain
@@ -83,7 +84,8 @@ class CompiledRun:
                 alike=same_geometry(nominal_chain, true_chain),
                 period=loop.period,
                 substeps=plant.substeps,
-                integrator=get_args(Integrator).index(system.scenario.simulation.integrator),
+                integrator=INTEGRATOR_NUMBERS[integrator],
+                midpoint=INTEGRATORS[integrator].midpoint,
                 springs=plant.kind.springs,
                 massive=plant.kind.massive,
                 rigid=plant.kind.rigid,

@@ -55,11 +55,15 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     zeta (3,) m from the origin in the surface's place at time t, and returns the terms that the form's change in time
     adds to the derivatives of phi, `STILL` for none.
     resolution: points of its mesh on a side.
+    planar: whether it is a plane across its field `normal`, so that a flat tool can touch it.
+    typed: whether it is a formula that the user types.
     """
 
     title: ClassVar[str]
     chart: ClassVar[Any]
     resolution: ClassVar[int] = 41
+    planar: ClassVar[bool] = False
+    typed: ClassVar[bool] = False
 
     origin: Annotated[
         Vector3,
@@ -113,6 +117,12 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
         """The surface with which the tool at p (3,) m begins at phi (m), for kinds that are not moved by their origin;
         None for the others."""
         del p, phi
+        return None
+
+    def across(self, normal: np.ndarray, p: np.ndarray, phi: float) -> Form | None:
+        """The surface into which the tool at p (3,) m goes along `normal` (3,) and where it begins at phi (m), for
+        kinds that are not moved by their origin; None for the others."""
+        del normal, p, phi
         return None
 
     def require_regular(self, surface: Surface, until: float) -> None:

@@ -49,6 +49,7 @@ class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula
     title = "formula"
     chart = _chart
     resolution = 29
+    typed = True
 
     text: Annotated[
         Text,
@@ -127,6 +128,13 @@ class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula
         is promised after `simulation.duration`."""
         height = p[2] + phi - 0.015 * np.sin(15 * p[0])
         return replace(self, text=f"z {-height:+.4f} - 0.015*sin(15*x)")
+
+    def across(self, normal: np.ndarray, p: np.ndarray, phi: float) -> Form | None:
+        """A plane."""
+        terms = " ".join(
+            f"{-value:+.4g}*{name}" for name, value in zip("xyz", normal, strict=True) if abs(value) > 1e-4
+        )
+        return replace(self, text=f"{normal @ p - phi:.4g} {terms}", normal=tuple(normal.round(4).tolist()))
 
     def require_regular(self, surface: Surface, until: float) -> None:
         """Raise ValueError unless the chart is regular for a run of `until` s that begins at `surface.near`: there is a

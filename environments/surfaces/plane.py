@@ -62,6 +62,7 @@ class Plane(Form, frozen=True, forbid_unknown_fields=True, tag="plane"):
     title = "plane"
     chart = _chart
     resolution = 2
+    planar = True
 
     normal: Annotated[Vector3, field("direction into the environment", "1", NORMAL, title="normal of the surface")] = (
         0.0,

@@ -40,7 +40,7 @@ class Circle(Trajectory, frozen=True, forbid_unknown_fields=True, tag="circle"):
             raise ValueError(
                 f"axes: {list(self.axes)}; allowed: two different numbers from 0 to {len(free) - 1}"
                 if len(free) > 1
-                else "kind: 'circle' needs two free coordinates; allowed here: hold, point-to-point, line"
+                else "kind: 'circle' needs two free coordinates; allowed here: another kind"
             )
         along_axes = np.eye(n)[free.start :]
         return in_plane(self.radius * along_axes[a], self.radius * along_axes[b], self.ramp, 2 * np.pi / self.period)

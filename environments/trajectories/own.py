@@ -67,6 +67,7 @@ class OwnPath(Trajectory, frozen=True, forbid_unknown_fields=True, tag="own"):
 
     title = "own"
     move = _move
+    suits_angles = False
 
     name: Annotated[Name, field("kind of the trajectory in your file", "")] = ""
     parameters: Annotated[dict[Name, float], field("its parameters, by name", "")] = msgspec.field(default_factory=dict)

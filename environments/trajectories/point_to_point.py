@@ -24,6 +24,7 @@ class Hold(Trajectory, frozen=True, forbid_unknown_fields=True, tag="hold"):
     title = "hold"
     move = _move
     comes_to_rest = True
+    moves = False
 
     def course(self, n: int, free: range) -> Course:
         del free

@@ -15,7 +15,7 @@ from kernels import choice, inline, kernel
 from kernels.records import Record
 
 TRAJECTORIES: tuple[type[Trajectory], ...] = (Hold, PointToPoint, Circle, Line, OwnPath)
-ROTATIONS: tuple[type[Trajectory], ...] = (Hold, PointToPoint, Circle, Line)  # of the coordinates that are angles
+ROTATIONS = tuple(each for each in TRAJECTORIES if each.suits_angles)
 if TYPE_CHECKING:
     AnyTrajectory = AnyRotation = Trajectory
 else:

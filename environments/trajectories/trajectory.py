@@ -42,11 +42,15 @@ class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="ki
     move: its kernel `move(course, t, value, rate, acceleration)`, which adds the displacement (n,) and its derivatives
     at time t (s).
     comes_to_rest: whether the path ends at a point.
+    moves: whether the path leaves the start.
+    suits_angles: whether it may be the path of coordinates that are angles, too (section `rotation`).
     """
 
     title: ClassVar[str]
     move: ClassVar[Any]
     comes_to_rest: ClassVar[bool] = False
+    moves: ClassVar[bool] = True
+    suits_angles: ClassVar[bool] = True
 
     def course(self, n: int, free: range) -> Course:
         """The path as a displacement of n coordinates, of which it may move those in `free`; the table sets `kind`.

@@ -132,7 +132,7 @@ def test_a_surface_is_a_file_and_its_class(extended: dict[str, Any]) -> None:
 
 
 def test_a_trajectory_is_a_file_and_its_class(extended: dict[str, Any]) -> None:
-    assert "nod" in extended["menus"]
+    assert extended["menus"].count("nod") == 2  # of the positions, and of the angles
     assert "nods at [Hz]" in extended["fields"]
     moved = extended["wanted"][1] - extended["start"][1]
     assert moved == pytest.approx(0.002)  # half a period of 0.2 s after one and a half

@@ -12,6 +12,7 @@ from app.scenario.schema import Scenario
 from app.session.changes import blending_to
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
+from app.simulation.period.compiled_period import INTEGRATOR_NUMBERS
 from app.simulation.promise.premise_watch import PremiseWatch
 from app.simulation.sampled_loop.sampled_stability import sampled_loop
 from app.simulation.system import System
@@ -276,3 +277,7 @@ def test_obstacle_names_why_a_run_is_not_taken(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(sensors, "STAGES", (Clip,))
     clipped = ClosedLoop.from_scenario(edited(base, "sensor.bias", [1.0, 0.0, 0.0]))
     assert obstacle(clipped) == "the force sensor has a stage that is known to the interpreter only"
+
+    monkeypatch.delitem(INTEGRATOR_NUMBERS, "rk4")
+    with pytest.raises(ValueError, match=r"simulation\.integrator: 'rk4' is known to the interpreter only"):
+        CompiledRun(ClosedLoop.from_scenario(edited(base, "simulation.integrator", "rk4")))

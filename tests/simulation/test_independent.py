@@ -15,7 +15,7 @@ from app.scenario.schema import Scenario
 from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from controllers.reference_estimates import FeedforwardModel
-from environments.integrators import Integrator
+from environments.integrators import IntegratorName
 
 pytestmark = pytest.mark.slow  # long or many simulations
 
@@ -131,7 +131,7 @@ def test_sampled_loop_converges_to_the_papers(twin: Twin) -> None:
 
 @pytest.mark.parametrize(("integrator", "expected"), [("semi-implicit-euler", 1.0), ("rk4", 4.0)])
 @pytest.mark.parametrize("twin", PLANTS.values(), ids=PLANTS.keys())
-def test_integrators_have_their_order(twin: Twin, integrator: Integrator, expected: float) -> None:
+def test_integrators_have_their_order(twin: Twin, integrator: IntegratorName, expected: float) -> None:
     """1 for semi-implicit Euler and 4 for Runge and Kutta's, also with the multiplier of heavy and rigid surfaces."""
     substeps = np.array([4, 8, 16] if twin.rigid else [16, 32, 64])
     errors = plant_errors(replace(twin, integrator=integrator), substeps.tolist(), duration=0.04)

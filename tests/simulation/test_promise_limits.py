@@ -18,7 +18,7 @@ from controllers.bounds import InertiaRange
 from controllers.posture_check import _falling_from
 from controllers.premises import Premise
 from controllers.switching import SAMPLING_SHARE
-from environments.integrators import Integrator
+from environments.integrators import IntegratorName
 from tests.support.cases import changed, run, value
 
 
@@ -43,7 +43,7 @@ def test_a_gain_that_chatters_by_friction_is_part_of_the_feedback() -> None:
 
 @pytest.mark.parametrize("integrator", ["leapfrog", "semi-implicit-euler", "rk4"])
 @pytest.mark.parametrize("engine", ["pinocchio", "compiled"])
-def test_the_impulse_of_a_period_is_that_of_the_contact_force(integrator: Integrator, engine: str) -> None:
+def test_the_impulse_of_a_period_is_that_of_the_contact_force(integrator: IntegratorName, engine: str) -> None:
     """The tool meets the surface within the run; the sum of all impulses is the force's integral over time."""
     scenario = changed("ur5-hybrid", simulation={"integrator": integrator, "substeps": 3}, motion={"kind": "hold"})
     loop = ClosedLoop.from_scenario(scenario)

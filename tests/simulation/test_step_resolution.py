@@ -18,10 +18,9 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System
 from environments.contact import Contact
 from environments.contact_kinds import CONTACTS
-from environments.integrators import Integrator
+from environments.integrators import INTEGRATORS, IntegratorName
 from environments.plant import Plant
 from environments.step_resolution import (
-    STEPS,
     Mobility,
     StiffElement,
     mobilities,
@@ -36,10 +35,8 @@ from tests.support.surfaces import plane, to_third
 
 pytestmark = pytest.mark.slow  # long or many simulations
 
-INTEGRATORS: tuple[Integrator, ...] = tuple(STEPS)
 
-
-def edge(integrator: Integrator, damping_ratio: float) -> float:
+def edge(integrator: IntegratorName, damping_ratio: float) -> float:
     """The largest h omega at which the oscillator still settles, by bisection."""
     low, high = 1e-3, 10.0
     for _ in range(60):
@@ -65,7 +62,7 @@ def test_edges_of_the_integrators_are_the_known_ones(damping_ratio: float) -> No
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("stiffness", [0.0, 1.0, 1e4, 1e6, 1e9])
 @pytest.mark.parametrize("damping", [0.0, 10.0, 1e5])
-def test_substeps_needed_are_the_fewest(integrator: Integrator, stiffness: float, damping: float) -> None:
+def test_substeps_needed_are_the_fewest(integrator: IntegratorName, stiffness: float, damping: float) -> None:
     stiff = StiffElement("", 0.0, "", stiffness, damping)
     enough = substeps_needed(integrator, stiff, 0.005, most=1000)
     assert enough is not None
@@ -94,7 +91,7 @@ def mobility(system: System, plant: Plant) -> Mobility:
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("cause", CAUSES)
 @pytest.mark.parametrize("robot", ["ur5", "planar2r"])
-def test_plant_explodes_where_its_step_is_said_to(robot: str, cause: str, integrator: Integrator) -> None:
+def test_plant_explodes_where_its_step_is_said_to(robot: str, cause: str, integrator: IntegratorName) -> None:
     """A nudged arm on a bilateral surface, gravity and contact balanced: quiet 3 % below the edge, wild 3 % above."""
     system, (kind, given), field = arm(robot), CAUSES[cause], cause.split(",")[0]
     still = np.zeros(system.robot.n)
@@ -241,7 +238,7 @@ def test_the_leapfrog_shows_what_a_held_torque_costs_of_damping(mass: float) -> 
     def acceleration(x: np.ndarray, _: np.ndarray) -> np.ndarray:
         return (torque - K_e * x) / mass
 
-    found = {name: damping(np.array(step(acceleration, x, v, T))) for name, step in STEPS.items()}
+    found = {name: damping(np.array(each.step(acceleration, x, v, T))) for name, each in INTEGRATORS.items()}
     assert exact == pytest.approx(0.098, abs=0.003)
     assert found["leapfrog"] == pytest.approx(exact, abs=1e-4)
     assert found["rk4"] == pytest.approx(exact, abs=1e-4)

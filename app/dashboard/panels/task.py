@@ -23,11 +23,11 @@ from environments.trajectories.table import ROTATIONS, TRAJECTORIES
 
 _MODE = (
     "In which directions the tool follows a path and in which it presses with a force, and how it yields: one of the "
-    "five applications of section IV, each with its own target model. Keys: 1 to 5"
+    f"applications of section IV, each with its own target model. Keys: 1 to {len(MODES)}"
 )
 _COUNTS = {1: "one number", 2: "two numbers", 3: "three numbers"}
-_PROFILE = "How the desired force goes over time: it is constant, steps, or swings."
-_PATH = "Along which path the tool is to move: it holds its place, goes to a point, along a line or round a circle."
+_PROFILE = "How the desired force goes over time."
+_PATH = "Along which path the tool is to move."
 _ANGLES = "Which path the angles take: the tool keeps its direction, or turns."
 
 

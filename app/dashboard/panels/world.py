@@ -13,12 +13,12 @@ from app.dashboard.widgets.fields.section_controls import field_control, field_c
 from app.scenario.own_code import own_code
 from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
+from app.simulation.builders.environment_checks import face_obstacle
 from controllers.modes import MODES
 from environments.contact_kinds import CONTACTS, ContactKind
 from environments.force_profiles.table import FORCE_PROFILES
+from environments.integrators import INTEGRATORS
 from environments.sensors import Sensor
-from environments.surfaces.formula import FormulaSurface
-from environments.surfaces.plane import Plane
 from environments.surfaces.table import SURFACES
 
 _PAIRS = (
@@ -46,8 +46,7 @@ def _foreseen(scenario: Scenario) -> bool:
 
 def _plain(scenario: Scenario) -> bool:
     """Whether the tool is flat, or may be."""
-    alone = len(scenario.surfaces) == 1 and isinstance(scenario.surface, Plane)
-    return scenario.face.flat or (alone and not _heavy(scenario))
+    return scenario.face.flat or face_obstacle(scenario) is None
 
 
 def _flat(scenario: Scenario) -> bool:
@@ -146,11 +145,7 @@ class WorldPanel:
                     desk,
                     "simulation.integrator",
                     "Integrator",
-                    {
-                        "leapfrog": "leapfrog",
-                        "semi-implicit Euler": "semi-implicit-euler",
-                        "Runge-Kutta 4": "rk4",
-                    },
+                    {integrator.title: name for name, integrator in INTEGRATORS.items()},
                 ),
                 NumberField(desk, FieldBinding("simulation.substeps"), "substeps"),
             ]
@@ -198,7 +193,7 @@ class WorldPanel:
             self._flat_tool.visible = plain
         if self._coupling.visible != (coupled := _coupled(snapshot.scenario)):
             self._coupling.visible = coupled
-        typed = isinstance(snapshot.scenario.surface, FormulaSurface)
+        typed = snapshot.scenario.surface.typed
         if self._syntax.visible != typed:
             self._syntax.visible = typed
         for control in self._controls:

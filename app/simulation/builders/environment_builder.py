@@ -25,10 +25,8 @@ from environments.push import TimedPush
 from environments.surfaces import own as own_surfaces
 from environments.surfaces.corner import Corner
 from environments.surfaces.form import Form, tangent_frame, unit
-from environments.surfaces.plane import Plane
 from environments.surfaces.table import Surface
 from environments.trajectories import own as own_trajectories
-from environments.trajectories.point_to_point import Hold
 from environments.trajectories.table import course_of, numbered
 from environments.trajectories.trajectory import Course, spread
 from environments.truth import Truth
@@ -211,7 +209,7 @@ def task_surface(scenario: Scenario, surfaces: tuple[Surface, ...], near: np.nda
             charted = Corner(surfaces[: number + 1], near)
         except ValueError as error:
             added = scenario.surfaces[number]
-            field = "surface.normal" if isinstance(added.form, Plane) else "surface"
+            field = "surface.normal" if added.form.planar else "surface"
             raise IrregularCorner(f"{added.path}{field}: {error}") from error
     return charted
 
@@ -275,7 +273,7 @@ def rotation_of(scenario: Scenario, layout: TaskLayout) -> Course:
     """Desired motion of the tool's angles and of supplemental joints, (n,), from the start.
     Raises ScenarioError."""
     path, n = scenario.rotation, layout.n
-    if layout.joint and not isinstance(path, Hold):
+    if layout.joint and path.moves:
         raise ScenarioError(
             f"rotation.kind: {kind_of(path)!r}; allowed where r = q: 'hold', since motion moves the joints"
         )

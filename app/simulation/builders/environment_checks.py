@@ -12,10 +12,10 @@ from app.scenario.errors import ForceInJoints, IrregularCorner, PullingForce, Sc
 from app.scenario.field_info import field_info
 from app.scenario.schema import Scenario
 from app.simulation.builders.environment_builder import SOFTEST, believed_matrix, environment_of, task_joints
-from controllers.modes import Mode
+from controllers.modes import IN_JOINTS, Mode
 from environments import robots
 from environments.contact import face_radius
-from environments.surfaces.plane import Plane
+from environments.contact_kinds import CONTACTS, FREE
 
 ROUNDED = 1e-12  # of a matrix's largest eigenvalue, by which rounding moves the least one
 
@@ -29,7 +29,7 @@ def require_surfaces(scenario: Scenario, mode: Mode, positions: int, n: int) -> 
     for each in further:
         kind = each.contact.kind
         if not first.contact.nature.touches:
-            raise ScenarioError(f"{each.path}contact.kind: {kind!r} without a first surface; allowed: 'free'")
+            raise ScenarioError(f"{each.path}contact.kind: {kind!r} without a first surface; allowed: {FREE!r}")
         if kind not in admitted_contacts(mode):
             allowed = ", ".join(admitted_contacts(mode))
             raise ScenarioError(f"{each.path}contact.kind: {kind!r} in {mode.name} mode; allowed: {allowed}")
@@ -43,13 +43,13 @@ def require_surfaces(scenario: Scenario, mode: Mode, positions: int, n: int) -> 
         pressed = each.pressed
     if first.contact.nature.rigid and len(further) + 1 >= n:
         raise IrregularCorner(
-            f"{further[-1].path}contact.kind: 'rigid' on {len(further) + 1} surfaces holds all {n} joints of this arm; "
-            f"allowed: fewer rigid surfaces than joints"
+            f"{further[-1].path}contact.kind: {further[-1].contact.kind!r} on {len(further) + 1} surfaces holds all "
+            f"{n} joints of this arm; allowed: fewer rigid surfaces than joints"
         )
     if len(further) >= positions:
         raise ScenarioError(
             f"{further[-1].path}contact.kind: {further[-1].contact.kind!r}, the surface number {len(further) + 1}; "
-            f"allowed with this arm: 'free', it has {positions} positions"
+            f"allowed with this arm: {FREE!r}, it has {positions} positions"
         )
 
 
@@ -88,23 +88,31 @@ def _require_definite(
         )
 
 
+def face_obstacle(scenario: Scenario) -> str | None:
+    """Why a flat tool cannot touch the scenario's surfaces, None where it can."""
+    number, form, contact = len(scenario.surfaces), scenario.surface, scenario.contact
+    if number > 1:
+        return f"on {number} surfaces; allowed: on one"
+    if not form.planar:
+        return f"on a surface of kind {kind_of(form)!r}; allowed: on a plane"
+    if contact.nature.heavy:
+        light = ", ".join(name for name, kind in CONTACTS.items() if not kind.heavy)
+        return f"with contact.kind {contact.kind!r}; allowed: {light}"
+    return None
+
+
 def require_face(scenario: Scenario, mode: Mode, robot: robots.Robot) -> None:
     """Raise WrongFace where the tool cannot be flat."""
     if not scenario.face.flat:
         return
     _, angles = task_joints(scenario, robot)
-    wrong = {
-        f"on {len(scenario.surfaces)} surfaces; allowed: on one": len(scenario.surfaces) > 1,
-        f"on a surface of kind {kind_of(scenario.surface)!r}; allowed: on a plane": not isinstance(
-            scenario.surface, Plane
-        ),
-        f"with contact.kind {scenario.contact.kind!r}; allowed: 'elastic', or 'free'": scenario.contact.nature.heavy,
-        "with an arm in a plane; allowed: in space": robot.geometry == "planar",
-        "without the tool's angles among the coordinates; allowed: with all three": mode.on_surface and angles != 3,
-    }
-    for what, holds in wrong.items():
-        if holds:
-            raise WrongFace(f"face.flat: true {what}")
+    what = face_obstacle(scenario)
+    if what is None and robot.geometry == "planar":
+        what = "with an arm in a plane; allowed: in space"
+    if what is None and mode.on_surface and angles != 3:
+        what = "without the tool's angles among the coordinates; allowed: with all three"
+    if what is not None:
+        raise WrongFace(f"face.flat: true {what}")
 
 
 def require_pushing(scenario: Scenario, mode: Mode) -> None:
@@ -203,5 +211,6 @@ def require_kinds(scenario: Scenario, mode: Mode) -> None:
         raise ScenarioError(f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {allowed}")
     if scenario.task_space.kind == "joint" and not mode.in_joints:
         raise ForceInJoints(
-            f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
+            f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' ("
+            f"joint in {' or '.join(IN_JOINTS)} mode)"
         )

@@ -7,7 +7,7 @@ and then rows differ visibly.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from controllers.posture_check import periods_between_checks
 from controllers.premises import DOMAIN
 from environments.integrators import (
     STAGES,
-    Integrator,
     begin_stages,
     drift,
     end_stages,
@@ -47,7 +46,8 @@ from kernels.rigid_body import (
 ask: Any = Elsewhere("kernels.pointers", "ask")
 ask_integer: Any = Elsewhere("kernels.pointers", "ask_integer")
 ask_number: Any = Elsewhere("kernels.pointers", "ask_number")
-LEAPFROG, EULER, RK4 = range(len(get_args(Integrator)))
+LEAPFROG, EULER, RK4 = range(3)
+INTEGRATOR_NUMBERS = {"leapfrog": LEAPFROG, "semi-implicit-euler": EULER, "rk4": RK4}  # of those that `_move` takes
 
 
 class RunData(NamedTuple):
@@ -56,7 +56,7 @@ class RunData(NamedTuple):
     known, true: the arm as the controller knows it, and the true arm.
     seen, moved: terms of these two arms, with the memory to compute them.
     alike: whether these two arms have the same geometry.
-    period: s; substeps: of the plant in each; integrator: its place in `Integrator`.
+    period: s; substeps: of the plant in each; integrator: see `INTEGRATOR_NUMBERS`; midpoint: see `Integrator`.
     springs, massive, rigid: see `ContactKind`; ideal: see `ControlledArm`.
     carrier, turned: the link that carries the tool, counted from 0, and its transposed rotation.
     push: at fixed times; pushed: (n,) N m, its torque in the present period.
@@ -87,6 +87,7 @@ class RunData(NamedTuple):
     period: float
     substeps: int
     integrator: int
+    midpoint: bool
     springs: bool
     massive: bool
     rigid: bool
@@ -201,7 +202,7 @@ def _evaluated_at(run, arm, twin, t):
     copy(arm[0].q, twin[0].q)
     copy(arm[0].q_dot, twin[0].q_dot)
     copy(arm[0].holding.held, twin[0].holding.held)
-    if run.integrator != LEAPFROG:
+    if not run.midpoint:
         return t
     half = 0.5 * run.period / run.substeps
     drift(twin, half)
@@ -280,7 +281,7 @@ def _move(run, workspace, arm, twin, t):
             _accelerate(run, workspace, arm, now)
             if run.integrator == EULER:
                 semi_implicit_euler(arm, h)
-            else:
+            elif run.integrator == RK4:
                 begin_stages(workspace, arm, twin)
                 for weight, ahead in STAGES:
                     next_stage(workspace, arm, twin, weight, ahead * h)

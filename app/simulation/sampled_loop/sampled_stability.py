@@ -230,9 +230,8 @@ def _kept_on_surface(system: System, at: Posture) -> System:
     """The system with a linear law that drives s to zero within a few periods, to linearise a discontinuous one."""
     controller = system.controller
     K_s = HALVED * np.linalg.eigvalsh(at.H_hat)[0] / system.scenario.controller.period * np.eye(system.layout.n)
-    return system.with_controller(
-        replace(controller, K_s=K_s, d=np.finfo(float).tiny, switching=SWITCHING["saturation"], layer=1.0)
-    )
+    smooth = next(each for each in SWITCHING.values() if each.has_layer)
+    return system.with_controller(replace(controller, K_s=K_s, d=np.finfo(float).tiny, switching=smooth, layer=1.0))
 
 
 def _reads_contact(system: System) -> bool:
