@@ -4,6 +4,7 @@ advances the plant and records."""
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import msgspec
 import structlog
@@ -298,7 +299,7 @@ class ClosedLoop:
         if blend is None:
             return most
         steps, most = self.state.steps, min(most, self.premise_watch.every)
-        return next((k for k in range(1, most) if self._blend_acts(blend, self._time(steps + k))), most)
+        return next((k for k in range(1, most) if self._blend_due(blend, self._time(steps + k))), most)
 
     def stop_without_force(self) -> None:
         """Stop because no force was found for an ideal sensor."""
@@ -353,28 +354,32 @@ class ClosedLoop:
         Nothing else changes, above all not z: s does not depend on the model (see `controllers.blend`). An epoch begins
         with a blend, and another one with its end. A blend is the same to the last bit whenever it was planned.
         """
-        self._stage, half = "the blend", 0.5 * self.period
-        if self.t > blend.begins + blend.over - half:
-            system = self.system
-            controller = system.controller.following(blend.end)
-            after = replace(system.with_controller(controller), scenario=after_blend(system.scenario), blend=None)
-            judged = self.controlled_arm.judged
-            self._bind(after, self.state)
-            self.controlled_arm.judged = judged
-            self._new_epoch()
-        elif self.t > blend.begins - half:
-            if self.state.epoch.t < blend.begins - half:
+        self._stage = "the blend"
+        match self._blend_due(blend, self.t):
+            case "end":
+                system = self.system
+                controller = system.controller.following(blend.end)
+                after = replace(system.with_controller(controller), scenario=after_blend(system.scenario), blend=None)
+                judged = self.controlled_arm.judged
+                self._bind(after, self.state)
+                self.controlled_arm.judged = judged
                 self._new_epoch()
-            if blend.share(self.t) != self.premise_watch.share:
+            case "beginning":
+                self._new_epoch()
+                self._follow(blend)
+            case "new share":
                 self._follow(blend)
 
-    def _blend_acts(self, blend: ModelBlend, t: float) -> bool:
-        """Whether `_blend` does something at t (s), after it has been called in the present period."""
+    def _blend_due(self, blend: ModelBlend, t: float) -> Literal["beginning", "new share", "end"] | None:
+        """Part of the blend that is due at t (s), None for nothing, as far as it has been carried out until now."""
         half = 0.5 * self.period
+        if t > blend.begins + blend.over - half:
+            return "end"
         if t <= blend.begins - half:
-            return False
-        ends, begins = t > blend.begins + blend.over - half, self.state.epoch.t < blend.begins - half
-        return ends or begins or blend.share(t) != self.premise_watch.share
+            return None
+        if self.state.epoch.t < blend.begins - half:
+            return "beginning"
+        return None if blend.share(t) == self.premise_watch.share else "new share"
 
     def _new_epoch(self) -> None:
         self.premise_watch.begin()
