@@ -41,7 +41,7 @@ class LessonList:
         self._files.on_click(self._on_file)
         self._class_file.on_click(self._on_class_file)
         for title, lesson in self._titles.items():
-            desk.gui.add_command(f"Lesson: {title}", description=lesson.name).on_trigger(self._begin_of(lesson))
+            desk.gui.add_command(f"Lesson: {title}").on_trigger(self._begin_of(lesson))
 
     def _begin_of(self, lesson: Lesson) -> Callable[[object], Coroutine[None, None, None]]:
         async def begin(_: object) -> None:
