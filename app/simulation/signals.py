@@ -9,6 +9,7 @@ from typing import Annotated, Literal, NamedTuple, get_type_hints
 import numpy as np
 
 from app.scenario.units import Units, kinds_of
+from controllers.bounds import CAUSES
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Row(NamedTuple):
     q_eq_ddot: Annotated[Vector, Signal("rad/s^2", "joint acceleration that the law prescribes, (25)", "joints")]
     needed: Annotated[
         Vector,
-        Signal("N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon", of="r", width=6),
+        Signal("N", f"terms of (17): {', '.join(CAUSES.values())}", of="r", width=len(CAUSES)),
     ]
     d: Annotated[Number, Signal("N", "gain of the switching term, which overcomes the perturbation", "r")]
     d_required: Annotated[
