@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, NamedTuple, get_type_hints
+from typing import Annotated, NamedTuple, get_type_hints
 
 import numpy as np
 
 from app.scenario.units import Units, kinds_of
 from controllers.bounds import CAUSES
+from parameters import UnitsOf
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Signal:
 
     unit: str
     doc: str
-    of: Literal["", "joints", "r", "J_q"] = ""
+    of: UnitsOf = ""
     width: int | None = None
     name: str = ""
 
