@@ -1,4 +1,5 @@
-"""Facts of a scenario's fields: bounds, unit and meaning, for the page, the refusals and the documentation."""
+"""Facts of a scenario's fields, and of a run's metrics: bounds, unit and meaning, for the page, the refusals and the
+documentation."""
 
 from __future__ import annotations
 
@@ -54,6 +55,13 @@ def field_info(path: str) -> FieldInfo:
             if f.name == last and isinstance(f.type, _Metadata):
                 return _info(f.type, place)
     raise KeyError(path)
+
+
+@cache
+def infos_of(struct: type[Struct]) -> dict[str, FieldInfo]:
+    """Facts of the fields of a struct by name: of those that are described as a scenario's are."""
+    place = _Place([struct])
+    return {f.name: _info(f.type, place) for f in _schema(struct).fields if isinstance(f.type, _Metadata)}
 
 
 class _Place(NamedTuple):
