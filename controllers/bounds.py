@@ -83,6 +83,24 @@ class RequiredGain(NamedTuple):
         return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
+# words for the cause of each term of `RequiredGain`, in its order
+CAUSES = {
+    "inertia": "inertia",
+    "coriolis": "Coriolis",
+    "gravity": "gravity",
+    "task_motion": "moving task",
+    "disturbance": "disturbance",
+    "epsilon": "ε",
+}
+
+
+@inline
+def list_terms(needed, terms):
+    """Write the terms of (17) into `terms` (6,) N, in the order of `CAUSES`."""
+    terms[0], terms[1], terms[2] = needed.inertia, needed.coriolis, needed.gravity
+    terms[3], terms[4], terms[5] = needed.task_motion, needed.disturbance, needed.epsilon
+
+
 @inline
 def required_d(needed):
     """Smallest allowed d, (17): the sum of the terms."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 from controllers.premises import Premise
+from parameters import UnitsOf
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Statement:
 
     title: str
     sign: str
-    of: Literal["", "r", "joints", "J_q"]
+    of: UnitsOf
     failed: str
     why: str
     unknown: str = ""

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
@@ -16,6 +16,7 @@ Text = Annotated[str, Meta(max_length=1000, pattern=ONE_LINE)]  # a path; a form
 Vector = Annotated[tuple[float, ...], Meta(max_length=32)]  # an arm has at most eight joints
 Vector3 = tuple[float, float, float]
 Matrix = Annotated[tuple[float | Vector, ...], Meta(max_length=32)]
+UnitsOf = Literal["", "joints", "r", "J_q"]  # on whose units that of a quantity depends
 
 
 class Section(Struct, frozen=True, forbid_unknown_fields=True):
@@ -47,10 +48,19 @@ def decades(label: str, low: float, high: float, *, zero: bool = False) -> Widge
     return Widget(label, low, high, logarithmic=True, zero=zero)
 
 
-def field(meaning: str, unit: str, widget: Widget | None = None, *, title: str = "", **bounds: Any) -> Meta:
+def field(
+    meaning: str,
+    unit: str,
+    widget: Widget | None = None,
+    *,
+    title: str = "",
+    of: UnitsOf = "",
+    **bounds: Any,
+) -> Meta:
     """Metadata of a field: meaning, unit ("1" for a pure number, "" for none), its widget on the page, its title in
-    sentences, on axes and in menus where the meaning begins with other words, and its bounds (ge, gt, le, lt)."""
-    return Meta(description=meaning, extra={"unit": unit, "widget": widget, "title": title}, **bounds)
+    sentences, on axes and in menus where the meaning begins with other words, and its bounds (ge, gt, le, lt).
+    of: on whose units its own depends, "" for the world's; `unit` is for revolute joints and where r is in metres."""
+    return Meta(description=meaning, extra={"unit": unit, "widget": widget, "title": title, "of": of}, **bounds)
 
 
 @dataclass(frozen=True)

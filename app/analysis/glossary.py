@@ -14,7 +14,7 @@ import numpy as np
 from app.scenario.field_info import field_info
 from app.scenario.number_text import short, without_rounding
 from app.scenario.schema import Scenario
-from app.scenario.units import JOINT, indexed, unit_in
+from app.scenario.units import CARTESIAN, JOINT, indexed
 from app.simulation.signals import SIGNALS
 from app.simulation.system import System
 from environments.contact_kinds import ContactKind
@@ -69,7 +69,7 @@ class Symbol:
             value = np.where([unit in _THOUSANDTHS for unit in units], 1e3 * value, value)
             units = [f"m{unit}" if unit in _THOUSANDTHS else unit for unit in units]
         else:
-            units = [unit_in(system.units, self.field, self.unit)] * len(value)
+            units = [field_info(self.field).unit_in(system.units)] * len(value)
         units = [unit.removesuffix("1") for unit in units]
         if len(set(units)) > 1:
             return ", ".join(f"{_short(number)} {unit}" for number, unit in zip(value, units, strict=True))
@@ -138,8 +138,8 @@ def _signal(written: str, signal: str, equation: str, *also: str, where: Where =
 
 def _field(written: str, path: str, equation: str, *also: str, where: Where = _everywhere) -> Symbol:
     of = field_info(path)
-    unit = "" if of.unit == "1" else of.unit
-    return Symbol(written, of.doc, unit, unit_in(JOINT, path, unit), equation, also, field=path, where=where)
+    units = of.unit_in(CARTESIAN), of.unit_in(JOINT)
+    return Symbol(written, of.doc, *units, equation, also, field=path, where=where)
 
 
 def _own(written: str, meaning: str, equation: str = "", unit: str = "", also: tuple[str, ...] = ()) -> Symbol:

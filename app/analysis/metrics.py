@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from msgspec import Struct
 
+from app.scenario.field_info import FieldInfo, infos_of
 from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.engines import Engine
@@ -16,6 +18,7 @@ from app.simulation.promise.verdict import Finding, PromiseVerdict
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
 from environments.surfaces.table import Surface
+from parameters import field
 
 # signals of each surface
 MULTIPLIERS, PHI = ("multiplier", "multiplier_2", "multiplier_3"), ("phi", "phi_2", "phi_3")
@@ -23,37 +26,48 @@ TAIL = 0.2  # share of the run, at its end, over which metrics with "tail" in th
 LEAST_TAIL = 5  # rows, of which a shorter tail cannot tell whether a signal has settled
 NORMALS = 300  # rows, about, in which the normals of a curved surface are computed; between them they vary smoothly
 BAND = 0.02  # of the largest deviation, within which a signal counts as settled
+THOUSANDTHS = ("m", "m/s", "rad")  # SI units of the metrics that are shown in mm, mm/s, mrad
 DEPENDENT = 1e-6  # what is left of a unit normal that lies in the others' plane
 FORCE_RESOLUTION, MOTION_RESOLUTION = 0.1, 5e-5  # N, m: the ripple of a settled loop is no transient
 
 
 class Metrics(Struct, frozen=True):
-    """Metrics of a run, see each field; None where a metric has no meaning in the mode."""
+    """Metrics of a run; None where a metric has no meaning in the mode or under the law, and for a time that has not
+    come."""
 
-    motion_error_tail: float | None  # max ||e|| of the position coordinates that are not force-controlled, m
-    angle_error_tail: float | None  # max ||e|| of the angles and revolute supplemental joints that follow a path, rad
-    force_error_tail: float | None  # max |f_n - f_nd|, of several surfaces the norm, N
-    moment_error_tail: float | None  # max ||m - m_d|| of a flat tool, as measured, N m
-    constraint_violation: float | None  # max |phi| on rigid surfaces, m
-    settling_time: (
-        float | None
-    )  # s, of the force, or of the path where none is controlled; None while it is not settled
+    motion_error_tail: Annotated[
+        float | None, field("largest position error where no force is controlled", "m", of="r")
+    ]
+    angle_error_tail: Annotated[float | None, field("largest error of angles and revolute supplemental joints", "rad")]
+    force_error_tail: Annotated[float | None, field("largest force error", "N")]  # of several surfaces the norm
+    moment_error_tail: Annotated[float | None, field("largest error of the moments of a flat tool", "N·m")]
+    constraint_violation: Annotated[float | None, field("largest distance from a rigid surface", "m")]
+    settling_time: Annotated[
+        float | None,
+        field(
+            "until the force error, or without force control the path error, stays within 2 % of its largest deviation "
+            "from its final value",
+            "s",
+        ),
+    ]
     promise: PromiseVerdict
     premises: tuple[Finding, ...]
-    reaching_time: (
-        float | None
-    )  # s, until ||s|| is within the boundary layer; None while it is not, and for a law that has none
-    reaching_time_bound: float | None  # s, (18): until s = 0 in continuous time, and so until the layer
-    layer_time_bound: float | None  # s, until the boundary layer; None for a law that has none
-    band_time: float | None  # s, until ||s|| is within its band
-    band_time_bound: float | None  # s
-    envelope_violation: float | None  # max of ||s|| beyond (20) and the band where they are promised, m/s
-    gain_condition_margin: float | None  # min of d minus what (17) needs, N; None under a law without the gain d
-    target_model_residual_tail: float  # RMS of the norm of (8)'s left side minus its right side, N
-    torque_total_variation: list[float]  # sum of |changes| per second, N m/s, per joint
-    saturated_share: float  # of the control periods, in which a drive's limit cuts the torque
-    simulated_time: float  # s
-    realtime_factor: float | None
+    reaching_time: Annotated[float | None, field("until ‖s‖ is within the boundary layer", "s")]
+    reaching_time_bound: Annotated[float | None, field("t_r of (18), for s = 0, also where nothing is promised", "s")]
+    layer_time_bound: Annotated[float | None, field("until ‖s‖ is within the boundary layer, as (20) promises", "s")]
+    band_time: Annotated[float | None, field("until ‖s‖ is within its band", "s")]
+    band_time_bound: Annotated[float | None, field("until ‖s‖ is within its band, as promised", "s")]
+    envelope_violation: Annotated[
+        float | None, field("largest ‖s‖ beyond (20) and the band, where they are promised", "m/s", of="r")
+    ]
+    gain_condition_margin: Annotated[float | None, field("least d minus what (17) needs", "N", of="r")]
+    target_model_residual_tail: Annotated[float, field("RMS of the norm of the residual of (8)", "N", of="r")]
+    torque_total_variation: Annotated[
+        list[float], field("summed changes of each joint's commanded torque per second", "N·m/s", of="joints")
+    ]
+    saturated_share: Annotated[float, field("share of the control periods in which a drive is at its limit", "1")]
+    simulated_time: Annotated[float, field("until the end of the run", "s")]
+    realtime_factor: Annotated[float | None, field("simulated time per computing time", "1")]
     engine: Engine
     stopped: str | None
 
@@ -244,28 +258,49 @@ def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float
 class Account(Struct, frozen=True):
     """Account of a stretch of a run: numbers for comparing runs, None where one has no meaning in the mode."""
 
-    path_rms: float | None  # of the position error that a motion target governs, m
-    path_max: float | None  # m
-    angle_rms: float | None  # of the error of the angles and revolute supplemental joints that follow a path, rad
-    angle_max: float | None  # rad
-    force_rms: float | None  # of f_n - f_nd, N
-    force_max: float | None  # N
-    s_max: float | None  # of ||s||, m/s, under a law with the gain d; None without one, where s means nothing
-    residual_rms: float  # of the norm of the residual of the target model (8), N
-    effort: float  # RMS of ||tau|| as applied, N m
-    variation: float  # of the commanded torques: sum of their |changes| per second, N m/s
-    gain_margin: float | None  # least d minus what (17) needs, N; None under a law without d
+    path_rms: Annotated[float | None, field("RMS of the position error that a motion target governs", "m", of="r")]
+    path_max: Annotated[float | None, field("largest position error that a motion target governs", "m", of="r")]
+    angle_rms: Annotated[
+        float | None, field("RMS of the error of angles and revolute supplemental joints that follow a path", "rad")
+    ]
+    angle_max: Annotated[
+        float | None, field("largest error of angles and revolute supplemental joints that follow a path", "rad")
+    ]
+    force_rms: Annotated[float | None, field("RMS of the force error", "N")]
+    force_max: Annotated[float | None, field("largest force error", "N")]
+    s_max: Annotated[float | None, field("largest ‖s‖ under a law with the gain d", "m/s", of="r")]
+    residual_rms: Annotated[float, field("RMS of the norm of the residual of (8)", "N", of="r")]
+    effort: Annotated[float, field("RMS of the norm of the applied torques", "N·m", of="joints")]
+    variation: Annotated[float, field("summed changes of all commanded torques per second", "N·m/s", of="joints")]
+    gain_margin: Annotated[float | None, field("least d minus what (17) needs", "N", of="r")]
 
 
 @dataclass(frozen=True)
 class ShownMetric:
-    """Metric: a number of an `Account` or of `Metrics` as it is shown, in a unit that depends on the task space, and of
-    which `factor` make one SI unit."""
+    """Metric of an `Account` or of `Metrics` as it is shown, in a unit that depends on the task space.
+    field: its name there.
+    percent: whether it is a share that is shown in percent."""
 
-    title: str
+    struct: type[Account | Metrics]
     field: str
-    factor: float
-    unit: Callable[[Units], str]
+    title: str
+    percent: bool = False
+
+    @property
+    def info(self) -> FieldInfo:
+        return infos_of(self.struct)[self.field]
+
+    @property
+    def factor(self) -> float:
+        """How many of the shown unit make one SI unit."""
+        return 100.0 if self.percent else 1e3 if self.info.unit in THOUSANDTHS else 1.0
+
+    def unit(self, units: Units) -> str:
+        """Unit in which the metric is shown in a task space with these units, "" for a plain number."""
+        if self.percent:
+            return "%"
+        si = self.info.unit
+        return replace(self.info, unit=f"m{si}" if si in THOUSANDTHS else si).unit_in(units)
 
     def of(self, account: Account | Metrics | None) -> float | None:
         """Value of the metric in the unit in which it is shown; None where it has none, or no finite one."""
@@ -280,37 +315,37 @@ class ShownMetric:
 
 
 ACCOUNT_METRICS = (
-    ShownMetric("path error, RMS", "path_rms", 1e3, lambda units: units.error),
-    ShownMetric("path error, largest", "path_max", 1e3, lambda units: units.error),
-    ShownMetric("angle error, RMS", "angle_rms", 1e3, lambda _: "mrad"),
-    ShownMetric("angle error, largest", "angle_max", 1e3, lambda _: "mrad"),
-    ShownMetric("force error, RMS", "force_rms", 1.0, lambda _: "N"),
-    ShownMetric("force error, largest", "force_max", 1.0, lambda _: "N"),
-    ShownMetric("‖s‖, largest", "s_max", 1e3, lambda units: units.rate),
-    ShownMetric("residual of (8), RMS", "residual_rms", 1.0, lambda units: units.force),
-    ShownMetric("torque ‖τ‖, RMS", "effort", 1.0, lambda units: units.of_joints("N·m")),
-    ShownMetric("torque variation", "variation", 1.0, lambda units: units.of_joints("N·m/s")),
-    ShownMetric("least margin of (17)", "gain_margin", 1.0, lambda units: units.force),
+    ShownMetric(Account, "path_rms", "path error, RMS"),
+    ShownMetric(Account, "path_max", "path error, largest"),
+    ShownMetric(Account, "angle_rms", "angle error, RMS"),
+    ShownMetric(Account, "angle_max", "angle error, largest"),
+    ShownMetric(Account, "force_rms", "force error, RMS"),
+    ShownMetric(Account, "force_max", "force error, largest"),
+    ShownMetric(Account, "s_max", "‖s‖, largest"),
+    ShownMetric(Account, "residual_rms", "residual of (8), RMS"),
+    ShownMetric(Account, "effort", "torque ‖τ‖, RMS"),
+    ShownMetric(Account, "variation", "torque variation"),
+    ShownMetric(Account, "gain_margin", "least margin of (17)"),
 )
 # those of a whole run; the torques' variation, a number per joint, stands beside them
 RUN_METRICS = (
-    ShownMetric("path error at the end, largest", "motion_error_tail", 1e3, lambda units: units.error),
-    ShownMetric("angle error at the end, largest", "angle_error_tail", 1e3, lambda _: "mrad"),
-    ShownMetric("force error at the end, largest", "force_error_tail", 1.0, lambda _: "N"),
-    ShownMetric("moment error at the end, largest", "moment_error_tail", 1.0, lambda _: "N·m"),
-    ShownMetric("distance from the rigid surface, largest", "constraint_violation", 1e3, lambda _: "mm"),
-    ShownMetric("settled after", "settling_time", 1.0, lambda _: "s"),
-    ShownMetric("band reached after", "band_time", 1.0, lambda _: "s"),
-    ShownMetric("band promised within", "band_time_bound", 1.0, lambda _: "s"),
-    ShownMetric("boundary layer reached after", "reaching_time", 1.0, lambda _: "s"),
-    ShownMetric("boundary layer promised within", "layer_time_bound", 1.0, lambda _: "s"),
-    ShownMetric("s = 0 by (18), promised or not", "reaching_time_bound", 1.0, lambda _: "s"),
-    ShownMetric("‖s‖ beyond (20) and the band, largest", "envelope_violation", 1e3, lambda units: units.rate),
-    ShownMetric("least margin of (17)", "gain_condition_margin", 1.0, lambda units: units.force),
-    ShownMetric("residual of (8) at the end, RMS", "target_model_residual_tail", 1.0, lambda units: units.force),
-    ShownMetric("time with a drive at its limit", "saturated_share", 100.0, lambda _: "%"),
-    ShownMetric("simulated time", "simulated_time", 1.0, lambda _: "s"),
-    ShownMetric("simulated time per computing time", "realtime_factor", 1.0, lambda _: ""),
+    ShownMetric(Metrics, "motion_error_tail", "path error at the end, largest"),
+    ShownMetric(Metrics, "angle_error_tail", "angle error at the end, largest"),
+    ShownMetric(Metrics, "force_error_tail", "force error at the end, largest"),
+    ShownMetric(Metrics, "moment_error_tail", "moment error at the end, largest"),
+    ShownMetric(Metrics, "constraint_violation", "distance from the rigid surface, largest"),
+    ShownMetric(Metrics, "settling_time", "settled after"),
+    ShownMetric(Metrics, "band_time", "band reached after"),
+    ShownMetric(Metrics, "band_time_bound", "band promised within"),
+    ShownMetric(Metrics, "reaching_time", "boundary layer reached after"),
+    ShownMetric(Metrics, "layer_time_bound", "boundary layer promised within"),
+    ShownMetric(Metrics, "reaching_time_bound", "s = 0 by (18), promised or not"),
+    ShownMetric(Metrics, "envelope_violation", "‖s‖ beyond (20) and the band, largest"),
+    ShownMetric(Metrics, "gain_condition_margin", "least margin of (17)"),
+    ShownMetric(Metrics, "target_model_residual_tail", "residual of (8) at the end, RMS"),
+    ShownMetric(Metrics, "saturated_share", "time with a drive at its limit", percent=True),
+    ShownMetric(Metrics, "simulated_time", "simulated time"),
+    ShownMetric(Metrics, "realtime_factor", "simulated time per computing time"),
 )
 
 

@@ -16,6 +16,7 @@ from app.simulation.builders.environment_builder import truth_of
 from app.simulation.period.observation import Observer
 from app.simulation.recording import Epoch
 from app.simulation.system import System
+from controllers.bounds import CAUSES
 from controllers.nominal_model import NominalModel
 from environments.truth import Truth
 
@@ -43,6 +44,7 @@ class Instant(NamedTuple):
 
 
 NOWHERE = Instant(*7 * (np.nan,))
+PARTS = tuple(cause for cause in CAUSES if cause in Instant._fields)  # of the perturbation; (17) bounds each
 
 
 class PerturbationAnalysis:

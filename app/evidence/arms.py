@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import msgspec
 import numpy as np
 
-from app.analysis.perturbation import PerturbationAnalysis
+from app.analysis.perturbation import PARTS, PerturbationAnalysis
 from app.evidence.plants import (
     built,
     drawn,
@@ -25,13 +25,12 @@ from app.scenario.departures import Departure
 from app.scenario.errors import ScenarioError
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
+from controllers.bounds import CAUSES
 
 RIGID = "constrained"
 PLANTS = 5  # in each situation
 LOOKS = 12  # instants of each run before the band is reached, and as many later, at which the true arm is examined
 SCALES = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0)
-CAUSES = ("inertia", "Coriolis", "gravity", "moving task", "disturbance", "ε")  # of the signal `needed`
-PARTS = {"inertia": 0, "coriolis": 1, "gravity": 2, "disturbance": 4}  # of the perturbation: index of their cause
 
 
 @dataclass(frozen=True)
@@ -229,9 +228,10 @@ def _with_true_perturbation(
         begun = replace(loop.recording.epochs[0].certificate, epsilon=spare, V_0=float(V[0]))
         time = begun.time_to(float(np.nanmin(record["s_band"][: last + 1])))
     needed = record["needed"][looks]
-    parts = np.stack([known[name][looks] for name in PARTS])
-    bounds = needed[:, list(PARTS.values())].T.copy()  # at rest, part and bound of the Coriolis forces are zero
-    bounds[0] += needed[:, CAUSES.index("moving task")]  # (7) has two bounds for the one term M q_eq_ddot
+    terms = dict(zip(CAUSES, needed.T, strict=True))
+    terms["inertia"] = terms["inertia"] + terms["task_motion"]  # (7) has two bounds for the one term M q_eq_ddot
+    parts = np.stack([known[cause][looks] for cause in PARTS])
+    bounds = np.stack([terms[cause] for cause in PARTS])  # at rest, part and bound of the Coriolis forces are zero
     return replace(
         found,
         V_tightness=float((V[reaching] / V_bound[reaching]).max(initial=0.0)) if reaching.any() else np.nan,

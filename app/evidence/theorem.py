@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from app.analysis.perturbation import PARTS
 from app.evidence.adversary import GENERATIONS, Hunt, hunt
 from app.evidence.arms import (
-    CAUSES,
-    PARTS,
     SCALES,
     Deadline,
     DrawnPlant,
@@ -30,6 +29,7 @@ from app.evidence.plants import BOUNDS
 from app.evidence.section import EvidenceSection, Findings, Job, of_kind
 from app.export.figures import Curve, FigureChart
 from app.process.markdown import Table
+from controllers.bounds import CAUSES
 
 ROBOTS = ("ur3", "ur5", "ur10", "panda", "xarm7", "z1", "planar2r", "planar3r")
 MODES = ("motion", "impedance", "hybrid", "hybrid-impedance", "constrained")
@@ -248,14 +248,11 @@ def _hunted(hunts: Sequence[Hunt]) -> Table:
 def _fractions(plants: Sequence[Reaching]) -> Table:
     """Table of the terms of (17), and the largest share of each that an arm needed."""
     rows = []
-    used = {cause: number for number, cause in enumerate(PARTS.values())}
     robots = [robot for robot in ROBOTS if any(one.robot == robot and one.promised_fraction > 0.0 for one in plants)]
-    for cause, name in enumerate(CAUSES):
-        fractions = (
-            np.nanmean([one.cause_fractions[cause] for one in plants if one.robot == robot]) for robot in robots
-        )
-        most = _largest(one.used_parts[used[cause]] for one in plants) if cause in used else ""
-        rows.append((name, *(f"{100 * part:.0f} %" for part in fractions), most))
+    for i, (cause, words) in enumerate(CAUSES.items()):
+        fractions = (np.nanmean([one.cause_fractions[i] for one in plants if one.robot == robot]) for robot in robots)
+        most = _largest(one.used_parts[PARTS.index(cause)] for one in plants) if cause in PARTS else ""
+        rows.append((words, *(f"{100 * part:.0f} %" for part in fractions), most))
     return Table(("term of (17)", *robots, "real / bound, largest"), rows)
 
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 
-from app.analysis.metrics import RUN_METRICS, force_error, metrics_of, path_error, settling_time
+from app.analysis.metrics import Metrics, force_error, metrics_of, path_error, settling_time
 from app.lessons.blocks import Condition, Measure
 from app.lessons.words import ENGLISH, words_of
 from app.scenario.errors import ScenarioError
+from app.scenario.field_info import infos_of
 from app.scenario.number_text import short, without_rounding
-from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
 from app.simulation.signals import SIGNALS
@@ -51,12 +51,7 @@ PER_SECOND = {"m/s": "m/s^2", "rad/s": "rad/s^2"}  # SI units of changes per sec
 RESOLUTION = 1e-7  # SI units: changes of a signal below this do not count for its settling
 DERIVED = ("force_error", "path_error", "contact_force")  # signals that are computed from the recorded ones
 RECORDED = {signal.name: signal for signal in SIGNALS}
-SHOWN = {figure.field: figure for figure in RUN_METRICS}
-# SI units of the metrics that `RUN_METRICS` does not list
-METRIC_UNITS: dict[str, Callable[[Units], str]] = {
-    "settling_time": lambda _: "s",
-    "torque_total_variation": lambda units: units.of_joints("N·m/s"),
-}
+METRICS = infos_of(Metrics)
 HAPPENING = ("settling_time", "reaching_time", "band_time")  # metrics that are None while it has not happened
 DIGITS = 3  # of a number, those that are shown
 OVER_TIME = ("settles", "below")  # statistics that are times
@@ -175,16 +170,14 @@ def _metric(loop: ClosedLoop, name: str, unit: str) -> MeasuredNumber:
     metrics = {
         metric: max(value) if isinstance(value, list) else value
         for metric, value in msgspec.to_builtins(metrics_of(loop)).items()
-        if metric in METRIC_UNITS or metric in SHOWN
+        if metric in METRICS
     }
     there = [metric for metric, value in metrics.items() if value is not None or metric in HAPPENING]
     if name not in there:
         absent = ", which this run does not have" if name in metrics else ""
         raise ScenarioError(f"metric: {name!r:.40}{absent}; {allowed(name, there)}")
-    units = loop.system.units
-    shown = METRIC_UNITS[name](units) if name in METRIC_UNITS else SHOWN[name].unit(units)
-    si = UNITS[shown][0] if shown in UNITS else shown
-    factor, value = factor_for(unit, si, f"the metric {name}"), metrics[name]
+    si, value = METRICS[name].unit_in(loop.system.units) or "1", metrics[name]
+    factor = factor_for(unit, si, f"the metric {name}")
     return MeasuredNumber(math.inf if value is None else factor * float(value), unit)
 
 

@@ -13,7 +13,7 @@ from app.scenario.data import shipped
 from app.scenario.field_info import field_info
 from app.scenario.number_text import plain, rounded
 from app.scenario.schema import Scenario
-from app.scenario.units import Units, unit_in
+from app.scenario.units import Units
 from controllers.controller import Controller
 from controllers.modes import MODES
 from environments.catalogue import CATALOGUE
@@ -200,7 +200,7 @@ def _value(value: object) -> str:
 
 def _unit(path: str, units: Units) -> str:
     try:
-        unit = unit_in(units, path, field_info(path).unit)
+        unit = field_info(path).unit_in(units)
     except KeyError:
         return ""
-    return f" {unit}" if unit not in ("", "1") else ""
+    return f" {unit}" if unit else ""

@@ -1,9 +1,10 @@
-"""Facts of a scenario's fields: bounds, unit and meaning, for the page, the refusals and the documentation."""
+"""Facts of a scenario's fields, and of a run's metrics: bounds, unit and meaning, for the page, the refusals and the
+documentation."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple, cast
 
@@ -11,7 +12,8 @@ import msgspec
 from msgspec import Struct
 
 from app.scenario.schema import Scenario
-from parameters import Widget
+from app.scenario.units import Units
+from parameters import UnitsOf, Widget
 
 _Metadata = msgspec.inspect.Metadata
 
@@ -23,6 +25,7 @@ class FieldInfo:
     least_allowed, largest_allowed: whether the bounds themselves are allowed.
     widget: its display on the page, None where a panel of the page decides that.
     title: in sentences, "" where that is made of `doc`.
+    of: on whose units its own depends; `unit` is for revolute joints and where r is in metres.
     text: whether the field is a text."""
 
     doc: str
@@ -35,45 +38,74 @@ class FieldInfo:
     text: bool = False
     least_allowed: bool = True
     largest_allowed: bool = True
+    of: UnitsOf = ""
+
+    def unit_in(self, units: Units) -> str:
+        """Unit in a task space with these units, "" for a plain number."""
+        unit = units.of_kind(self.of, self.unit)
+        return "" if unit == "1" else unit
 
 
 def field_info(path: str) -> FieldInfo:
-    """Facts of the field at a dotted path; in a section of several kinds, those of the first kind that has it. A
-    section whose metadata has a `metre` gives its lengths in that unit."""
-    candidates: list[type[Struct]] = [Scenario]
-    *sections, last = path.split(".")
-    metre = "m"
-    for section in sections:
-        held = [f.type for c in candidates for f in _schema(c).fields if f.name == section]
-        known = [t.extra or {} for t in held if isinstance(t, _Metadata)]
-        metre = next((extra["metre"] for extra in known if "metre" in extra), metre)
-        candidates = [t for c in candidates for t in types_of(c, section)]
-    for candidate in candidates:
-        for f in _schema(candidate).fields:
+    """Facts of the field at a dotted path; in a section of several kinds, those of the first kind that has it."""
+    section, _, last = path.rpartition(".")
+    place = _place(section)
+    for kind in place.kinds:
+        for f in _schema(kind).fields:
             if f.name == last and isinstance(f.type, _Metadata):
-                info = _info(f.type)
-                return replace(info, unit=metre) if info.unit == "m" else info
+                return _info(f.type, place)
     raise KeyError(path)
 
 
-def _info(metadata: msgspec.inspect.Metadata) -> FieldInfo:
+@cache
+def infos_of(struct: type[Struct]) -> dict[str, FieldInfo]:
+    """Facts of the fields of a struct by name: of those that are described as a scenario's are."""
+    place = _Place([struct])
+    return {f.name: _info(f.type, place) for f in _schema(struct).fields if isinstance(f.type, _Metadata)}
+
+
+class _Place(NamedTuple):
+    """Place of fields: a section.
+    kinds: its kinds, one for most sections.
+    metre: unit of its lengths.
+    of: on whose units those of all its fields depend, where they do not say it themselves."""
+
+    kinds: Sequence[type[Struct]]
+    metre: str = "m"
+    of: UnitsOf = ""
+
+
+def _place(path: str) -> _Place:
+    """Place at a dotted path. The metadata of a section may have a `metre` and an `of`."""
+    place = _Place([Scenario])
+    for section in filter(None, path.split(".")):
+        held = [f.type for kind in place.kinds for f in _schema(kind).fields if f.name == section]
+        said = {name: fact for t in held if isinstance(t, _Metadata) for name, fact in (t.extra or {}).items() if fact}
+        kinds = [t for kind in place.kinds for t in types_of(kind, section)]
+        place = _Place(kinds, said.get("metre", place.metre), said.get("of", place.of))
+    return place
+
+
+def _info(metadata: msgspec.inspect.Metadata, place: _Place) -> FieldInfo:
     inner: Any = metadata.type
     if isinstance(inner, msgspec.inspect.UnionType):
         inner = inner.types[0]
     low = [b for b in (getattr(inner, "ge", None), getattr(inner, "gt", None)) if b is not None]
     high = [b for b in (getattr(inner, "le", None), getattr(inner, "lt", None)) if b is not None]
-    schema = metadata.extra_json_schema or {}
+    schema, extra = metadata.extra_json_schema or {}, metadata.extra or {}
+    unit = str(extra.get("unit", ""))
     return FieldInfo(
         doc=str(schema.get("description", "")),
-        unit=str((metadata.extra or {}).get("unit", "")),
+        unit=place.metre if unit == "m" else unit,
         least=float(low[0]) if low else None,
         largest=float(high[0]) if high else None,
         choices=tuple(getattr(inner, "values", ())),
-        widget=(metadata.extra or {}).get("widget"),
-        title=str((metadata.extra or {}).get("title", "")),
+        widget=extra.get("widget"),
+        title=str(extra.get("title", "")),
         text=isinstance(inner, msgspec.inspect.StrType),
         least_allowed=getattr(inner, "gt", None) is None,
         largest_allowed=getattr(inner, "lt", None) is None,
+        of=extra.get("of") or place.of,
     )
 
 
@@ -98,7 +130,7 @@ class FieldOfKind(NamedTuple):
 
 def fields_of_kinds(prefix: str, kinds: Sequence[type[Struct]], outer: str = "") -> list[FieldOfKind]:
     """Every field of every kind of a section, kind by kind."""
-    found: list[FieldOfKind] = []
+    found, place = list[FieldOfKind](), _place(prefix)
     for kind in kinds:
         tag = str(kind.__struct_config__.tag) if len(kinds) > 1 else outer
         stated = {f.name: f for f in msgspec.structs.fields(kind)}
@@ -107,11 +139,8 @@ def fields_of_kinds(prefix: str, kinds: Sequence[type[Struct]], outer: str = "")
             if within := types_of(kind, f.name):
                 found += fields_of_kinds(path, within, tag)
             elif isinstance(f.type, _Metadata):
-                info = _info(f.type)
-                if info.unit == "m":  # of angles, the section's metre is rad
-                    info = replace(info, unit=field_info(path).unit)
                 default = field.default_factory() if callable(field.default_factory) else field.default
-                found.append(FieldOfKind(path, tag, info, default))
+                found.append(FieldOfKind(path, tag, _info(f.type, place), default))
     return found
 
 

@@ -52,9 +52,10 @@ class RobotSection(Section, frozen=True, forbid_unknown_fields=True):
             "joint angles at the start; default: the catalogue's, or one far from singular",
             "rad",
             title="posture at the start",
+            of="joints",
         ),
     ] = None
-    rotor_inertia: Annotated[Vector | None, field("reflected rotor inertia per joint", "kg·m²")] = None
+    rotor_inertia: Annotated[Vector | None, field("reflected rotor inertia per joint", "kg·m²", of="joints")] = None
 
 
 class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
@@ -82,11 +83,11 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
         Offset3, field("place of that mass in the tool frame", "m", title="place of the payload in the tool frame")
     ] = (0.0, 0.0, 0.0)
     coulomb: Annotated[
-        float, field("Coulomb friction per joint", "N·m", ge=0, le=100, title="friction in the joints")
+        float, field("Coulomb friction per joint", "N·m", ge=0, le=100, title="friction in the joints", of="joints")
     ] = 0.0
-    viscous: Annotated[float, field("viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
+    viscous: Annotated[float, field("viscous friction per joint", "N·m·s/rad", of="joints", ge=0, le=100)] = 0.0
     disturbance: Annotated[
-        float, field("norm of a sinusoidal torque that disturbs the joints", "N·m", ge=0, le=200)
+        float, field("norm of a sinusoidal torque that disturbs the joints", "N·m", of="joints", ge=0, le=200)
     ] = 0.0
     disturbance_frequency: Annotated[
         float, field("frequency of that torque", "Hz", ge=0, le=100, title="frequency of the disturbance")
@@ -182,9 +183,11 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
             title="largest distance of the payload from the tool point (declared)",
         ),
     ] = 0.0
-    coulomb: Annotated[float, field("largest Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
-    viscous: Annotated[float, field("largest viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
-    disturbance: Annotated[float, field("largest norm of the disturbance torque", "N·m", ge=0, le=200)] = 0.0
+    coulomb: Annotated[float, field("largest Coulomb friction per joint", "N·m", of="joints", ge=0, le=100)] = 0.0
+    viscous: Annotated[float, field("largest viscous friction per joint", "N·m·s/rad", of="joints", ge=0, le=100)] = 0.0
+    disturbance: Annotated[float, field("largest norm of the disturbance torque", "N·m", of="joints", ge=0, le=200)] = (
+        0.0
+    )
     force_error: Annotated[float, field("largest error of the force sensor", "N", ge=0, le=100)] = 0.0
     moment_error: Annotated[
         float,
@@ -199,19 +202,28 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
     delta_M: Annotated[
         StatedBound,
         field(
-            "bound of ‖ΔM‖; replaces that of links, rotors, payload: a number or formula in away = ‖q − q(0)‖", "kg·m²"
+            "bound of ‖ΔM‖; replaces that of links, rotors, payload: a number or formula in away = ‖q − q(0)‖",
+            "kg·m²",
+            of="joints",
         ),
     ] = None
     delta_C: Annotated[
         StatedBound,
-        field("bound of ‖ΔC‖; replaces that of links, payload: a number or formula in away, speed = ‖q̇‖", "kg·m²/s"),
+        field(
+            "bound of ‖ΔC‖; replaces that of links, payload: a number or formula in away, speed = ‖q̇‖",
+            "kg·m²/s",
+            of="joints",
+        ),
     ] = None
     delta_G: Annotated[
-        StatedBound, field("bound of ‖ΔG‖; replaces that of links, payload: a number or formula in away", "N·m")
+        StatedBound,
+        field("bound of ‖ΔG‖; replaces that of links, payload: a number or formula in away", "N·m", of="joints"),
     ] = None
     delta_f: Annotated[
         StatedBound,
-        field("bound of ‖f̃‖; replaces that of friction, disturbance: a number or formula in speed, t", "N·m"),
+        field(
+            "bound of ‖f̃‖; replaces that of friction, disturbance: a number or formula in speed, t", "N·m", of="joints"
+        ),
     ] = None
     least_inertia: Annotated[
         float,
@@ -247,9 +259,9 @@ class TaskSpaceSection(Section, frozen=True, forbid_unknown_fields=True):
 class TargetModelSection(Section, frozen=True, forbid_unknown_fields=True):
     """Target model (8); each matrix as n diagonal entries or n rows; a missing one takes the mode's default."""
 
-    M_m: Annotated[Matrix | None, field("inertia of the target model (8)", "kg")] = None
-    B_m: Annotated[Matrix | None, field("damping of the target model (8)", "N·s/m")] = None
-    K_m: Annotated[Matrix | None, field("stiffness of the target model (8)", "N/m")] = None
+    M_m: Annotated[Matrix | None, field("inertia of the target model (8)", "kg", of="r")] = None
+    B_m: Annotated[Matrix | None, field("damping of the target model (8)", "N·s/m", of="r")] = None
+    K_m: Annotated[Matrix | None, field("stiffness of the target model (8)", "N/m", of="r")] = None
     K_f: Annotated[Matrix | None, field("weight of the force error in the target model (8)", "1")] = None
 
 
@@ -285,21 +297,26 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
     F_1: Annotated[Matrix | float, field("sliding gain on e_r (10): diagonal", "1/s", title="sliding gain F_1")] = 10.0
     F_2: Annotated[Matrix | float, field("sliding gain on z (10): diagonal, nonsingular", "1")] = 1.0
     K_s: Annotated[
-        Matrix | float, field("gain of the linear reaching term (15), s.p.d.", "N·s/m", title="reaching gain K_s")
+        Matrix | float,
+        field("gain of the linear reaching term (15), s.p.d.", "N·s/m", of="r", title="reaching gain K_s"),
     ] = 100.0
     gain: Annotated[
         Literal["theorem", "constant"], field("gain d: what (17) requires (theorem), or the number d (constant)", "")
     ] = "theorem"
-    d: Annotated[float, field("the constant d", "N", gt=0, le=1e5)] = 30.0
-    epsilon: Annotated[float, field("margin of the gain d in (17)", "N", gt=0, le=1e4)] = 2.0
+    d: Annotated[float, field("the constant d", "N", of="r", gt=0, le=1e5)] = 30.0
+    epsilon: Annotated[float, field("margin of the gain d in (17)", "N", of="r", gt=0, le=1e4)] = 2.0
     bounds: Annotated[
         Literal["tight", "paper"], field("error bounds: computed in task space (tight), or by (7)", "")
     ] = "tight"
     switching: Annotated[SwitchingName, field("s/||s||, or a smooth version of it", "", title="switching function")] = (
         "saturation"
     )
-    layer: Annotated[float, field("boundary layer: within it the switching is smooth", "m/s", gt=0, le=10)] = 0.01
-    z_0: Annotated[Vector | None, field("z at the start; only with on_change = watch; default: zeros", "m/s")] = None
+    layer: Annotated[float, field("boundary layer: within it the switching is smooth", "m/s", of="r", gt=0, le=10)] = (
+        0.01
+    )
+    z_0: Annotated[
+        Vector | None, field("z at the start; only with on_change = watch; default: zeros", "m/s", of="r")
+    ] = None
     on_change: Annotated[
         Literal["remove", "watch"],
         field("z at the start and on changes: set so that s = 0 (remove, Remark 2), or kept (watch)", ""),
@@ -317,7 +334,7 @@ class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
 class ShiftSection(Section, frozen=True, forbid_unknown_fields=True):
     """Shift of the desired motion as a whole; a change is made smoothly, so that r_d keeps two derivatives."""
 
-    by: Annotated[Vector, field("shift along x, y, z or the tangents", "m")] = (0.0,)
+    by: Annotated[Vector, field("shift along x, y, z or the tangents", "m", of="r")] = (0.0,)
     duration: Annotated[
         float, field("duration of the shift; from the start or the change on", "s", ge=0.001, le=60)
     ] = 1.0
@@ -338,7 +355,14 @@ class Simulation(Section, frozen=True, forbid_unknown_fields=True):
     ] = 1
     domain_radius: Annotated[
         float,
-        field("radius of Omega: distance of its postures from the reference", "rad", gt=0, le=3, title="radius of Ω"),
+        field(
+            "radius of Omega: distance of its postures from the reference",
+            "rad",
+            of="joints",
+            gt=0,
+            le=3,
+            title="radius of Ω",
+        ),
     ] = 0.15
     sigma_min: Annotated[float, field("J_q counts as singular below this singular value", "m", ge=0, le=1)] = 0.01
     leaving_domain: Annotated[
@@ -370,7 +394,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     surface: AnyForm = msgspec.field(default_factory=Plane)
     contact: ContactSection = msgspec.field(default_factory=ContactSection)
     sensor: Sensor = msgspec.field(default_factory=Sensor)
-    motion: AnyTrajectory = msgspec.field(default_factory=Hold)
+    motion: Annotated[AnyTrajectory, msgspec.Meta(extra={"of": "r"})] = msgspec.field(default_factory=Hold)
     rotation: Annotated[AnyRotation, msgspec.Meta(extra={"metre": "rad"})] = msgspec.field(default_factory=Hold)
     shift: ShiftSection = msgspec.field(default_factory=ShiftSection)
     force: AnyForceProfile = msgspec.field(default_factory=ConstantForce)

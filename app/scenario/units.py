@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import Literal, NamedTuple
 
 from app.scenario.number_text import rounded
+from parameters import UnitsOf
 
 # units of lengths and of what belongs to them, and those of the same quantities of angles
 ANGULAR = {"m": "rad", "mm": "mrad", "m/s": "rad/s", "mm/s": "mrad/s", "m/s^2": "rad/s^2", "N": "N·m", "N/s": "N·m/s",
@@ -64,7 +65,7 @@ class Units(NamedTuple):
         """Unit of a quantity of r. unit: where r is in metres."""
         return self.of_joints(ANGULAR.get(unit, unit)) if self.task == "joint" else unit
 
-    def of_kind(self, kind: Literal["", "joints", "r", "J_q"], unit: str) -> str:
+    def of_kind(self, kind: UnitsOf, unit: str) -> str:
         """Unit of a quantity of this kind, "" for one whose unit is the same for all arms. unit: of an arm of revolute
         joints, where r is in metres."""
         match kind:
@@ -109,28 +110,3 @@ class Units(NamedTuple):
 
 CARTESIAN = Units()
 JOINT = Units("joint")
-
-# fields whose unit depends on that of r, and fields of the joints
-OF_R = ("motion.", "shift.by", "controller.layer", "controller.K_s", "controller.d", "controller.epsilon",
-        "controller.z_0")  # fmt: skip
-OF_JOINTS = ("robot.posture", "robot.rotor_inertia", "simulation.domain_radius",
-             *(f"{section}.{name}" for section in ("truth", "declared")
-               for name in ("coulomb", "viscous", "disturbance", "delta_")))  # fmt: skip
-
-
-def unit_in(units: Units, path: str, unit: str) -> str:
-    """Unit of a field in a task space with these units. unit: of an arm of revolute joints, where r is in metres."""
-    section, _, name = path.rpartition(".")
-    if section in ("target_model", "blend.to") and name in units.of_model:
-        return units.of_model[name]
-    if path.startswith(OF_R):
-        return units.of_r(unit)
-    return units.of_joints(unit) if path.startswith(OF_JOINTS) else unit
-
-
-def label_in(units: Units, path: str, label: str) -> str:
-    """Label of a field's control, with the unit in brackets in a task space with these units. label: with that of an
-    arm of revolute joints, where r is in metres."""
-    words, bracket, unit = label.removesuffix("]").rpartition(" [")
-    beside = unit_in(units, path, unit).replace(" and ", ", ")  # there is little room
-    return f"{words} [{beside}]" if bracket else label

@@ -10,7 +10,7 @@ from app.scenario.data import differences
 from app.scenario.field_info import field_info
 from app.scenario.number_text import rounded
 from app.scenario.schema import Scenario
-from app.scenario.units import Units, unit_in
+from app.scenario.units import Units
 
 _SECTION_WORDS = {
     "motion": "path",
@@ -52,7 +52,7 @@ def adaptation_sentence(requested: Scenario, done: Scenario, units: Units) -> st
         adaptations.append("target model back at the mode's defaults")
     gains = [name for name in _GAINS if f"controller.{name}" in different]
     if requested.controller.layer != done.controller.layer:
-        layer = f"{rounded(done.controller.layer)} {unit_in(units, 'controller.layer', 'm/s')}"
+        layer = f"{rounded(done.controller.layer)} {units.of_r('m/s')}"
         d = ", d" if "controller.d" in different else ""
         adaptations.append(f"boundary layer {layer}{d} and K_s, converted by the characteristic length ℓ")
         gains = [name for name in gains if name != "K_s"]
@@ -67,10 +67,9 @@ def _field_phrase(path: str, before: object, after: object, units: Units) -> str
     """Label of the field at a dotted path, and its value after and before."""
     info = field_info(path)
     label = info.widget.label if info.widget else path.rpartition(".")[2].replace("_", " ")
-    unit = f" {unit_in(units, path, info.unit)}" if info.unit not in ("", "1") else ""
     titles = {_hashable(value): title for title, value in info.widget.options} if info.widget else {}
     was, now = (titles.get(_hashable(value), _value_text(value)) for value in (before, after))
-    return f"{label} {now} instead of {was}{unit}"
+    return f"{label} {now} instead of {was} {info.unit_in(units)}".rstrip()
 
 
 def _kind_title(section: Any) -> str:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, NamedTuple, get_type_hints
+from typing import Annotated, NamedTuple, get_type_hints
 
 import numpy as np
 
 from app.scenario.units import Units, kinds_of
+from controllers.bounds import CAUSES
+from parameters import UnitsOf
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,7 @@ class Signal:
 
     unit: str
     doc: str
-    of: Literal["", "joints", "r", "J_q"] = ""
+    of: UnitsOf = ""
     width: int | None = None
     name: str = ""
 
@@ -79,7 +81,7 @@ class Row(NamedTuple):
     q_eq_ddot: Annotated[Vector, Signal("rad/s^2", "joint acceleration that the law prescribes, (25)", "joints")]
     needed: Annotated[
         Vector,
-        Signal("N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon", of="r", width=6),
+        Signal("N", f"terms of (17): {', '.join(CAUSES.values())}", of="r", width=len(CAUSES)),
     ]
     d: Annotated[Number, Signal("N", "gain of the switching term, which overcomes the perturbation", "r")]
     d_required: Annotated[

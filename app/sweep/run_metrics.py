@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import structlog
@@ -13,12 +13,14 @@ import structlog
 from app.analysis.metrics import Metrics
 from app.process.worker_pool import Fallen
 from app.scenario.errors import ScenarioError
+from app.scenario.field_info import infos_of
 from app.scenario.units import Units
 from app.session.headless_run import simulate
 from app.simulation.omega.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
 from app.sweep.plan import Sweep, SweepPlan, SweepRow
+from parameters import UnitsOf
 
 RunMetrics = dict[str, Any]
 REFUSED = "refused: "  # begins the reason of a run that never began
@@ -33,8 +35,8 @@ class Column(NamedTuple):
     at_the_end: whether it is of the last fifth of the run only.
     may_never: whether a run without a number never came to it, or has no such promise, which is worse than any number.
     also_stopped: whether it means the same of a run that stopped.
-    of: on whose units its own depends, "" for the world's: joints, or task coordinates r; `unit` is for revolute joints
-        and where r is in metres."""
+    of: on whose units its own depends; `unit` is for revolute joints and where r is in metres.
+    metric: its name in `Metrics`, "" for what is not there as a number."""
 
     unit: str
     meaning: str
@@ -42,8 +44,9 @@ class Column(NamedTuple):
     more_is_better: bool = False
     at_the_end: bool = False
     may_never: bool = False
-    of: Literal["", "joints", "r"] = ""
+    of: UnitsOf = ""
     also_stopped: bool = False
+    metric: str = ""
 
     def unit_in(self, units: Units) -> str:
         """Unit in a task space with these units, "" for a word or a plain number."""
@@ -63,32 +66,34 @@ class Column(NamedTuple):
         return self.meaning + (", last fifth of the run" if self.at_the_end else "")
 
 
+def _of_run(metric: str, **differing: Any) -> Column:
+    """Column of a metric of a run. differing: what is not as in `Metrics`, or not said there."""
+    info = infos_of(Metrics)[metric]
+    column = Column(info.unit, info.doc, at_the_end="tail" in metric, of=info.of, metric=metric)
+    return column._replace(**differing)
+
+
 COLUMNS: dict[str, Column] = {
     "row": Column("", "number of the run from 0, for `--row` of `vsmrc run`"),
     "point": Column("", "number of the point from 0, of the varied fields"),
     "arm": Column("", "number of the true arm at this point, from 0"),
-    "motion_error": Column("m", "largest position error where no force is controlled", at_the_end=True, of="r"),
-    "angle_error": Column("rad", "largest error of angles and revolute supplemental joints", at_the_end=True),
-    "force_error": Column("N", "largest force error", at_the_end=True),
-    "moment_error": Column("N·m", "largest error of the moments of a flat tool", at_the_end=True),
-    "constraint_violation": Column("m", "largest distance from a rigid surface"),
-    "settling_time": Column(
-        "s",
-        "until the force error, or without force control the path error, stays within 2 % of its largest deviation "
-        "from its final value",
-        may_never=True,
-    ),
-    "reaching_time": Column("s", "until ‖s‖ is within the boundary layer", may_never=True),
-    "layer_time_bound": Column("s", "until ‖s‖ is within the boundary layer, as (20) promises", may_never=True),
-    "reaching_time_bound": Column("s", "t_r of (18), for s = 0, also where nothing is promised"),
-    "band_time": Column("s", "until ‖s‖ is within its band", may_never=True),
-    "band_time_bound": Column("s", "until ‖s‖ is within its band, as promised", may_never=True),
-    "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised", of="r"),
-    "gain_margin": Column("N", "least d minus what (17) needs", more_is_better=True, of="r"),
-    "residual": Column("N", "RMS of the norm of the residual of (8)", at_the_end=True, of="r"),
-    "torque_variation": Column("N·m/s", "summed changes of all commanded torques per second", of="joints"),
-    "saturated_share": Column("1", "share of the control periods in which a drive is at its limit"),
-    "simulated_time": Column("s", "until the end of the run", more_is_better=True, also_stopped=True),
+    "motion_error": _of_run("motion_error_tail"),
+    "angle_error": _of_run("angle_error_tail"),
+    "force_error": _of_run("force_error_tail"),
+    "moment_error": _of_run("moment_error_tail"),
+    "constraint_violation": _of_run("constraint_violation"),
+    "settling_time": _of_run("settling_time", may_never=True),
+    "reaching_time": _of_run("reaching_time", may_never=True),
+    "layer_time_bound": _of_run("layer_time_bound", may_never=True),
+    "reaching_time_bound": _of_run("reaching_time_bound"),
+    "band_time": _of_run("band_time", may_never=True),
+    "band_time_bound": _of_run("band_time_bound", may_never=True),
+    "envelope_violation": _of_run("envelope_violation"),
+    "gain_margin": _of_run("gain_condition_margin", more_is_better=True),
+    "residual": _of_run("target_model_residual_tail"),
+    "torque_variation": _of_run("torque_total_variation", meaning="summed changes of all commanded torques per second"),
+    "saturated_share": _of_run("saturated_share"),
+    "simulated_time": _of_run("simulated_time", more_is_better=True, also_stopped=True),
     "verdict": Column("", "of the theorem's promise: holds, nothing promised or broken", word=True),
     "failed": Column("", "premises of that promise that failed, by name", word=True),
     "promised_share": Column(
@@ -159,24 +164,9 @@ class SweepRunner:
 
 
 def _of(metrics: Metrics) -> RunMetrics:
-    row = {
-        "motion_error": metrics.motion_error_tail,
-        "angle_error": metrics.angle_error_tail,
-        "force_error": metrics.force_error_tail,
-        "moment_error": metrics.moment_error_tail,
-        "constraint_violation": metrics.constraint_violation,
-        "settling_time": metrics.settling_time,
-        "reaching_time": metrics.reaching_time,
-        "layer_time_bound": metrics.layer_time_bound,
-        "reaching_time_bound": metrics.reaching_time_bound,
-        "band_time": metrics.band_time,
-        "band_time_bound": metrics.band_time_bound,
-        "envelope_violation": metrics.envelope_violation,
-        "gain_margin": metrics.gain_condition_margin,
-        "residual": metrics.target_model_residual_tail,
+    row = {name: getattr(metrics, column.metric) for name, column in COLUMNS.items() if column.metric}
+    row |= {
         "torque_variation": float(sum(metrics.torque_total_variation)),
-        "saturated_share": metrics.saturated_share,
-        "simulated_time": metrics.simulated_time,
         "verdict": metrics.promise.verdict,
         "failed": ", ".join(each.premise for each in metrics.premises if each.failed is not None) or None,
         "promised_share": metrics.promise.share,

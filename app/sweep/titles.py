@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from app.scenario.field_info import FieldInfo, field_info
 from app.scenario.number_text import rounded
-from app.scenario.units import Units, unit_in
+from app.scenario.units import Units
 from app.simulation.builders.controller_builder import laws
 from controllers.modes import MODES
 from controllers.switching import SWITCHING
@@ -59,7 +59,7 @@ def unit_of(path: str, units: Units) -> str:
     schema does not describe."""
     field, _ = _parted(path)
     info = _info(field)
-    return "" if info is None or info.unit == "1" else unit_in(units, field, info.unit)
+    return "" if info is None else info.unit_in(units)
 
 
 def named(path: str, units: Units) -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from playwright.sync_api import expect
 
-from app.dashboard.plots.law_drawings import CAUSES
 from app.session.commands import Pause, Play
+from controllers.bounds import CAUSES
 from drivers.pages import SHOWN, PageSession
 
 
@@ -38,7 +38,7 @@ def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: P
     value = "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.checkVisibility() && \
         e.querySelector('.u-label').textContent === name)?.querySelector('.u-value').textContent"
     needed = session.now.recording.signals(("needed",))["needed"][-1]
-    for cause, part in zip(CAUSES, needed, strict=True):  # not the sum of all up to this one; a plot leaves rows out
+    for cause, part in zip(CAUSES.values(), needed, strict=True):  # not the sum up to it; a plot leaves rows out
         page.wait_for_function(f"([name, part]) => Math.abs(({value})(name) - part) <= 0.1", arg=[cause, float(part)])
     session.tab("Sliding")
     page.wait_for_function(f"+({value})('‖s‖') > 0")

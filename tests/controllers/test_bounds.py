@@ -12,7 +12,16 @@ import pinocchio as pin
 import pytest
 
 from app.simulation.system import System
-from controllers.bounds import Equivalent, InertiaRange, Uncertainty, coriolis_rate, required_gain
+from controllers.bounds import (
+    CAUSES,
+    Equivalent,
+    InertiaRange,
+    RequiredGain,
+    Uncertainty,
+    coriolis_rate,
+    list_terms,
+    required_gain,
+)
 from controllers.controller import Controller
 from controllers.estimate_rates import SYMMETRIC_BASIS, LinkRates, LocalRates
 from controllers.nominal_model import ON_LINE, Estimate
@@ -22,7 +31,7 @@ from tests.support.arms import CERTAIN, ROBOTS, State, charted, lipschitz_of, ra
 from tests.support.declared_plants import CHART, DECLARED, Plant, direction, doubted, draw, draw_state, in_task_space
 
 PLANTS = 100  # per arm: 600 in all
-CAUSES = (
+SOURCES = (
     "rho", "rho_rotor", "rho_centre", "rho_shape", "payload_mass", "coulomb", "viscous", "disturbance", "force_error",
     "moment_error",
 )  # fmt: skip
@@ -142,7 +151,13 @@ def test_gain_covers_estimates_taken_along_the_reference(robot: str, bounds: Bou
         require_each_term(need)
 
 
-@pytest.mark.parametrize("cause", CAUSES)
+def test_the_terms_of_17_are_listed_in_the_order_of_their_causes() -> None:
+    terms = np.full(len(CAUSES), np.nan)
+    list_terms.py_func(RequiredGain(**{cause: float(i) for i, cause in enumerate(CAUSES)}), terms)
+    assert terms.tolist() == list(range(len(RequiredGain._fields)))
+
+
+@pytest.mark.parametrize("cause", SOURCES)
 @pytest.mark.parametrize("robot", ["ur5", "planar3r"])
 def test_each_cause_has_its_own_share(robot: str, cause: str) -> None:
     """One cause at a time: arms inside stay below the gain and come near to it, arms outside go over it."""

@@ -2,7 +2,8 @@
 
 import pytest
 
-from app.scenario.units import CARTESIAN, JOINT, label_in
+from app.dashboard.widgets.fields.field_binding import FieldBinding
+from app.scenario.units import CARTESIAN, JOINT, Units
 
 
 @pytest.mark.parametrize(
@@ -20,5 +21,18 @@ from app.scenario.units import CARTESIAN, JOINT, label_in
     ],
 )
 def test_fields_measured_in_r_are_in_radians_where_r_is_the_joints(path: str, label: str, with_joints: str) -> None:
-    assert label_in(JOINT, path, label) == with_joints
-    assert label_in(CARTESIAN, path, label) == label
+    assert FieldBinding(path).label_in(JOINT, label) == with_joints
+    assert FieldBinding(path).label_in(CARTESIAN, label) == label
+
+
+def test_fields_of_the_joints_are_in_the_units_of_the_joints() -> None:
+    assert FieldBinding("declared.coulomb").label_in(Units("joint", "prismatic"), "Coulomb [N·m]") == "Coulomb [N]"
+    viscous = FieldBinding("truth.viscous")
+    assert viscous.label_in(Units("joint", "mixed"), "viscous [N·m·s]") == "viscous [N·m·s, N·s]"
+    moment = FieldBinding("sensor.moment_bias")
+    assert moment.label_in(Units("cartesian", "prismatic"), "bias [N·m]") == "bias [N·m]"
+
+
+def test_a_label_without_a_unit_and_one_that_is_of_no_field_stay() -> None:
+    assert FieldBinding("target_model.K_m").label_in(Units("joint", "prismatic"), "K_m 1") == "K_m 1"
+    assert FieldBinding("target_model").label_in(JOINT, "ω [rad/s]") == "ω [rad/s]"

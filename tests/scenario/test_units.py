@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from app.scenario.units import ANGULAR, CARTESIAN, JOINT, JointKinds, Units, kinds_of, label_in, listed, unit_in
+from app.scenario.field_info import field_info
+from app.scenario.units import ANGULAR, CARTESIAN, JOINT, JointKinds, Units, kinds_of, listed
 
 
 def test_revolute_joints_have_the_units_of_angles_and_prismatic_ones_those_of_lengths() -> None:
@@ -23,14 +24,15 @@ def test_revolute_joints_have_the_units_of_angles_and_prismatic_ones_those_of_le
 )
 def test_fields_of_the_joints_have_the_units_of_the_joints(joints: JointKinds, unit: str) -> None:
     for section in ("truth", "declared"):
-        assert unit_in(Units("cartesian", joints), f"{section}.viscous", "N·m·s/rad") == unit
-    assert label_in(Units("cartesian", joints), "sensor.moment_bias", "bias [N·m]") == "bias [N·m]"
+        assert field_info(f"{section}.viscous").unit_in(Units("cartesian", joints)) == unit
+    assert field_info("sensor.moment_bias").unit_in(Units("cartesian", joints)) == "N·m"
 
 
-def test_a_label_without_a_unit_stays() -> None:
-    assert label_in(Units("joint", "prismatic"), "target_model.K_m", "K_m 1") == "K_m 1"
-    assert label_in(Units("joint", "prismatic"), "declared.coulomb", "Coulomb [N·m]") == "Coulomb [N]"
-    assert label_in(Units("joint", "mixed"), "truth.viscous", "viscous [N·m·s]") == "viscous [N·m·s, N·s]"
+def test_lengths_of_a_path_are_of_r_but_those_of_a_rotation_are_angles_of_the_tool() -> None:
+    for joints, unit in (("revolute", "rad"), ("prismatic", "m")):
+        assert field_info("motion.displacement").unit_in(Units("joint", joints)) == unit
+        assert field_info("rotation.displacement").unit_in(Units("joint", joints)) == "rad"
+    assert field_info("motion.displacement").unit_in(CARTESIAN) == "m"
 
 
 def test_numbers_of_joints_of_one_kind_have_their_unit_once() -> None:

@@ -81,7 +81,10 @@ def test_the_columns_in_the_docs_are_those_of_the_table() -> None:
     table = "\n".join(
         f"| `{name}` | {column.unit or '—'} | {column.whole_meaning} |" for name, column in COLUMNS.items()
     )
-    assert table in (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    assert table in page
+    renamed = {name: column.metric for name, column in COLUMNS.items() if column.metric not in ("", name)}
+    assert all(f"\n| `{name}` | `{metric}`" in page for name, metric in renamed.items())
     assert all(outcome in COLUMNS["verdict"].meaning for outcome in get_args(Outcome))
 
 

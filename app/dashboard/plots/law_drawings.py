@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from app.analysis.perturbation import PARTS
 from app.analysis.spectrum import variation_rate
 from app.dashboard.plots.charts import SPREAD, Area, ChartLine, Drawing, Setup, Signals
 from app.dashboard.plots.line_values import (
@@ -22,8 +23,8 @@ from app.dashboard.plots.line_values import (
 from app.dashboard.theme.colors import ACCENT, BOUND, DESIRED, MEASURED
 from app.scenario.units import indexed
 from app.session.snapshot import Snapshot
+from controllers.bounds import CAUSES
 
-CAUSES = ("inertia", "Coriolis", "gravity", "moving task", "disturbance", "ε")  # of `needed`
 LEAD = 0.1  # s before the window, over which the total variation is taken
 
 
@@ -113,7 +114,7 @@ def gain(setup: Setup) -> Drawing:
 
 def needed_stack() -> tuple[list[ChartLine], list[Area]]:
     """Lines and areas of the terms of (17), by their causes."""
-    lines, areas = stack([(name, column("needed", i)) for i, name in enumerate(CAUSES)])
+    lines, areas = stack([(words, column("needed", i)) for i, words in enumerate(CAUSES.values())])
     upwards = len(CAUSES)  # no term is negative
     return lines[: 1 + upwards], areas[:upwards]
 
@@ -132,8 +133,11 @@ def gain_by_causes(setup: Setup) -> Drawing | None:
 
 def perturbation(setup: Setup) -> Drawing:
     """Drawing of the real perturbation by its causes."""
-    parts = (("inertia", 0), ("coriolis", 1), ("gravity", 2), ("disturbance", 4))
-    lines = [ChartLine(CAUSES[i], color(i), column(name), dashed=is_dashed(i)) for name, i in parts]
+    lines = [
+        ChartLine(words, color(i), column(cause), dashed=is_dashed(i))
+        for i, (cause, words) in enumerate(CAUSES.items())
+        if cause in PARTS
+    ]
     lines.append(ChartLine("together", ACCENT, column("perturbation"), width=2.6))
     return Drawing(f"real perturbation, cause by cause  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.bounds import required_d
+from controllers.bounds import list_terms, required_d
 from controllers.premises import HELD
 from kernels import inline
 from kernels.algebra import copy
@@ -38,8 +38,7 @@ def write_row(row, t, arm, evaluation):
     copy(output.tau, row.tau)
     copy(evaluation.applied, row.tau_applied)
     copy(output.q_ddot, row.q_eq_ddot)
-    row.needed[0], row.needed[1], row.needed[2] = needed.inertia, needed.coriolis, needed.gravity
-    row.needed[3], row.needed[4], row.needed[5] = needed.task_motion, needed.disturbance, needed.epsilon
+    list_terms(needed, row.needed)
     row.d = output.d
     row.d_required = required_d(needed)
     row.s_norm = output.s_norm

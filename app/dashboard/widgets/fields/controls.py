@@ -28,7 +28,7 @@ from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk
 from app.scenario.data import kind_of
 from app.scenario.schema import Scenario
-from app.scenario.units import CARTESIAN, Units, label_in, unit_in
+from app.scenario.units import CARTESIAN, Units
 from app.session.commands import Command, Edit, EditModel
 from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
@@ -213,10 +213,9 @@ class NumberField:
     def _unit_beside(self, snapshot: Snapshot) -> str:
         """Unit of the number where the label has none and r is not q."""
         info = self._binding.info
-        plain = info is None or "[" in self._label or snapshot.system.layout.joint
-        if plain or info is None or info.unit == "1":
+        if info is None or "[" in self._label or snapshot.system.layout.joint:
             return ""
-        return unit_in(snapshot.system.units, self._binding.path, info.unit)
+        return info.unit_in(snapshot.system.units)
 
     def _let_go(self, *, apply: bool) -> None:
         snapshot = self._desk.snapshot()
@@ -289,7 +288,7 @@ class NumberField:
 
     def _show_units(self, units: Units) -> None:
         self._units = units
-        label = label_in(units, self._binding.path, self._plain_label)
+        label = self._binding.label_in(units, self._plain_label)
         if "[" in label:  # others have the name of their coordinate, see `set_label`
             self.set_label(label)
         for widget in (self._text, self._slider):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from app.scenario.field_info import FieldInfo, field_info
 from app.scenario.number_text import plain
 from app.scenario.schema import Scenario
-from app.scenario.units import CARTESIAN, Units, unit_in
+from app.scenario.units import CARTESIAN, Units
 from app.session.commands import Edit, EditModel
 from app.session.snapshot import Snapshot
 
@@ -70,7 +70,7 @@ class FieldBinding:
         info = self.info
         if info is None:
             return self.path
-        unit = "" if info.unit == "1" else unit_in(units, self.path, info.unit)
+        unit = info.unit_in(units)
         low, high = (None if bound is None else plain(bound) for bound in (info.least, info.largest))
         if low is None and high is None:
             return f"{info.doc} [{unit}]" if unit else info.doc
@@ -81,6 +81,15 @@ class FieldBinding:
             most = f"{'at most' if info.largest_allowed else 'below'} {high}" if high else ""
             bounds = ", ".join(filter(None, (least, most)))
         return f"{info.doc}; allowed: {bounds} {unit}".rstrip()
+
+    def label_in(self, units: Units, label: str) -> str:
+        """Label of its control, with the unit in brackets in a task space with these units. label: with that of an arm
+        of revolute joints, where r is in metres."""
+        words, bracket, unit = label.removesuffix("]").rpartition(" [")
+        if not bracket or self.info is None:
+            return label
+        beside = units.of_kind(self.info.of, unit).replace(" and ", ", ")  # there is little room
+        return f"{words} [{beside}]"
 
 
 @dataclass(frozen=True)

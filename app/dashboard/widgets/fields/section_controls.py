@@ -76,4 +76,5 @@ def _own_parameter(desk: Desk, section: str, kind: str, p: Parameter) -> NumberF
         now = FieldBinding(section).read(snapshot)
         return now.parameters.get(p.name, p.value) if now is not None and kind_of(now) == kind else None
 
-    return own_number(desk, f"{section}.parameters.{p.name}", p, running)
+    place = f"{section}.parameters"
+    return own_number(desk, f"{place}.{p.name}", p, running, field_info(place).of)

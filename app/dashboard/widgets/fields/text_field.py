@@ -10,7 +10,6 @@ from app.dashboard.theme.style import COMMITS, without_marks
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Desk
 from app.dashboard.widgets.fields.field_binding import FieldBinding
-from app.scenario.units import label_in
 from app.session.snapshot import Snapshot
 
 KEPT = 60.0  # s that a draft stays without a keystroke: the page on which it was typed may have been closed
@@ -82,7 +81,7 @@ class TextField:
             self._form.visible = value is not None
         if self._draft is not None and self._draft.over(snapshot, value):
             self._draft = None
-        self._text.label = label_in(snapshot.system.units, self._binding.path, self._plain_label)
+        self._text.label = self._binding.label_in(snapshot.system.units, self._plain_label)
         if value is not None and self._draft is None:
             self._text.value = value
         self._show_note("" if value is None or self._draft is None else self._draft.note(snapshot, value))

@@ -7,7 +7,6 @@ from html import escape
 from app.scenario.field_info import field_info
 from app.scenario.number_text import rounded
 from app.scenario.schema import STATED_IN, Declared
-from app.scenario.units import unit_in
 from app.session.snapshot import Snapshot
 from app.simulation.omega.domain import MARGIN
 
@@ -48,7 +47,7 @@ def _declared(snapshot: Snapshot) -> list[tuple[str, ...]]:
                 value,
                 "—",
                 rounded(getattr(stated, name)).replace("nan", "—") if name in STATED_IN else value,
-                unit_in(snapshot.system.units, f"declared.{name}", info.unit).removesuffix("1"),
+                info.unit_in(snapshot.system.units),
             )
         )
     return rows
