@@ -202,7 +202,7 @@ class PreviewRun:
             overshoot = _beyond(deviation, error)
         if path is not None:
             path_settling = np.inf if stopped else settling_time(thinned["t"], path, MOTION_RESOLUTION)
-        if system.plant.kind.touches:
+        if system.plant.nature.touches:
             force = np.linalg.norm([record[name] for name in MULTIPLIERS[: len(system.surfaces)]], axis=0)
             pressing, pressed = float(force.max()), None if system.m else float(force[tail].mean())
         return PreviewMetrics(

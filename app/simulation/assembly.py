@@ -124,7 +124,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     q_0 = _reused(
         previous,
         lambda p: (
-            (p.robot is robot and p.surfaces is surfaces and p.plant.kind == plant.kind)
+            (p.robot is robot and p.surfaces is surfaces and p.plant.nature == plant.nature)
             and p.scenario.face == scenario.face
         ),
         lambda p: p.q_0,
