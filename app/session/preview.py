@@ -82,7 +82,7 @@ class PreviewRun:
 
     @property
     def bandless(self) -> str:
-        """Why no band of true arms can be computed for this request, "" where one can."""
+        """Reason why no band of true arms can be computed for this request, "" where one can."""
         if self._obstacle is not None:
             return self._obstacle
         return undrawn(self._loop.system.scenario.declared)

@@ -181,7 +181,7 @@ def _charted(
     nominal: NominalModel,
     q_0: np.ndarray,
 ) -> Surface | Corner:
-    """What gives the task coordinates: the surfaces beside the tool at q_0 (n,) rad, or Cartesian axes. Raises
+    """Source of the task coordinates: the surfaces beside the tool at q_0 (n,) rad, or Cartesian axes. Raises
     ScenarioError."""
     cartesian = Surface.cartesian(task_axes(scenario, robot))  # axes that are not possible are refused in every mode
     if not mode.on_surface:

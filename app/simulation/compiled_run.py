@@ -26,7 +26,7 @@ BATCH = 4096  # periods whose readings are prepared together
 
 
 def obstacle(loop: ClosedLoop) -> str | None:
-    """Why the compiled run cannot take this loop in its present state, None where it can."""
+    """Reason why the compiled run cannot take this loop in its present state, None where it can."""
     law, integrator = loop.system.controller.law, loop.system.scenario.simulation.integrator
     reasons = {
         f"controller.law: {law.kind!r} is in plain numpy": not law.compiled,
