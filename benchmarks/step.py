@@ -72,8 +72,8 @@ def bare_calls(loop: ClosedLoop) -> Call:
         pin.crba(true, true_data, q, pin.Convention.WORLD)
         pin.computeJointJacobians(true, true_data, q)
 
-    kind = loop.system.plant.kind
-    return rigid if kind.rigid else elastic if kind.touches else free
+    nature = loop.system.plant.nature
+    return rigid if nature.rigid else elastic if nature.touches else free
 
 
 class Together:

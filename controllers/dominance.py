@@ -1,4 +1,5 @@
-"""Theorems 3 and 4 of the note on interval matrices, of which the paper's first page shows the end.
+"""Diagonal dominance: a test that all convex combinations of some matrices are stable, Theorems 3 and 4 of the note on
+interval matrices, of which the paper's first page shows the end.
 
 For a matrix A = A^D + A^C, diagonal and off-diagonal part, with A^C >= 0: one stable matrix that the others dominate
 proves every convex combination stable. With one vector d > 0 all of them are dominated by their diagonals, so that

@@ -25,7 +25,7 @@ MOST = 3  # surfaces; the first of them is pressed, so no more than three sets o
 
 
 class FollowedFaces(NamedTuple):
-    """What followed faces add to r_fd, for each set of them that the tool may press.
+    """Addition of followed faces to r_fd, for each set of them that the tool may press.
     sets: number of these sets, 0 where no followed face belongs to the body.
     surfaces: number of all surfaces, k.
     added: (3, 3, 3), of each set the matrix D of r_fd = C_PP f_nd + D w.

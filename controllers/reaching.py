@@ -46,7 +46,7 @@ class ReachingCertificate:
 
     @property
     def bound(self) -> ReachingBound:
-        """Bound that it gives, in the form for kernels."""
+        """Bound of the certificate, in the form for kernels."""
         return ReachingBound(self.k_r_low, self.k_r_high, self.c_1, self.c_2, self.V_0)
 
 

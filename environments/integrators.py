@@ -14,7 +14,7 @@ from kernels.algebra import copy
 
 Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Step = Callable[[Acceleration, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
-STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0))  # of Runge and Kutta: weight of each, and where in the step the next is
+RK4_STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0))  # weight of each, and where in the step the next is
 
 
 @dataclass(frozen=True)

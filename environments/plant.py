@@ -28,7 +28,7 @@ from environments.contact_kinds import ContactKind
 from environments.coupled_surfaces import EnvironmentMatrices
 from environments.integrators import (
     INTEGRATORS,
-    STAGES,
+    RK4_STAGES,
     IntegratorName,
     begin_stages,
     drift,
@@ -74,7 +74,7 @@ class Plant:
         robot: Robot,
         truth: Truth,
         surfaces: tuple[Surface, ...],
-        kind: ContactKind,
+        nature: ContactKind,
         contacts: tuple[Contact, ...],
         integrator: IntegratorName = "leapfrog",
         substeps: int = 1,
@@ -86,13 +86,13 @@ class Plant:
         if environment is None:
             environment = EnvironmentMatrices.apart(*np.array([each[:3] for each in contacts]).T)
         self.environment = environment
-        self.kind = kind
+        self.nature = nature
         self.substeps = substeps
         self.model = truth.model(robot)
         self.data = self.model.createData()
         self._lever = np.array(robot.tool_placement.translation)
         shapes = Shapes.of(tuple(each.shape for each in surfaces))
-        world = World(self._lever, self.face, shapes, Contacts.of(contacts), kind.rigid, environment, np.zeros(3))
+        world = World(self._lever, self.face, shapes, Contacts.of(contacts), nature.rigid, environment, np.zeros(3))
         workspace = Record(PlantWorkspace.of(world, truth.resistance, robot.n))
         self._workspace, self._torque = workspace.data, workspace.views.torque
         # live views: Pinocchio fills them at every call
@@ -104,9 +104,9 @@ class Plant:
         self._integrate = {"leapfrog": self._leapfrog, "semi-implicit-euler": self._euler, "rk4": self._rk4}[integrator]
         self._accelerate = (
             self._accelerate_heavy
-            if kind.heavy
+            if nature.heavy
             else self._accelerate_elastic
-            if kind.springs
+            if nature.springs
             else self._accelerate_free
         )
         self._resolve_kernels(robot.n)
@@ -143,7 +143,7 @@ class Plant:
                 for i, each, M_e, B_e, K_e in zip(range(len(contacts)), contacts, *diagonals, strict=True)
             )
         rest = (self._integrator, self.substeps, self.face, environment)
-        return Plant(self.robot, truth, self.surfaces, self.kind, contacts, *rest)
+        return Plant(self.robot, truth, self.surfaces, self.nature, contacts, *rest)
 
     def press(self, p: np.ndarray, t: float, unilateral: Sequence[bool], force: np.ndarray) -> None:
         """Let the springs that the tool does not press carry a force where it is, and those of surfaces that only push
@@ -157,7 +157,7 @@ class Plant:
             depths = np.linalg.pinv(self.environment.K_e[:count, :count]) @ force
         for i, surface in enumerate(self.surfaces):
             phi, depth = float(surface.chart(p, t).g[0]), max(depths[i], PRESSED if unilateral[i] else 0.0)
-            off = self.kind.springs and phi < PRESSED and depth > 0.0
+            off = self.nature.springs and phi < PRESSED and depth > 0.0
             self._workspace["world"]["unloaded"][0, i] = phi - depth if off else 0.0
 
     def _resolve_kernels(self, n: int) -> None:
@@ -172,24 +172,24 @@ class Plant:
         by_kind = self._kernels_of_contact(arm, tau)
         self._torque_of_push = compiled_for(*by_kind["push"])
         self._answer = compiled_for(*by_kind["accelerate"])
-        if self.kind.springs:
+        if self.nature.springs:
             self._find = compiled_for(*by_kind["find"])
-        if self.kind.heavy:
+        if self.nature.heavy:
             self._onto_surface, self._along_surface = (compiled_for(*by_kind[name]) for name in ("onto", "along"))
 
     def _kernels_of_contact(self, arm: np.ndarray, tau: np.ndarray) -> dict[str, tuple[Any, ...]]:
         """Kernels that this kind of contact needs, by the names of `PlantAddresses`, each with its arguments."""
         workspace, tool, inertia = self._workspace, self._tool, self._inertia
         kernels: dict[str, tuple[Any, ...]] = {"push": (torque_of_push, workspace, *tool, np.zeros(6), tau)}
-        if self.kind.springs:
-            find = penetration_at if self.kind.massive else load_at
+        if self.nature.springs:
+            find = penetration_at if self.nature.massive else load_at
             kernels["find"] = (find, workspace, *tool, arm, 0.0)
-        if self.kind.heavy:
+        if self.nature.heavy:
             kernels["accelerate"] = (accelerate_heavy, workspace, *inertia, *self._tool_moving, arm, tau, 0.0)
             kernels["onto"] = (onto_surface, workspace, *tool, self.data.M, arm, 0.0)
             kernels["along"] = (along_surface, workspace, *tool, self.data.M, arm, 0.0, 0.0)
             kernels["force"] = (force_of, workspace, *tool, arm, np.zeros(3), 0.0, np.zeros(6))
-        elif self.kind.springs:
+        elif self.nature.springs:
             kernels["accelerate"] = (accelerate_elastic, workspace, *inertia, *tool, arm, tau, 0.0)
         else:
             kernels["accelerate"] = (accelerate_free, workspace, *inertia, arm, tau, 0.0)
@@ -215,10 +215,10 @@ class Plant:
         """
         state = Record.zeros(Arm, len(q))
         state.views.q[:], state.views.q_dot[:] = q, q_dot
-        if self.kind.rigid:
+        if self.nature.rigid:
             state.views.holding.held[: len(self.surfaces)] = 1
             self._constrain(state, t, 0.0)
-        if self.kind.springs:
+        if self.nature.springs:
             pin.computeJointJacobians(self.model, self.data, state.views.q)
             load_at(self._workspace, *self._tool, state.data, t)
         return state
@@ -238,7 +238,7 @@ class Plant:
     def find_load(self, state: PlantState, t: float) -> None:
         """Compute the contact's load in a state at time t (s); a heavy contact keeps the load of the torque before,
         except for phi."""
-        if not self.kind.springs:  # none in free space, and on a rigid surface `_constrain` has set phi
+        if not self.nature.springs:  # none in free space, and on a rigid surface `_constrain` has set phi
             return
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         self._find(self._workspace, *self._tool, state.data, t)
@@ -314,24 +314,24 @@ class Plant:
         self._drift(state.data, 0.5 * h)
         self._accelerate(state, tau, t + 0.5 * h)
         self._kick_and_drift(state.data, h)
-        if self.kind.rigid:
+        if self.nature.rigid:
             self._constrain(state, t + h, h)
 
     def _euler(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         self._accelerate(state, tau, t)
         self._step_of_euler(state.data, h)
-        if self.kind.rigid:
+        if self.nature.rigid:
             self._constrain(state, t + h, h)
 
     def _rk4(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         stage, workspace, arm = self._stage, self._workspace, state.data
         self._accelerate(state, tau, t)
         self._begin_stages(workspace, arm, stage.data)
-        for weight, ahead in STAGES:
+        for weight, ahead in RK4_STAGES:
             self._next_stage(workspace, arm, stage.data, weight, ahead * h)
             self._accelerate(stage, tau, t + ahead * h)
         self._end_stages(workspace, arm, stage.data, h)
-        if self.kind.rigid:
+        if self.nature.rigid:
             self._constrain(state, t + h, h)
 
     def _constrain(self, state: PlantState, t: float, h: float) -> None:

@@ -1,4 +1,4 @@
-"""Smooth beginnings: from 0 to 1, and from rest to a steady speed, each with two exact derivatives."""
+"""Smooth steps by minimum jerk: from 0 to 1, and from rest to a steady speed, each with two exact derivatives."""
 
 from kernels import inline
 

@@ -80,7 +80,7 @@ class StiffElement(NamedTuple):
 
 
 def stiff_elements(
-    kind: ContactKind,
+    nature: ContactKind,
     contacts: Sequence[Contact],
     environment: EnvironmentMatrices,
     truth: Truth,
@@ -94,16 +94,16 @@ def stiff_elements(
     face by at most the number of its joints times the mobility of a joint. Coupled surfaces count with the largest
     eigenvalues of their matrices, whichever of them are touched. paths: where the contacts stand in the scenario."""
     k = 2 if K_t else len(contacts)
-    if K_t and kind.springs:
+    if K_t and nature.springs:
         turning, B_t = k * joints * mobility.joints, contacts[0].B_e * K_t / max(contacts[0].K_e, 1e-3)
         yield StiffElement("face.K_t", K_t, "N·m/rad", turning * K_t, turning * B_t)
     for path, c in zip(paths, contacts, strict=False):
         Y = mobility.normal
-        if kind.springs and not environment.coupled:
-            Y = k * Y / (1.0 + c.M_e * Y) if kind.massive else k * Y
+        if nature.springs and not environment.coupled:
+            Y = k * Y / (1.0 + c.M_e * Y) if nature.massive else k * Y
             yield StiffElement(f"{path}contact.B_e", c.B_e, "N·s/m", 0.0, Y * c.B_e)
             yield StiffElement(f"{path}contact.K_e", c.K_e, "N/m", Y * c.K_e, Y * c.B_e)
-        if kind.touches:
+        if nature.touches:
             viscous = c.friction_viscous
             across = k * mobility.tangential
             yield StiffElement(f"{path}contact.friction_viscous", viscous, "N·s/m", 0.0, across * viscous)

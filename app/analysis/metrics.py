@@ -82,7 +82,7 @@ def metrics_of(loop: ClosedLoop, realtime_factor: float | None = None, engine: E
     tail = tail_of(t)
     last = {name: record[name][tail] for name in ("t", "e_r", "tool", "F_c", "F_cd", *MULTIPLIERS)}
     system, begun = loop.system, loop.recording.epochs[0]
-    rigid, robust = system.plant.kind.rigid, system.controller.law.robust
+    rigid, robust = system.plant.nature.rigid, system.controller.law.robust
     layered = system.controller.has_layer
     excess = record["s_norm"] - record["s_bound"] - record["s_band"]
     promised = excess[np.isfinite(excess)]
@@ -198,7 +198,7 @@ def after_positions(system: System, *, angles: bool) -> list[int]:
 def _tool_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
     """Errors (N, k) m of the tool's position, as in `motion_error`."""
     error = record["e_r"][:, system.m : system.layout.end_of_positions]
-    if system.m or not system.plant.kind.touches or system.mode.feedback == "none":
+    if system.m or not system.plant.nature.touches or system.mode.feedback == "none":
         return error  # also against a surface that the mode does not know of
     # Cartesian coordinates against surfaces: the part along the normals is the force's business, where there is a force
     axes, directions = system.charted.frame[: system.layout.positions], list[np.ndarray]()

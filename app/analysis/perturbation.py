@@ -114,7 +114,7 @@ class PerturbationAnalysis:
         no force."""
         system, K_e = self.system, epoch.scenario.contact.K_e
         alone = len(system.surfaces) == 1
-        if system.m or system.layout.joint or not system.plant.kind.springs or not alone:
+        if system.m or system.layout.joint or not system.plant.nature.springs or not alone:
             return np.nan
         t, positions = float(row["t"]), system.layout.positions
         g = np.zeros(3)
@@ -214,7 +214,7 @@ class DerivedSignals(Mapping[str, np.ndarray]):
             for piece in [rows] if epoch.blend is None else rows[:, None]:
                 model, A = epoch.model_at(float(self._rows["t"][piece[0]])), compensation(epoch.scenario, s.shape[1])
                 model, rest = settled(law_of(epoch.scenario), model, A, s[piece])
-                if system.plant.kind.rigid:
+                if system.plant.nature.rigid:
                     found[piece] = F_cd[piece, :m] + np.linalg.solve(model.K_f[:m, :m], rest[:, :m].T).T
                 else:
                     found[piece] = steady_forces(epoch.scenario, model, r_d[piece], F_cd[piece], rest)

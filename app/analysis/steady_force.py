@@ -65,7 +65,7 @@ def steady_force_error(system: System, r_d: np.ndarray, F_cd: np.ndarray, s: np.
         return None
     A, controller = compensation(system.scenario, system.layout.n), system.controller
     model, rest = settled(controller.law, controller.model, A, s)
-    if system.plant.kind.rigid:
+    if system.plant.nature.rigid:
         errors = np.linalg.solve(model.K_f[:m, :m], rest[:m])
     else:
         errors = steady_forces(system.scenario, model, r_d[None], F_cd[None], rest[None])[0] - F_cd[:m]

@@ -111,7 +111,7 @@ def _written(default: object) -> str:
 
 
 def _allowed(info: FieldInfo, default: str) -> str:
-    """What is allowed in a field with this default, in a few signs."""
+    """Allowed values of a field with this default, in a few signs."""
     if default in ("true", "false"):
         return "true, false"
     least, largest = info.least, info.largest

@@ -98,7 +98,7 @@ class PageContent:
         self._page_height = 0
 
     def _desk(self, uploads: UploadedUrdfs, notebook: Notebook, classroom: ClassDesk) -> Desk:
-        """What all widgets share; some of those that it names are made later, and with it."""
+        """Desk, all that widgets share; some of those that it names are made later, and with it."""
         return Desk(
             gui=self._server.gui,
             post=self._lock.post,

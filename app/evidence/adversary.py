@@ -94,7 +94,7 @@ class HuntingGround:
 
     def off(self, x: np.ndarray) -> np.ndarray:
         """Displacement (n,) rad of the arm's start from its posture, in a try. x: see `scenario_of`."""
-        return START * x[self.n + SHARED : 2 * self.n + SHARED] * (not self.system.plant.kind.rigid)
+        return START * x[self.n + SHARED : 2 * self.n + SHARED] * (not self.system.plant.nature.rigid)
 
     def attempt(self, x: np.ndarray) -> ClosedLoop:
         """Run of a try. x: see `scenario_of`. Raises ScenarioError for a refused try."""

@@ -93,7 +93,7 @@ class Gains:
 
 @dataclass(frozen=True)
 class Wish:
-    """Wish: the reference of the law.
+    """Reference of the law: a path to and fro, and sinusoidal forces.
     displacement: (n,) m, of r_d, which goes there from its start and back, once in 2 pi / omega s.
     omega: rad/s.
     mean, swing: (p,) N, of f_nd = mean + swing sin(f_omega t).

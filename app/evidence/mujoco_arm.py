@@ -91,7 +91,7 @@ class MujocoPlant(Plant):
             system.robot, system.plant.truth, system.surfaces, scenario.contact.nature, contacts, substeps=substeps
         )
         alone = len(system.surfaces) == 1 and scenario.surface.motion.amplitude == 0.0
-        if self.kind.touches and not (self.kind.massive and alone):
+        if self.nature.touches and not (self.nature.massive and alone):
             raise ValueError(
                 f"MuJoCo's plant: {scenario.contact.kind!r}, surfaces: {len(system.surfaces)}; allowed: free, or one "
                 "plane that is a mass-damper-spring at rest"
@@ -102,10 +102,10 @@ class MujocoPlant(Plant):
         spec.option.tolerance, spec.option.iterations = 0.0, 20
         chart = system.surface.chart(np.zeros(3), 0.0)
         self._into, self._depth = chart.G[0].copy(), float(chart.g[0])  # phi = depth + into . p
-        if self.kind.touches:
+        if self.nature.touches:
             _add_contact(spec, system, self._into, self._depth)
         self.engine = compiled(spec, system)
-        if self.kind.touches:
+        if self.nature.touches:
             _set_contact(self.engine, contact)
         self.world = mujoco.MjData(self.engine)
         self._site = self.engine.site("tool").id
@@ -120,7 +120,7 @@ class MujocoPlant(Plant):
             if step == 0:
                 arm.q_ddot[:] = world.qacc
         arm.q[:], arm.q_dot[:] = world.qpos, world.qvel
-        if self.kind.touches:
+        if self.nature.touches:
             mujoco.mj_kinematics(self.engine, world)
             push = float(world.efc_force[0]) if world.nefc else 0.0
             load = state.data["load"]

@@ -111,7 +111,7 @@ def with_arm_of(scenario: Scenario, system: System) -> System:
         system.robot,
         truth_of(scenario, system.robot),
         system.surfaces,
-        system.plant.kind,
+        system.plant.nature,
         contacts_of(scenario),
         scenario.simulation.integrator,
         scenario.simulation.substeps,

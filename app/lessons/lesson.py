@@ -73,7 +73,7 @@ class LessonStep:
 
     @property
     def ask(self) -> str:
-        """What the step asks of a student, "" for nothing."""
+        """Text in which the step asks something of a student, "" for none."""
         asking = self.question or self.goal
         return "" if asking is None else asking.ask
 

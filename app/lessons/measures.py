@@ -132,7 +132,7 @@ def _derived(system: System, record: Mapping[str, np.ndarray], name: str) -> np.
         if (error := path_error(system, record)) is None:
             raise ScenarioError(f"signal: {name!r} where every position is pressed; allowed: where one is free")
         return error
-    if not system.plant.kind.touches and not system.plant.kind.rigid:
+    if not system.plant.nature.touches and not system.plant.nature.rigid:
         raise ScenarioError(f"signal: {name!r} where nothing is touched; allowed: with a contact")
     if name == "contact_force":
         return record["multiplier"]

@@ -20,7 +20,7 @@ _OF_KINDS: dict[str, Callable[[ContactKind], bool]] = {
 
 
 class IdleField(NamedTuple):
-    """Why a field has no effect.
+    """Reason why a field has no effect.
     choice, value: path of the field that chooses otherwise, and its value.
     needed: values of the choice with which the field has an effect."""
 
@@ -35,7 +35,7 @@ class IdleField(NamedTuple):
 
 
 def idle(scenario: Scenario, path: str) -> IdleField | None:
-    """Why the field of a dotted path has no effect on a run of the scenario; None where it may have one."""
+    """Reason why the field of a dotted path has no effect on a run of the scenario; None where it may have one."""
     if path == "controller.d" and scenario.controller.gain != "constant":
         return IdleField("controller.gain", scenario.controller.gain, ("constant",))
     section, _, name = path.rpartition(".")

@@ -82,7 +82,7 @@ class PreviewRun:
 
     @property
     def bandless(self) -> str:
-        """Why no band of true arms can be computed for this request, "" where one can."""
+        """Reason why no band of true arms can be computed for this request, "" where one can."""
         if self._obstacle is not None:
             return self._obstacle
         return undrawn(self._loop.system.scenario.declared)
@@ -202,7 +202,7 @@ class PreviewRun:
             overshoot = _beyond(deviation, error)
         if path is not None:
             path_settling = np.inf if stopped else settling_time(thinned["t"], path, MOTION_RESOLUTION)
-        if system.plant.kind.touches:
+        if system.plant.nature.touches:
             force = np.linalg.norm([record[name] for name in MULTIPLIERS[: len(system.surfaces)]], axis=0)
             pressing, pressed = float(force.max()), None if system.m else float(force[tail].mean())
         return PreviewMetrics(

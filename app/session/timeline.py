@@ -110,7 +110,7 @@ class Timeline:
 
     @property
     def stop(self) -> str:
-        """Why the run has stopped at its end, "" where it has not."""
+        """Reason why the run has stopped at its end, "" where it has not."""
         return self._end.stopped or ""
 
     @property

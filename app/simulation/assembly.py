@@ -124,7 +124,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     q_0 = _reused(
         previous,
         lambda p: (
-            (p.robot is robot and p.surfaces is surfaces and p.plant.kind == plant.kind)
+            (p.robot is robot and p.surfaces is surfaces and p.plant.nature == plant.nature)
             and p.scenario.face == scenario.face
         ),
         lambda p: p.q_0,
@@ -181,7 +181,7 @@ def _charted(
     nominal: NominalModel,
     q_0: np.ndarray,
 ) -> Surface | Corner:
-    """What gives the task coordinates: the surfaces beside the tool at q_0 (n,) rad, or Cartesian axes. Raises
+    """Source of the task coordinates: the surfaces beside the tool at q_0 (n,) rad, or Cartesian axes. Raises
     ScenarioError."""
     cartesian = Surface.cartesian(task_axes(scenario, robot))  # axes that are not possible are refused in every mode
     if not mode.on_surface:

@@ -74,7 +74,7 @@ class ClosedLoop:
         """Run from its beginning of a system that is built already, e.g. one with another plant."""
         loop = cls._at_new_epoch(system, State.at_start(system), Recording(system.layout.n, history))
         loop.recording.epochs.append(loop.state.epoch)
-        if system.plant.kind.rigid:
+        if system.plant.nature.rigid:
             loop.controlled_arm.press()
         return loop
 
@@ -113,7 +113,7 @@ class ClosedLoop:
             state.x = system.controller.law.at_rest(system.layout.n)
         pressed = arm.views.load.multiplier[: max(system.pressed, 1)] != 0.0
         held = arm.views.holding.held[: len(system.surfaces)] > 0
-        evaluation.data["touching"] = bool((held if system.plant.kind.rigid else pressed).all())
+        evaluation.data["touching"] = bool((held if system.plant.nature.rigid else pressed).all())
         if controller.on_change == "remove":
             seen = tracking_state(system, state.t, arm, evaluation.part("held"))
             evaluation.views.z[:] = system.controller.compensator.without_reaching(seen.e_r, seen.e_r_dot)

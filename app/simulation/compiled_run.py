@@ -26,7 +26,7 @@ BATCH = 4096  # periods whose readings are prepared together
 
 
 def obstacle(loop: ClosedLoop) -> str | None:
-    """Why the compiled run cannot take this loop in its present state, None where it can."""
+    """Reason why the compiled run cannot take this loop in its present state, None where it can."""
     law, integrator = loop.system.controller.law, loop.system.scenario.simulation.integrator
     reasons = {
         f"controller.law: {law.kind!r} is in plain numpy": not law.compiled,
@@ -86,9 +86,9 @@ class CompiledRun:
                 substeps=plant.substeps,
                 integrator=INTEGRATOR_NUMBERS[integrator],
                 midpoint=INTEGRATORS[integrator].midpoint,
-                springs=plant.kind.springs,
-                massive=plant.kind.massive,
-                rigid=plant.kind.rigid,
+                springs=plant.nature.springs,
+                massive=plant.nature.massive,
+                rigid=plant.nature.rigid,
                 ideal=loop.controlled_arm.ideal,
                 carrier=system.robot.tool_joint - 1,
                 turned=np.zeros((3, 3)),

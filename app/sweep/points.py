@@ -138,7 +138,7 @@ def statistic_of(view: SweepView) -> Statistic:
 
 
 def interval(good: int, arms: int) -> tuple[float, float]:
-    """Wilson's interval of a share, of 95 %; from 0 to 1 where there is no arm."""
+    """Confidence interval of a share, Wilson's of 95 %; from 0 to 1 where there is no arm."""
     if not arms:
         return 0.0, 1.0
     from scipy.stats import binomtest  # a page without a map need not load it

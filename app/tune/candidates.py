@@ -67,7 +67,7 @@ def aim_of(run: RunMetrics, aim: str) -> float:
 
 
 def _reason(tuning: Tuning, run: RunMetrics) -> str:
-    """Why a run keeps its candidate from being offered; "" where it does not."""
+    """Reason why a run keeps its candidate from being offered; "" where it does not."""
     if run.get("stopped"):
         return INSTANT.sub("", str(run["stopped"]))  # equal causes are counted together
     failed = (run.get("failed") or "").split(", ")

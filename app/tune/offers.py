@@ -13,8 +13,8 @@ WITHOUT_EFFECT = "it changes nothing on any test arm"
 
 
 def reason_against(tuning: Tuning, found: TuningResult, number: int) -> str:
-    """Why a candidate that was tried is not offered, "" where it may be used: it has a badge on the arms that were not
-    seen, too, or leaves every metric there as it is with the own gains, as gains without effect do."""
+    """Reason why a candidate that was tried is not offered, "" where it may be used: it has a badge on the arms that
+    were not seen, too, or leaves every metric there as it is with the own gains, as gains without effect do."""
     if badge := found.tried[number].badge:
         return f"on the test arms, {badge}"
     return WITHOUT_EFFECT if _changes_nothing(tuning, found, number) else ""

@@ -8,7 +8,7 @@ from parameters import Section, field, slider
 
 
 class ForceSignal(NamedTuple):
-    """A scalar (N), its rate and second derivative."""
+    """Desired force at one instant (N), its rate and second derivative."""
 
     value: float
     rate: float
@@ -16,7 +16,7 @@ class ForceSignal(NamedTuple):
 
 
 class ForceCourse(NamedTuple):
-    """Force profile for kernels.
+    """Desired force over time for kernels.
     kind: number of the profile.
     start, change: N.
     time, rise: of a step, s.
@@ -31,7 +31,7 @@ class ForceCourse(NamedTuple):
 
 
 class ForceProfile(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
-    """Section `force` of a scenario.
+    """Base class of all desired forces: section `force` of a scenario.
 
     title: name on the page; at: its kernel `at(course, t)`, the force (N) and its two derivatives at time t (s).
     """

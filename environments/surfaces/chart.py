@@ -14,7 +14,7 @@ from kernels.algebra import dot
 
 
 class Chart(NamedTuple):
-    """Three coordinates g(p, t) of a point p, in m, and their derivatives.
+    """Chart at a point p: its three coordinates g(p, t), in m, and their derivatives.
 
     g, G, G_p: (3,); (3, 3), gradients as rows; (3, 3, 3), Hessians.
     g_t, G_t, g_tt: (3,), (3, 3), (3,), partial derivatives in time of g and G, and the second one of g.

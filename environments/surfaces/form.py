@@ -48,7 +48,7 @@ class SurfaceMotion(Section, frozen=True, forbid_unknown_fields=True):
 
 
 class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
-    """Section `surface` of a scenario.
+    """Base class of all surfaces: section `surface` of a scenario.
 
     title: name on the page.
     chart: its kernel `chart(zeta, shape, t, chart)`, which writes the coordinates of a point and their derivatives,

@@ -1,4 +1,4 @@
-"""Check of a surface's derivatives against differences."""
+"""Check of a surface's derivatives against finite differences."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def chart_at(shapes: np.ndarray, p: np.ndarray, t: float) -> Chart:
 
 
 class Charted:
-    """What has a chart: one surface, or several that make a corner."""
+    """Base class of `Surface` and `Corner`, each of which has a chart."""
 
     @property
     def shapes(self) -> Shapes:

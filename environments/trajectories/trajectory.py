@@ -12,7 +12,7 @@ from parameters import Section
 
 
 class Path(NamedTuple):
-    """Displacement (n,) m, its rate (m/s) and acceleration (m/s^2)."""
+    """Desired path at one instant: displacement (n,) m, its rate (m/s) and acceleration (m/s^2)."""
 
     value: np.ndarray
     rate: np.ndarray
@@ -20,7 +20,7 @@ class Path(NamedTuple):
 
 
 class Course(NamedTuple):
-    """Path for kernels, x(t) u + y(t) v with u, v (n,) m.
+    """Desired path for kernels, x(t) u + y(t) v with u, v (n,) m.
     kind: number of the path.
     ramp: duration, or rise at its beginning, s.
     omega: angular frequency, rad/s.
@@ -36,7 +36,7 @@ class Course(NamedTuple):
 
 
 class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
-    """Section `motion` or `rotation` of a scenario.
+    """Base class of all desired paths: section `motion` or `rotation` of a scenario.
 
     title: name on the page.
     move: its kernel `move(course, t, value, rate, acceleration)`, which adds the displacement (n,) and its derivatives

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -17,6 +16,7 @@ from app.dashboard.view_options import FINE, LIGHT
 from app.storage.link_meshes import link_meshes
 from app.storage.part_store import ArmPart, PartStore
 from environments import robots
+from tests.support.viser_insides import scene_stand_in
 
 BENT = Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf"
 
@@ -29,9 +29,7 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PartStore:
 
 def _shown(robot: robots.Robot, paint: Paint | None = None) -> list[ArmPart]:
     """Parts that a view of the arm adds to its scene."""
-    scene = MagicMock()
-    pose = SimpleNamespace(name="", position=np.zeros(3), wxyz=np.zeros(4), api=MagicMock())
-    scene.add_frame.return_value._impl = pose
+    scene = scene_stand_in()
     RobotView(scene, robot, "/arm", FINE, paint)
     return [
         ArmPart(call.args[0].count("/") - 2, call.kwargs["color"], *call.args[1:])

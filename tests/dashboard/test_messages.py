@@ -28,6 +28,7 @@ from app.session.autosave import Offer
 from app.session.commands import Edit, Reset, ToEnd
 from app.session.runner import Runner
 from app.session.snapshot import snapshot_of
+from tests.support.viser_insides import buffer_of, text_field_stand_in
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def dashboard() -> Iterator[Dashboard]:
 
 def sent(server: viser.ViserServer) -> int:
     """Number of messages to all pages so far."""
-    return server._websock_server.get_message_buffer().message_counter
+    return buffer_of(server).message_counter
 
 
 def test_a_run_at_rest_sends_nothing_and_a_moving_one_does(dashboard: Dashboard) -> None:
@@ -156,7 +157,7 @@ def test_the_plots_have_a_window_of_their_own_until_the_reaching_phase_has_been_
 def test_any_thread_may_send_while_others_wait_for_messages(dashboard: Dashboard) -> None:
     """Without the mending of viser's events the sender fails with "deque mutated during iteration"."""
     server = dashboard._server
-    buffer = server._websock_server.get_message_buffer()
+    buffer = buffer_of(server)
     woken = 0
 
     async def wait() -> None:
@@ -209,29 +210,27 @@ def test_unknown_tab_names_reported_by_a_page_are_ignored() -> None:
     tabs = VisibleParts()
     tabs.marker_html("Some plots")
     tabs.panel_marker_html("controls: some")
-    handlers: list[Any] = []
-    field = SimpleNamespace(_impl=SimpleNamespace(uuid="1"), value="", on_update=handlers.append)
+    field = text_field_stand_in()
     gui = SimpleNamespace(add_html=lambda _: None, add_text=lambda *_: field)
     tabs.add_field(cast(viser.GuiApi, gui))
     event = SimpleNamespace(client=SimpleNamespace(client_id=3))
     for number in range(100):
         field.value = f"Some plots,invented {number},controls: some,#500x400#{number}"
-        asyncio.run(handlers[0](event))
+        asyncio.run(field.callbacks[0](event))
     assert tabs.tabs([3]) == {"Some plots", "controls: some"}
     assert (tabs.reports("Some plots"), len(tabs._reports)) == (100, 2)
     field.value = f"{AWAY}#500x400#1"
-    asyncio.run(handlers[0](event))
+    asyncio.run(field.callbacks[0](event))
     assert tabs.all_away([3])
 
 
 def test_plots_are_fitted_to_the_lowest_scene_of_the_pages_that_are_open() -> None:
-    tabs, handlers = VisibleParts(), list[Any]()
-    field = SimpleNamespace(_impl=SimpleNamespace(uuid="1"), value="", on_update=handlers.append)
+    tabs, field = VisibleParts(), text_field_stand_in()
     tabs.add_field(cast(viser.GuiApi, SimpleNamespace(add_html=lambda _: None, add_text=lambda *_: field)))
     sizes = {1: "1280x720", 2: "1920x1080", 3: "390x287", 4: "", 5: "1e3x5", 6: "-5x-5", 7: "999999x1", 8: "0x0"}
     for client, size in sizes.items():
         field.value = f"Some plots#{size}#0.5"
-        asyncio.run(handlers[0](SimpleNamespace(client=SimpleNamespace(client_id=client))))
+        asyncio.run(field.callbacks[0](SimpleNamespace(client=SimpleNamespace(client_id=client))))
     assert tabs.scene_height([*sizes]) == 720
     assert tabs.scene_height([2, 3, 4, 5, 6, 7, 8]) == 1080
     tabs.tabs([1, 3])  # the second one has gone

@@ -22,6 +22,7 @@ from drivers.waiting import PATIENCE, until
 from tests.gateway.test_gateway import ask
 from tests.support.drawn import drawn
 from tests.support.faults import Client, begun, boom, running, warp
+from tests.support.viser_insides import buffer_of, chosen, widget_labelled, widgets_of
 
 pytestmark = pytest.mark.slow  # servers
 
@@ -120,15 +121,14 @@ def test_a_page_that_vanishes_with_a_slider_held_ends_the_preview(server: Server
     before = begun(server.runner, load("ur5-hybrid"))
     view = server.dashboard._content
     assert view is not None
-    handles = view._server.gui._gui_input_handle_from_uuid
-    label = next(h for h in list(handles.values()) if getattr(h, "label", "") == "F_d [N]")
-    slider = list(handles.values())[list(handles.values()).index(label) + 1]
+    widgets = list(widgets_of(view._server).values())
+    slider = widgets[widgets.index(widget_labelled(view._server, "F_d [N]")) + 1]
     page, other = server.open(), server.open()
     positions = itertools.cycle((0.7, 0.6))
 
     def held() -> bool:  # a page that is not drawn yet knows of no run, and holds nothing
         if view._whatif.held is None:
-            page.send({"type": "GuiUpdateMessage", "uuid": slider._impl.uuid, "updates": {"value": next(positions)}})
+            page.send(chosen(slider, next(positions)))
         return view._whatif.held is not None and view._whatif.preview is not None
 
     until(held, lambda: (view._whatif.held, view._whatif.refusal))
@@ -142,13 +142,12 @@ def test_a_page_that_vanishes_with_a_slider_held_ends_the_preview(server: Server
 def test_a_client_that_does_not_read_is_dropped_and_bounded_meanwhile(server: Server) -> None:
     begun(server.runner, load("ur5-hybrid"))
     reading, stuck = server.open(), server.open(reads=False)
-    websock = server.dashboard._server._websock_server
     stalled_clients = StalledClients(server.dashboard._server, patience=2.0)
     # something that fills every buffer on the way, also when it is compressed
     filling = np.random.default_rng(0).bytes(20_000_000)
     server.dashboard.clients[stuck.number].send_file_download("file", filling)
     until(lambda: stalled_clients._sizes().get(stuck.number, 0) > 20_000)
-    buffer = websock._broadcast_buffer
+    buffer = buffer_of(server.dashboard._server)
 
     def grown_over_200_messages() -> int:
         kept, counter = len(buffer.message_from_id), buffer.message_counter
@@ -193,9 +192,7 @@ def test_drawing_that_hangs_for_seconds_costs_the_run_nothing(server: Server, mo
         now = until(lambda: server.runner.snapshot.t > before.t + 3.0 and server.runner.snapshot)
         t = now.recording.signals(("t",))["t"]
         assert np.allclose(np.diff(t), now.scenario.controller.period)  # no control step is missing
-        handles = view._server.gui._gui_input_handle_from_uuid
-        speed = next(h for h in list(handles.values()) if getattr(h, "label", "") == "Speed")
-        client.send({"type": "GuiUpdateMessage", "uuid": speed._impl.uuid, "updates": {"value": "1/2×"}})
+        client.send(chosen(widget_labelled(view._server, "Speed"), "1/2×"))
         until(lambda: server.runner.snapshot.speed == 0.5)  # it is heard meanwhile
         goes_on.set()
         server.runner.post(SetSpeed(1.0))
@@ -214,9 +211,8 @@ def test_a_callback_that_fails_is_said_on_the_page(server: Server, monkeypatch: 
         until(
             lambda: "could not carry that out (KeyError: &#x27;boom&#x27;)" in server.status_text(), server.status_text
         )
-    handles = view._server.gui._gui_input_handle_from_uuid
-    speed = next(h for h in list(handles.values()) if getattr(h, "label", "") == "Speed")
-    choice = {"type": "GuiUpdateMessage", "uuid": speed._impl.uuid, "updates": {"value": "2×"}}
+    speed = widget_labelled(view._server, "Speed")
+    choice = chosen(speed, "2×")
     with monkeypatch.context() as patched:
         patched.setattr(playback, "SetSpeed", warp)
         client.send(choice)  # as a task

@@ -10,6 +10,7 @@ import viser
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from drivers.visitors import visiting
 from drivers.waiting import until
+from tests.support.viser_insides import chosen
 
 
 def test_a_value_that_the_program_sets_calls_nothing_back_also_when_the_server_has_ended() -> None:
@@ -26,7 +27,7 @@ def test_a_value_that_the_program_sets_calls_nothing_back_also_when_the_server_h
         with visiting(f"http://127.0.0.1:{server.get_port()}") as page:
             until(lambda: server.get_clients(), "no page")
             field.value = "1"
-            page.send({"type": "GuiUpdateMessage", "uuid": field._impl.uuid, "updates": {"value": "2"}})
+            page.send(chosen(field, "2"))
             until(lambda: received, "not heard")
     finally:
         server.stop()

@@ -9,6 +9,7 @@ import viser
 
 from app.dashboard.theme.style import LEFT, RELEASED
 from app.dashboard.transport.repeated_inputs import REPEATS, RepeatedInputs
+from app.dashboard.transport.viser_private import uuid_of
 from drivers.visitors import VisitingPage, visiting
 from drivers.waiting import until
 
@@ -44,7 +45,7 @@ def field(viser_server: viser.ViserServer) -> Field:
     async def _(_event: viser.GuiEvent) -> None:
         received.append(text.value)
 
-    return Field(viser_server, text._impl.uuid, received, now, itertools.count())
+    return Field(viser_server, uuid_of(text), received, now, itertools.count())
 
 
 def test_what_a_page_says_again_takes_effect_once(field: Field) -> None:

@@ -10,6 +10,7 @@ import viser
 from app.dashboard.transport.widget_lock import WidgetLock
 from drivers.visitors import visiting
 from drivers.waiting import until
+from tests.support.viser_insides import chosen
 
 
 def test_callback_reads_the_page_value_before_redraw_overwrites_it() -> None:
@@ -35,7 +36,7 @@ def test_callback_reads_the_page_value_before_redraw_overwrites_it() -> None:
         with visiting(f"http://127.0.0.1:{server.get_port()}") as page:
             until(lambda: bool(server.get_clients()))
             for value in ("hybrid", "impedance"):
-                page.send({"type": "GuiUpdateMessage", "uuid": dropdown._impl.uuid, "updates": {"value": value}})
+                page.send(chosen(dropdown, value))
             until(lambda: len(received) > 1)
     finally:
         over.set()

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
-from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -19,6 +18,7 @@ from app.storage import link_meshes
 from drivers.visitors import gone
 from environments import robots
 from tests.support.urdf_texts import BENT, UPPER, entities
+from tests.support.viser_insides import scene_stand_in
 
 pytestmark = pytest.mark.slow  # processes of its own
 
@@ -86,10 +86,8 @@ def test_a_mesh_of_ones_own_is_shown(tmp_path: Path) -> None:
     arm = tmp_path / "arm.urdf"
     visual = '<visual><origin xyz="0 0 2"/><geometry><mesh filename="a.obj"/></geometry></visual>'
     arm.write_text(BENT.replace(UPPER, UPPER + visual))
-    robot, scene = robots.load("", urdf=str(arm)), MagicMock()
+    robot, scene = robots.load("", urdf=str(arm)), scene_stand_in()
     scene.add_mesh_simple.side_effect = lambda name, *_, **__: MagicMock(path=name)
-    pose = SimpleNamespace(name="", position=np.zeros(3), wxyz=np.zeros(4), api=MagicMock())
-    scene.add_frame.return_value._impl = pose
     view = RobotView(scene, robot, "/arm")
     bones = list(view._shapes)
     assert {Path(bone.path).name[:5] for bone in bones} == {"bone_"}  # nobody waits for the process that reads

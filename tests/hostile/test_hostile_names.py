@@ -21,6 +21,7 @@ from app.session.commands import Edit, Load, Pin
 from app.session.headless_run import simulate
 from app.session.runner import Runner
 from drivers.waiting import until
+from tests.support.viser_insides import buffer_of
 
 pytestmark = pytest.mark.slow  # processes of its own
 
@@ -64,7 +65,7 @@ def until_answered(runner: Runner, answers: tuple[int, int]) -> None:
 def markup(dashboard: Dashboard) -> list[str]:
     """All HTML and Markdown that a page is sent."""
     sent = []
-    for message in list(dashboard._server._websock_server.get_message_buffer().message_from_id.values()):
+    for message in list(buffer_of(dashboard._server).message_from_id.values()):
         props = getattr(message, "props", None)
         sent += [getattr(props, name, "") for name in ("content", "_markdown", "_icon_html")]
         sent += [text for name, text in getattr(message, "updates", {}).items() if name in ("content", "_markdown")]

@@ -21,7 +21,6 @@ import viser
 import websockets
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from viser._messages import Message
 from websockets.asyncio.client import ClientConnection
 
 from app.dashboard.page import Dashboard
@@ -35,6 +34,7 @@ from app.session.runner import Runner
 from drivers.viser_protocol import PROTOCOL
 from drivers.waiting import PATIENCE
 from tests.support.drawn import drawn
+from tests.support.viser_insides import chosen, hotkeys_of, require_readable, widget_labelled, widgets_of
 
 pytestmark = pytest.mark.slow  # servers
 
@@ -215,7 +215,7 @@ def nearly_honest(draw: st.DrawFn) -> bytes:
 def test_what_is_admitted_viser_can_read(raw: bytes) -> None:
     with suppress(RefusedMessage):
         visitor().admit(raw)
-        Message.deserialize(raw)
+        require_readable(raw)
 
 
 def test_a_page_that_sends_too_much_waits_and_an_honest_one_never_does() -> None:
@@ -279,7 +279,7 @@ async def until(condition: Callable[[], bool], patience: float = PATIENCE) -> No
 
 def attacks(dashboard: Dashboard) -> list[bytes | str]:
     """What there is to send: to every widget of the page values that it may hold, and that it may not."""
-    widgets = dashboard._server.gui._gui_input_handle_from_uuid
+    widgets = widgets_of(dashboard._server)
     values = [
         True,
         0,
@@ -295,7 +295,7 @@ def attacks(dashboard: Dashboard) -> list[bytes | str]:
         [[1]],
         None,
     ]
-    sent = [pack(update(uuid, value)) for uuid in list(widgets) for value in values]
+    sent = [pack(update(uuid, value)) for uuid in widgets for value in values]
     sent += [pack(update(uuid, 1, name)) for uuid in list(widgets)[:5] for name in ("update_cb", "removed", "sync_cb")]
     sent += [pack(update("nobody", 1)), pack(part(0)), pack(upload(parts=10**9)), pack({"type": "ShareUrlRequest"})]
     sent += [
@@ -323,18 +323,10 @@ def test_thirty_thousand_messages_do_no_harm(
     dashboard, runner = unmetered
     first = runner.snapshot.scenario
     caplog.set_level(logging.WARNING)
-    widgets = dashboard._server.gui._gui_input_handle_from_uuid
 
-    commands = dashboard._server.gui._command_handle_from_uuid
-
-    def widget(label: str) -> str:
-        """The name of the one with this label."""
-        return next(uuid for uuid, handle in list(widgets.items()) if getattr(handle, "label", "") == label)
-
-    def pressed(key: str) -> dict[str, Any]:
+    def key(name: str) -> dict[str, Any]:
         """The message of a key that is a command of the page."""
-        uuid = next(uuid for uuid, handle in list(commands.items()) if handle.hotkey == key)
-        return {"type": "CommandTriggerMessage", "uuid": uuid}
+        return {"type": "CommandTriggerMessage", "uuid": hotkeys_of(dashboard._server)[name]}
 
     async def flood(first: int) -> None:
         connection, reading = await page(dashboard)
@@ -367,12 +359,12 @@ def test_thirty_thousand_messages_do_no_harm(
         # what the attacks have left depends on their order; in a scenario of theirs the arm may fall at once
         runner.post(Load(first))
         await until(lambda: runner.snapshot.scenario == first)
-        await honest.send(pack(update(widget("noise [N]"), f"0.125{ENTERED}")))
+        await honest.send(pack(chosen(widget_labelled(dashboard._server, "noise [N]"), f"0.125{ENTERED}")))
         await until(lambda: runner.snapshot.scenario.sensor.noise == 0.125)
-        await honest.send(pack(pressed("R")))
+        await honest.send(pack(key("R")))
         await until(lambda: runner.snapshot.t < 0.01 or runner.snapshot.phase == "running")
         if runner.snapshot.phase != "running":
-            await honest.send(pack(pressed("space")))
+            await honest.send(pack(key("space")))
         await until(lambda: runner.snapshot.phase == "running" and runner.snapshot.t > 0.1)
         assert not reading.done()
         await honest.close()

@@ -33,7 +33,20 @@ from app.session.changes import on_robot, on_surface
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from environments.catalogue import CATALOGUE
-from tests.support.added_members import ASKED, CLIP, CLIPPED, DAMPING, FADE, NOD, PUSHED, SLOPE, SOFT, STEEP, STEEP_ROW
+from tests.support.added_members import (
+    ASKED,
+    CLIP,
+    CLIPPED,
+    DAMPING,
+    FADE,
+    NOD,
+    PUSHED,
+    SLOPE,
+    SLOPED,
+    SOFT,
+    STEEP,
+    STEEP_ROW,
+)
 from tests.support.commands import Done
 from tests.support.pages import Page
 
@@ -84,6 +97,7 @@ def said_by_the_extended(tree: Path) -> str:
             f"\n{table}: ",
             f"\nfrom environments.{folder}.{module} import {kind}\n\n{table}: ",
         )
+    insert(tree / "environments" / "force_profiles" / "force_profile.py", "    omega: float\n", SLOPED)
     insert(tree / "environments" / "sensors.py", "STAGES: tuple[type[Stage], ...] = (", CLIP)
     insert(tree / "environments" / "sensors.py", "    noise: ", CLIPPED)
     insert(tree / "environments" / "sensors.py", "decades, field\n", "decades, field, slider\n")

@@ -26,7 +26,7 @@ from app.scenario.data import load
 from fuzzing import TARGETS
 from tests.support.pages import PAGES, ROOT, Command, Page
 
-RUN_HERE = ("run", "compare", "export", "list_")
+RUN_HERE = ("run", "compare", "export", "list_", "response")
 SHOWN = [(page, command) for page in PAGES for command in page.commands]
 SHORT = 0.05  # s of simulated time
 
@@ -201,6 +201,8 @@ def run_shortly(call: Call) -> int:
             arguments["last"] = SHORT
         if arguments.get("blend_at") is not None:
             arguments["blend_at"] = 0.0
+    elif "at" in arguments:
+        arguments["at"] = min(arguments["at"], SHORT)
     elif "start" in arguments:
         arguments |= {"start": 0.0, "end": SHORT}
         if not arguments["run"].endswith(".npz"):

@@ -51,7 +51,7 @@ def test_run_is_finite_repeats_bit_for_bit_and_is_the_same_compiled(case: tuple[
     before = to_toml(scenario)
     loop = ClosedLoop.from_scenario(scenario)
     first, second = table(loop), table(ClosedLoop.from_scenario(scenario, previous=loop.system))
-    massive = loop.system.plant.kind.massive
+    massive = loop.system.plant.nature.massive
     if massive:
         # the tool begins where phi = 0: rounding would decide whether a one-sided surface's mass joins it at once
         loop = ClosedLoop.from_scenario(edited(scenario, "contact.unilateral", False), previous=loop.system)

@@ -72,7 +72,7 @@ CORNERS = ("ur5-corner", "ur5-corner-coupled", "ur5-corner-rigid", "ur5-groove-m
 @pytest.mark.parametrize("name", CORNERS)
 def test_shipped_corners_are_pressed_and_followed_by_a_heavier_arm(name: str) -> None:
     loop, _ = simulate(load(name))
-    found, rigid = metrics_of(loop), loop.system.plant.kind.rigid
+    found, rigid = metrics_of(loop), loop.system.plant.nature.rigid
     assert loop.stopped is None
     assert found.motion_error_tail is None or found.motion_error_tail < 1e-4  # None: the tool only turns
     assert found.force_error_tail is not None

@@ -132,9 +132,8 @@ def test_a_body_that_is_left_and_met_again_keeps_the_energy() -> None:
     stay together, since the force has no jump where a face is met or left."""
     system = assemble(faces(2, "elastic", **{"contact.B_e": 0.0, "second.contact.B_e": 0.0, "coupling.B_e": [0, 0, 0]}))
     plant = system.plant
-    exact = Plant(
-        system.robot, plant.truth, system.surfaces, plant.kind, plant.contacts, "rk4", 2, plant.face, plant.environment
-    )
+    parts = (system.robot, plant.truth, system.surfaces, plant.nature, plant.contacts)
+    exact = Plant(*parts, "rk4", 2, plant.face, plant.environment)
     state = exact.start(system.q_0, np.array([0.1, 0.3, -0.2, 0.1, 0.2, 0.1]), 0.0)
     model, data, energy, acts = exact.model, exact.model.createData(), [], []
     weight = pin.computeGeneralizedGravity(model, data, system.q_0)
@@ -318,7 +317,7 @@ def test_changes_of_a_coupled_corner_that_are_made_with_one_choice() -> None:
     followed = possible(with_control(scenario, "second.control", "path"), assemble)
     assert followed.plan.followed.sets == 1
     assert not possible(with_control(load("ur5-corner"), "second.control", "path"), assemble).plan.followed.sets
-    assert possible(in_mode(scenario, "constrained"), assemble).plant.kind.rigid
+    assert possible(in_mode(scenario, "constrained"), assemble).plant.nature.rigid
     assert possible(in_mode(scenario, "impedance"), assemble).plant.environment.coupled
     assert not possible(with_further(scenario, "second", "free"), assemble).plant.environment.coupled
     loop = ClosedLoop.from_scenario(scenario)

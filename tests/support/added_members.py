@@ -118,7 +118,7 @@ from parameters import field, slider
 
 @inline
 def _at(course, t):
-    return course.start + course.change * t, course.change, 0.0
+    return course.start + course.slope * t, course.slope, 0.0
 
 
 class Growing(ForceProfile, frozen=True, forbid_unknown_fields=True, tag="growing"):
@@ -131,8 +131,11 @@ class Growing(ForceProfile, frozen=True, forbid_unknown_fields=True, tag="growin
 
     @property
     def course(self) -> ForceCourse:
-        return ForceCourse(0, self.value, self.growth, 0.0, 0.0, 0.0)
+        return ForceCourse(0, self.value, 0.0, 0.0, 0.0, 0.0)._replace(slope=self.growth)
 '''
+SLOPED = """    omega: float
+    slope: float = 0.0  # N/s
+"""
 CLIP = '''class Clip(Stage):
     """The sensor shows no more than this."""
 

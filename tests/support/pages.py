@@ -68,8 +68,8 @@ class Page:
     def hidden(self) -> list[str]:
         """Lines that look like commands in blocks that `commands` does not read."""
         blocks = [block for language, block in FENCE.findall(self.text) if language not in ("sh", "console")]
-        lines = [*"\n".join(blocks).splitlines(), *re.findall(r"^    (.*)$", self.prose, re.MULTILINE)]
-        return [line for line in lines if COMMAND.match(line)]
+        lines = [*"\n".join(blocks).splitlines(), *re.findall(r"^    .*$", self.prose, re.MULTILINE)]
+        return [line.strip() for line in lines if COMMAND.match(line.strip())]
 
 
 def statements(script: str) -> Iterator[tuple[str, ...]]:

@@ -109,12 +109,12 @@ class ExportPanel:
         """Do nothing: no widget of this panel depends on the scenario."""
 
     def _shown(self) -> _Part:
-        """What the plots show now."""
+        """Stretch of the run that the plots show now."""
         snapshot = self._desk.snapshot()
         return _Part(snapshot, snapshot.t - self._desk.viewing.window, snapshot.t)
 
     def _chosen(self) -> _Part:
-        """What is chosen for the data and the playback."""
+        """Stretch of the run that is chosen for the data and the playback."""
         if self._part.value != WHOLE:
             return self._shown()
         snapshot = self._desk.snapshot().at_end

@@ -222,7 +222,7 @@ def _number(value: float | None) -> str:
 
 
 def _against(value: float | None, now: float | None) -> str:
-    """How much a value differs from that of the present run, as HTML: in per cent, or as a multiple from twice on."""
+    """Difference of a value from that of the present run, as HTML: in per cent, or as a multiple from twice on."""
     if value is None or now is None or abs(now) < 1e-12:
         return ""
     times = value / now

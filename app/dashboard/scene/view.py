@@ -212,7 +212,7 @@ def _task_begun(snapshot: Snapshot, since: float) -> float:
 
 
 def _task_of(scenario: Scenario) -> tuple[object, ...]:
-    """What the coordinates r depend on."""
+    """Parts of a scenario that the coordinates r depend on."""
     surfaces = [(each.path, each.form) for each in scenario.surfaces]
     return scenario.mode, scenario.robot, scenario.task_space, surfaces, scenario.face
 

@@ -1,1 +1,1 @@
-"""What builds the parts of a system from the sections of a scenario, and refuses those that cannot run."""
+"""Builders of the parts of a system from the sections of a scenario, and checks that refuse those that cannot run."""

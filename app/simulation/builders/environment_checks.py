@@ -89,7 +89,7 @@ def _require_definite(
 
 
 def face_obstacle(scenario: Scenario) -> str | None:
-    """Why a flat tool cannot touch the scenario's surfaces, None where it can."""
+    """Reason why a flat tool cannot touch the scenario's surfaces, None where it can."""
     number, form, contact = len(scenario.surfaces), scenario.surface, scenario.contact
     if number > 1:
         return f"on {number} surfaces; allowed: on one"

@@ -25,9 +25,9 @@ def starting_posture(scenario: Scenario, plant: Plant, robot: robots.Robot, nomi
     """Posture (n,) rad at the start, on rigid surfaces: the nearest one in the metric of the believed arm, since the
     reference begins there and does not depend on the true one. Raises ScenarioError, which names the surface that is
     farthest from the tool, or IrregularCorner."""
-    if not plant.kind.rigid:
+    if not plant.nature.rigid:
         return robot.posture
-    believed = Plant(robot, Truth.as_believed(robot.n), plant.surfaces, plant.kind, plant.contacts, face=plant.face)
+    believed = Plant(robot, Truth.as_believed(robot.n), plant.surfaces, plant.nature, plant.contacts, face=plant.face)
     try:
         return believed.start(robot.posture, np.zeros(robot.n), 0.0).views.q
     except ValueError as error:

@@ -30,7 +30,7 @@ def unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[Sti
     """Stiff elements of the plant that its step does not follow."""
     step = scenario.controller.period / plant.substeps
     K_t = scenario.face.K_t if scenario.face.flat else 0.0
-    parts = (plant.kind, plant.contacts, plant.environment, plant.truth)
+    parts = (plant.nature, plant.contacts, plant.environment, plant.truth)
     paths = [each.path for each in scenario.surfaces]
     known = stiff_elements(*parts, mobility, K_t, plant.model.nv, paths)
     return [each for each in known if not resolved(scenario.simulation.integrator, each, step)]

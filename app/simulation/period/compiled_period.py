@@ -16,7 +16,7 @@ from app.simulation.period.implicit_force import FORCE_ITERATIONS, better_guess,
 from controllers.posture_check import periods_between_checks
 from controllers.premises import DOMAIN
 from environments.integrators import (
-    STAGES,
+    RK4_STAGES,
     begin_stages,
     drift,
     end_stages,
@@ -283,7 +283,7 @@ def _move(run, workspace, arm, twin, t):
                 semi_implicit_euler(arm, h)
             elif run.integrator == RK4:
                 begin_stages(workspace, arm, twin)
-                for weight, ahead in STAGES:
+                for weight, ahead in RK4_STAGES:
                     next_stage(workspace, arm, twin, weight, ahead * h)
                     _accelerate(run, workspace, twin, now + ahead * h)
                 end_stages(workspace, arm, twin, h)

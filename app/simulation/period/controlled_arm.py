@@ -82,7 +82,7 @@ class ControlledArm:
             self.along = ReferenceEstimates(system.nominal, lipschitz, way, system.posture_at, self._h, state.along)
         arm, evaluation = state.arm, state.evaluation
         self._q, self._q_dot, self._force = arm.views.q, arm.views.q_dot, arm.views.load.wrench
-        self.ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
+        self.ideal = system.scenario.sensor.ideal and system.plant.nature.heavy
         self.scripted = system.push if system.push.acts else None
         self._applied, self.push = evaluation.views.applied, evaluation.views.push
         self._check_due = evaluation.data["check_due"]
@@ -275,16 +275,16 @@ def _setting_of(system: System, *, online: bool) -> Setting:
     scenario, plant = system.scenario, system.plant
     rigid, meets, pressed = np.zeros((3, 3), dtype=np.int64)
     for i, each in enumerate(system.plant.contacts):
-        rigid[i] = plant.kind.rigid
-        meets[i] = plant.kind.massive and each.M_e > 0.0 and each.unilateral
-        pressed[i] = i < system.pressed and plant.kind.springs and each.unilateral
+        rigid[i] = plant.nature.rigid
+        meets[i] = plant.nature.massive and each.M_e > 0.0 and each.unilateral
+        pressed[i] = i < system.pressed and plant.nature.springs and each.unilateral
     return Setting(
         observation_model=system.observer.observation_model,
         plan=system.plan,
         gains=system.controller.gains,
         period=scenario.controller.period,
         online=online,
-        heavy=plant.kind.heavy,
+        heavy=plant.nature.heavy,
         judged=True,
         torque_limit=np.broadcast_to(plant.truth.torque_limit, system.robot.n),
         limits=Limits(scenario.simulation.sigma_min, SPEED_LIMIT, *system.robot.ranges, rigid, meets, pressed),

@@ -120,9 +120,9 @@ class PremiseWatch:
         nearest, distance = system.constants.omega.centre_near(state.arm.views.q)
         self._state_premise(Premise.DOMAIN, distance, system.constants.radius)
         limits, away = self._arm.settings.views.limits, state.arm.views.holding.held[: len(system.surfaces)] == 0
-        absent = float(away.sum()) if system.plant.kind.rigid else 0.0
+        absent = float(away.sum()) if system.plant.nature.rigid else 0.0
         may_leave = any(each.unilateral for each in system.plant.contacts[: len(system.surfaces)])
-        if (system.plant.kind.rigid and (may_leave or absent > 0.0)) or limits.meets.any():
+        if (system.plant.nature.rigid and (may_leave or absent > 0.0)) or limits.meets.any():
             self._state_premise(Premise.CONTACT, absent, 0.0)
         state.judged = JudgedPosture(None, np.full(system.robot.n, np.nan), state.t, self.share)
         self.judge_posture(nearest)
@@ -330,7 +330,7 @@ class PremiseWatch:
                 layer_reached_by=None if layer is None else state.epoch.layer_reached_by,
                 band_reached_by=None if band is None else state.epoch.band_reached_by,
             )
-        rigid = self.system.plant.kind.rigid
+        rigid = self.system.plant.nature.rigid
         if Alarm.CONTACT_LOST in alarms and not rigid:
             left = surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.pressed] != 0.0)))
             self.leave_domain("flag", f"contact lost: the tool has left {left}, so its force is not controlled")

@@ -41,23 +41,23 @@ def felt_per_wrench(system: System, at: Posture) -> np.ndarray:
 
 def model_in_contact(system: System, at: Posture) -> SecondOrder:
     """(8) against the true contact, in the directions in which the arm can move."""
-    model, kind, basis = system.controller.model, system.plant.kind, free_directions(system, at)
+    model, nature, basis = system.controller.model, system.plant.nature, free_directions(system, at)
     M, B, K = model.M_m, model.B_m, model.K_m
     a, environment, k = at.across, system.plant.environment, len(system.surfaces)
     by_force = model.K_f @ felt_per_wrench(system, at)[:, :3]
     felt = by_force @ at.normals.T
-    if kind.massive:
+    if nature.massive:
         M = M + felt @ environment.M_e[:k, :k] @ a.T
-    if kind.springs:
+    if nature.springs:
         B = B + felt @ environment.B_e[:k, :k] @ a.T
         K = K + felt @ environment.K_e[:k, :k] @ a.T
     moved = at.estimate.J_v @ at.task.J_q_inv  # velocity of the tool point by that of r
-    for normal, contact in zip(at.normals, system.plant.contacts if kind.touches else (), strict=False):
+    for normal, contact in zip(at.normals, system.plant.contacts if nature.touches else (), strict=False):
         along = moved - np.outer(normal, normal @ moved) / (normal @ normal)
         B = B + contact.friction_viscous * by_force @ along
     first, K_t = system.plant.contacts[0], system.scenario.face.K_t
     for a in at.turning.T:
         felt = model.K_f @ np.outer(system.controller.controlled * a, a)
-        B = B + felt * (first.B_e * K_t / max(first.K_e, SOFTEST) if kind.springs else 0.0)
-        K = K + felt * (K_t if kind.springs else 0.0)
+        B = B + felt * (first.B_e * K_t / max(first.K_e, SOFTEST) if nature.springs else 0.0)
+        K = K + felt * (K_t if nature.springs else 0.0)
     return SecondOrder(basis.T @ M @ basis, basis.T @ B @ basis, basis.T @ K @ basis)

@@ -84,7 +84,7 @@ class Posture:
 def free_directions(system: System, at: Posture) -> np.ndarray:
     """Orthonormal directions (n, k) in which the arm can move; each rigid surface takes one away."""
     n = system.layout.n
-    if not system.plant.kind.rigid:
+    if not system.plant.nature.rigid:
         return np.eye(n)
     return np.linalg.qr(np.column_stack([at.across, np.eye(n)]))[0][:, at.across.shape[1] : n]
 
@@ -135,7 +135,7 @@ class PeriodMap:
         model = controller.model
         self._yields = np.linalg.pinv(model.K_m) @ model.K_f  # where (8) rests, per N
         self._speeds = sum(len(part) for part in self._parts[2:])
-        if still.plant.kind.heavy and not system.scenario.sensor.ideal:
+        if still.plant.nature.heavy and not system.scenario.sensor.ideal:
             self._parts.append(state.arm.views.load.wrench[:3])
         self.rest_at(at)
 
@@ -148,7 +148,7 @@ class PeriodMap:
         force = self._desired_force(at.t)
         system.plant.press(at.estimate.p, at.t, self._unilateral, force)
         state.arm.take(system.plant.start(at.q, q_dot, at.t))
-        if system.plant.kind.rigid:
+        if system.plant.nature.rigid:
             state.arm.views.load.multiplier[: len(force)] = force
             state.arm.views.load.wrench[:3] = at.normals.T @ force
         load = state.arm.read().load

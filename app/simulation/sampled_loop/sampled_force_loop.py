@@ -57,7 +57,7 @@ def force_factor(system: System, at: Posture) -> float:
 def worst_force_loop(system: System, at: Posture, loads: list[UnitLoad], added: tuple[float, ...]) -> ForceLoopFactor:
     """Largest force-loop factor over the loads, and its premise value including the gain's feedback. loads: see
     `unit_loads`; added: `GainFeedback.added` of each."""
-    if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
+    if not system.plant.nature.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
         return ForceLoopFactor(math.nan, math.nan)
     model, masses = system.controller.model, _surface_mass(system)
     sensor = system.contact_sensor.gain, system.contact_sensor.late
@@ -71,7 +71,7 @@ def worst_force_loop(system: System, at: Posture, loads: list[UnitLoad], added: 
 def unit_loads(system: System, at: Posture) -> list[UnitLoad]:
     """Loads without Coulomb friction, and with that of a slip in each direction along all surfaces."""
     forces = [at.normals.T]
-    if system.plant.kind.heavy:
+    if system.plant.nature.heavy:
         forces += [at.normals.T + drag for drag in drags(system, at, range(len(at.normals)))]
     by_force, felt = at.task.J_q_inv.T @ at.estimate.J_v.T, felt_per_wrench(system, at)[:, :3]
     return [UnitLoad(by_force @ force, felt @ force) for force in forces]
@@ -95,14 +95,14 @@ def drags(system: System, at: Posture, touched: Sequence[int]) -> list[np.ndarra
 def _surface_mass(system: System) -> np.ndarray:
     """Mass of the surfaces (k, k) kg, infinite on the diagonal of rigid ones."""
     k = len(system.surfaces)
-    return np.diag(np.full(k, math.inf)) if system.plant.kind.rigid else system.plant.environment.M_e[:k, :k]
+    return np.diag(np.full(k, math.inf)) if system.plant.nature.rigid else system.plant.environment.M_e[:k, :k]
 
 
 def gain_by_force(system: System, at: Posture, loads: Sequence[UnitLoad]) -> list[GainFeedback]:
     """Feedback of the gain d by (17) through the force on rigid or heavy surfaces, for each of the loads. Of several
     surfaces, changes of all their forces add up."""
     controller = system.controller
-    if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
+    if not system.plant.nature.heavy or controller.d is not None or not controller.law.robust:
         return [GainFeedback(math.nan, 0.0)] * len(loads)
     masses, Y, slope = _surface_mass(system), np.linalg.solve(at.H_hat, at.across), _slope_of_gain(system, at)
     found = []
@@ -117,7 +117,7 @@ def gain_by_force(system: System, at: Posture, loads: Sequence[UnitLoad]) -> lis
 def worst_gain_by_force(system: System, q: np.ndarray, t: float) -> float:
     """Largest gain of `gain_by_force` over all directions of slip at the posture q (n,) rad at time t (s); nan where
     there is none, or J_q is singular."""
-    if not system.plant.kind.heavy:
+    if not system.plant.nature.heavy:
         return math.nan
     try:
         at = Posture.of(system, q, t)

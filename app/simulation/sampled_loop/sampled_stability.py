@@ -165,7 +165,7 @@ class SampledLoops:
         around_rest, period = self._map(at, touched), self.system.scenario.controller.period
         found = around_rest.linearised()
         drifting = len(self._whole) - len(touched) if self.system.mode.on_surface else 0
-        maps, slips = [found.A], [] if self.system.plant.kind.heavy else drags(self.system, at, touched)
+        maps, slips = [found.A], [] if self.system.plant.nature.heavy else drags(self.system, at, touched)
         if slips:
             by_push, k = around_rest.by_push()[:, :3], len(self.system.surfaces)
             maps += [found.A - by_push @ drag @ found.load[:k] for drag in slips]
@@ -186,7 +186,7 @@ def touched_at_once(system: System) -> list[Touched]:
     """Choices of surfaces that the tool may touch at once, all of them first: springs that only push may be left in
     each choice, but in a mode that keeps the tool on surfaces not all of them."""
     whole, contacts = tuple(range(len(system.surfaces))), system.plant.contacts
-    if not system.plant.kind.springs:
+    if not system.plant.nature.springs:
         return [whole]
     kept = {i for i in whole if not contacts[i].unilateral}
     sizes = range(1 if system.mode.on_surface else 0, len(whole))
@@ -236,5 +236,5 @@ def _kept_on_surface(system: System, at: Posture) -> System:
 
 def _reads_contact(system: System) -> bool:
     """Whether the law takes a sampled reading of the contact's force."""
-    kind, ideal = system.plant.kind, system.scenario.sensor.ideal
-    return kind.touches and system.controller.law.feels_force and not (kind.heavy and ideal)
+    nature, ideal = system.plant.nature, system.scenario.sensor.ideal
+    return nature.touches and system.controller.law.feels_force and not (nature.heavy and ideal)

@@ -229,7 +229,7 @@ class RobustnessMap(BackgroundWork[BackgroundSweep]):
 
 
 def shown_by(sweep: Sweep, view: SweepView) -> str:
-    """What a map shows, as a part of its files' names."""
+    """Part of the names of a map's files: what it shows."""
     arms = f"-{sweep.draw}-arms" if sweep.draw else ""
     return replace(view, over=tuple(axis.path for axis in sweep.vary)).name + arms
 

@@ -138,7 +138,7 @@ def reaching(snapshot: Snapshot) -> ShowAgain | None:
 
 
 def _unseen(snapshot: Snapshot) -> str:
-    """Why there is no reaching phase to see, and what allows it."""
+    """Reason why there is no reaching phase to see, and what allows it."""
     if not snapshot.system.controller.law.robust:
         return "the law in force has no s; allowed: under the robust law (key L)"
     if snapshot.state.epoch.t < snapshot.first:

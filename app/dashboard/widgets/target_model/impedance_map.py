@@ -27,7 +27,7 @@ _ALIKE = 0.01  # decades within which two lines look like one
 
 @dataclass(frozen=True)
 class _Drawn:
-    """What a map draws of a response.
+    """Data of a response that a map draws.
     frequency: (N,) Hz.
     sampled, target: (N, p), impedance along each axis, of the sampled loop and of the target model.
     passive: (N,), whether no sinusoidal push gets energy from the arm.
