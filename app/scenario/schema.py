@@ -364,7 +364,9 @@ class Simulation(Section, frozen=True, forbid_unknown_fields=True):
             title="radius of Ω",
         ),
     ] = 0.15
-    sigma_min: Annotated[float, field("J_q counts as singular below this singular value", "m", ge=0, le=1)] = 0.01
+    sigma_min: Annotated[
+        float, field("J_q counts as singular below this singular value", "m", of="J_q", ge=0, le=1)
+    ] = 0.01
     leaving_domain: Annotated[
         Literal["stop", "flag"],
         field(
