@@ -10,6 +10,7 @@ import time
 import numpy as np
 
 from app.process.markdown import Table
+from app.process.priority import RealTimePriority
 from benchmarks.browser import chromium, opened
 from benchmarks.effort import Effort
 from benchmarks.served import Served, served
@@ -20,11 +21,13 @@ SETTLE = 3.0  # s
 
 def measure(effort: Effort) -> Table:
     """Table of paces. Raises RuntimeError when the loop stopped."""
-    with served(SCENARIO) as dashboard:
-        rows = [("without a page", *_pace(dashboard, effort.pacing))]
-        with chromium() as browser:
+    rows: list[tuple[str, ...]] = []
+    for words, priority in (("real-time priority", RealTimePriority()), ("usual priority", None)):
+        with served(SCENARIO, priority=priority) as dashboard, chromium() as browser:
+            if priority is None:
+                rows.append(("without a page", *_pace(dashboard, effort.pacing)))
             page = opened(browser, dashboard.url)
-            rows.append(("with a page", *_pace(dashboard, effort.pacing)))
+            rows.append((f"with a page, {words}", *_pace(dashboard, effort.pacing)))
             page.close()
     titles = ("steps per s", "late p50, ms", "p99, ms", "p99.9, ms", "max, ms", "processor, %")
     return Table((f"1 kHz for {effort.pacing:.0f} s", *titles), rows)

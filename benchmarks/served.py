@@ -18,6 +18,7 @@ import numpy as np
 
 from app.dashboard.page import Dashboard
 from app.process import log
+from app.process.priority import RealTimePriority
 from app.scenario.data import load
 from app.session import runner as runner_module
 from app.session.commands import SetSpeed
@@ -79,11 +80,14 @@ class Served:
 
 
 @contextlib.contextmanager
-def served(scenario: str, speed: float = 1.0, log_file: Path | None = None) -> Iterator[Served]:
-    """Context in which the dashboard runs. speed: of the loop, times real time. log_file: to which it logs as well."""
+def served(
+    scenario: str, speed: float = 1.0, log_file: Path | None = None, priority: RealTimePriority | None = None
+) -> Iterator[Served]:
+    """Context in which the dashboard runs. speed: of the loop, times real time. log_file: to which it logs as well.
+    priority: of the loop's thread, None for the usual one."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(theirs, scenario, speed, log_file), daemon=True)
+    process = context.Process(target=_serve, args=(theirs, scenario, speed, log_file, priority), daemon=True)
     process.start()
     theirs.close()  # else the end of the process would not end the connection
     try:
@@ -109,14 +113,16 @@ def _noting(uses: list[tuple[float, float]]) -> type[ClosedLoop]:
     return Noting
 
 
-def _serve(connection: Connection, scenario: str, speed: float, log_file: Path | None) -> None:
+def _serve(
+    connection: Connection, scenario: str, speed: float, log_file: Path | None, priority: RealTimePriority | None
+) -> None:
     log.configure(file=log_file)
     uses: list[tuple[float, float]] = []
     with contextlib.redirect_stdout(io.StringIO()), mock.patch.object(runner_module, "ClosedLoop", _noting(uses)):
         dashboard = Dashboard(port=0)
         runner = Runner(load(scenario))
         runner.post(SetSpeed(speed))
-        runner.start()
+        runner.start(priority)
         dashboard.attach(runner)
         threading.Thread(target=_answer, args=(connection, runner, uses, dashboard.close), daemon=True).start()
         connection.send(dashboard.url)

@@ -19,6 +19,7 @@ from app.dashboard.widgets.page.last_session import left_by
 from app.process import precompile
 from app.process.deadline import FAILED, end_within
 from app.process.interruption import Interruption
+from app.process.priority import RealTimePriority
 from app.process.terminal_text import print_line
 from app.scenario.errors import ScenarioError, scenario_errors
 from app.scenario.own_code import own_code
@@ -50,7 +51,7 @@ def serve(
             events.info("listening", url=dashboard.url)
             folder = None if stateless else _state_folder(state_dir)
             runner = _prepared(scenario, dashboard)
-            runner.start()
+            runner.start(RealTimePriority())
             events.info("session opened", scenario=scenario.name)
             dashboard.attach(runner)
             if folder is not None:

@@ -16,7 +16,7 @@ import numpy as np
 import structlog
 
 from app.process.free_memory import give_back
-from app.process.time_slice import shorten_time_slice
+from app.process.priority import RealTimePriority
 from app.scenario.schema import Scenario
 from app.session.commanded_run import CommandedRun
 from app.session.commands import Blend, Command, DragTool, Edit, EditModel, FieldEdit, PushNow, Seek, needs_kernels
@@ -31,7 +31,6 @@ log = structlog.get_logger()
 BATCH = 0.005  # s of wall time whose steps are computed together, unless a hand holds the tool
 UNWATCHED = 0.1  # s, the same while nobody has read a snapshot for `FORGOTTEN` s
 FORGOTTEN = 1.0
-TIME_SLICE = 0.0002  # s, of the loop's thread: in real time the steps of a batch take less
 LEAST_REST = 0.0002  # s, the shortest rest of the thread: at high speeds several steps share it, also with a hand
 PUBLISH = 1 / 60  # s, between two snapshots that are read; also the longest rest, and the longest batch of steps
 UNREAD = 0.25  # s, until a snapshot that nobody has read is replaced
@@ -59,6 +58,7 @@ class Runner:
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._wake = threading.Event()  # the thread rests no longer
         self._closing = threading.Event()
+        self._priority: RealTimePriority | None = None
         self._thread = threading.Thread(target=self._run, name="closed-loop", daemon=True)
         self._executed = 0
         self._posting, self.posted = threading.Lock(), 0
@@ -80,8 +80,10 @@ class Runner:
         at most `UNREAD` s old while the run goes on, and never older than the last command."""
         return self._newest
 
-    def start(self) -> None:
-        """Start running in real time."""
+    def start(self, priority: RealTimePriority | None = None) -> None:
+        """Start running in real time. priority: of the loop's thread, None for the usual one, e.g. where many loops
+        share a machine."""
+        self._priority = priority
         # the loop's thread must not wait for that of the screen longer than a control period or so
         sys.setswitchinterval(5e-4)
         # a full collection of what is imported and compiled by now, none of it garbage, would hold the loop for 0.2 s
@@ -116,14 +118,11 @@ class Runner:
         return number
 
     def _run(self) -> None:
-        try:
-            shorten_time_slice(TIME_SLICE)
-        except OSError as error:  # e.g. forbidden in a container: the loop is only later on a busy machine
-            log.info("time slice as usual", reason=error.strerror)
         while not self._closing.is_set():
             try:
                 self._pace()
             except Exception as error:  # any exception ends the run, never the thread: commands are still carried out
+                self._give_priority_back()
                 self._stop("the loop", error)
                 self._newest = self._still()
                 self._closing.wait(PUBLISH)
@@ -141,6 +140,7 @@ class Runner:
         while not self._closing.is_set():
             self._wake.clear()
             if queued := self._queued():
+                self._give_priority_back()
                 published, changed = -math.inf, True
                 if self._obey(queued):
                     schedule = self._schedule()
@@ -162,7 +162,22 @@ class Runner:
             if changed and now - published > (PUBLISH if self._read else UNREAD):
                 published, changed, self._read = now, False, False
                 self._newest = self._publish()
+            if self._priority and self._keeps_up:
+                self._priority.hold()
+            else:
+                self._give_priority_back()
             self._wake.wait(self._rest(schedule))
+
+    @property
+    def _keeps_up(self) -> bool:
+        """Whether the loop keeps up with real time and rests between its batches: one that does not would leave nothing
+        of a core to threads of lower priority."""
+        return self._commanded.going and self._commanded.speed <= 1.0 and not (self._pace_now and self._pace_now.slowed)
+
+    def _give_priority_back(self) -> None:
+        """Go on at the usual priority, e.g. for a command, which may compile or read a file."""
+        if self._priority:
+            self._priority.give_back()
 
     def _rest(self, schedule: Schedule) -> float:
         """Longest time (s) that the thread may rest if no command comes.

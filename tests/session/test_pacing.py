@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from app.dashboard.widgets.page.status import status_html
+from app.process.priority import RealTimePriority
 from app.scenario.data import edited, shipped
-from app.session.commands import DragTool, Edit, Pause, Reset, Seek, SetSpeed, ShowAgain, ToEnd
+from app.session.commanded_run import CommandedRun
+from app.session.commands import Command, DragTool, Edit, Pause, Play, Reset, Seek, SetSpeed, ShowAgain, ToEnd
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -173,3 +175,39 @@ def test_another_run_is_not_shown_slowly(runner: Runner):
     run = wait(runner, lambda now: now.speed == 0.01).run
     runner.post(Reset())
     wait(runner, lambda now: now.run > run and now.speed == 1.0)
+
+
+class _Priority(RealTimePriority):
+    """Real-time priority that is held by its word only."""
+
+    def hold(self) -> None:
+        self.held = True
+
+    def give_back(self) -> None:
+        self.held = False
+
+
+def test_a_loop_has_real_time_priority_only_while_it_keeps_up_with_real_time(monkeypatch: pytest.MonkeyPatch):
+    priority, held = _Priority(), list[bool]()
+    obey = CommandedRun.execute
+
+    def noting(run: CommandedRun, command: Command) -> bool:
+        held.append(priority.held)
+        return obey(run, command)
+
+    monkeypatch.setattr(CommandedRun, "execute", noting)
+    runner = Runner(shipped()["planar2r-semicircle"])
+    runner.start(priority)
+    try:
+        until(lambda: priority.held)
+        for command, coming_back in ((SetSpeed(2.0), SetSpeed(1.0)), (Pause(), Play())):
+            runner.post(command)
+            until(lambda: not priority.held)
+            runner.post(coming_back)
+            until(lambda: priority.held)
+        slow = Pace(requested=1000.0, achieved=800.0, late_median=0.0, late_most=0.0, seconds=2.0)
+        monkeypatch.setattr(PaceMeter, "pace", lambda *_: slow)
+        until(lambda: not priority.held)
+    finally:
+        runner.close()
+    assert held == [False] * 4  # no command is carried out at it
