@@ -206,6 +206,8 @@ def test_keys_count_by_their_place_where_the_keyboard_has_other_signs(
             session.wait(lambda now: now.run == run + 1)
         case "presentation":
             page.locator("html[data-stage]").wait_for()
+            press()
+            page.locator("html:not([data-stage])").wait_for()
         case "help":
             page.locator(".vs-help").wait_for()
             press()
