@@ -112,6 +112,9 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: PageSession):
     for title in PANELS:
         page.get_by_placeholder("Search commands").fill(title)
         expect(palette.first.locator(".mantine-Spotlight-actionLabel")).to_have_text(f"Controls: {title}")
+    for part, title in {"desired force": "Task", "damping": "Model", "friction": "World", "URDF": "Robot"}.items():
+        page.get_by_placeholder("Search commands").fill(part)
+        expect(palette.first.locator(".mantine-Spotlight-actionLabel")).to_have_text(f"Controls: {title}")
 
     def choose(command: str) -> None:
         page.get_by_placeholder("Search commands").fill(command)

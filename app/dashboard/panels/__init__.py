@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from app.dashboard.panels.controller import ControllerPanel
 from app.dashboard.panels.export import ExportPanel
@@ -19,7 +19,11 @@ from app.session.snapshot import Snapshot
 
 
 class Panel(Protocol):
-    """Panel: one tab of controls. It makes its widgets in the current container; `show` sets them to a snapshot."""
+    """Panel: one tab of controls. It makes its widgets in the current container; `show` sets them to a snapshot.
+
+    holds: what is in it, for the command palette."""
+
+    holds: ClassVar[str]
 
     def __init__(self, desk: Desk) -> None: ...
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from typing import ClassVar
 
 import viser
 
@@ -36,6 +37,8 @@ def _own(desk: Desk, law: ControlLaw, p: Parameter) -> NumberField:
 class ControllerPanel:
     """Controller panel: the law, its gains, and the live numbers of the theorem. Controls without a meaning for the
     present law are hidden."""
+
+    holds: ClassVar = "law, robust term, gain d, bounds, switching, sliding surface, domain Ω, constants, computation"
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui

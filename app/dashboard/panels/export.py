@@ -7,6 +7,7 @@ import io
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import viser
 from PIL import Image
@@ -73,6 +74,8 @@ class _Part:
 class ExportPanel:
     """Export panel. Each file is made from the present snapshot in another process, so that the run goes on; one file
     at a time, see `FileDelivery`."""
+
+    holds: ClassVar = "figure, data (CSV, NPZ), 3-D playback, 3-D picture, scenario file, load a scenario"
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from html import escape
+from typing import ClassVar
 
 import numpy as np
 import structlog
@@ -46,6 +47,8 @@ log = structlog.get_logger()
 
 class LessonsPanel:
     """Lessons panel. Like the run that it changes, all pages of a session share the lesson that is open."""
+
+    holds: ClassVar = "lessons, exercises, class"
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 import viser
@@ -48,6 +48,8 @@ class _View(Protocol):
 class ModelPanel:
     """Model panel: three views of the target model, of which the page shows one (state of the page), and below them
     pole map, checks and impedance."""
+
+    holds: ClassVar = "target model: mass M_m, damping B_m, stiffness K_m, force gain K_f, ω and ζ, poles, impedance"
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -39,6 +39,8 @@ def _inertia_stated(scenario: Scenario) -> bool:
 
 class RobotPanel:
     """Robot panel: the arm, then the verdict, the true arm and the declared bounds."""
+
+    holds: ClassVar = "the true arm, masses, bounds declared or stated as in (7), tool and posture, own URDF"
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui

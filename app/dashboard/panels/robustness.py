@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from app.dashboard.widgets.families.gain_search import GainSearch
 from app.dashboard.widgets.families.robustness_map import RobustnessMap
 from app.dashboard.widgets.fields.controls import Desk
@@ -12,6 +14,8 @@ from app.session.snapshot import Snapshot
 
 class RobustnessPanel:
     """Robustness panel: the map, and below it the search. Both are computed beside the loop."""
+
+    holds: ClassVar = "robustness map, sweep, search for better gains"
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from html import escape
-from typing import Literal
+from typing import ClassVar, Literal
 
 import viser
 
@@ -31,6 +31,8 @@ _EVERY = 1.0  # s, between two updates of the metrics
 class RunsPanel:
     """Runs panel: buttons to pin, name and forget runs, and a table of metrics over the last seconds of each run, or
     over the same instants of all runs."""
+
+    holds: ClassVar = "pin this run, compare runs, metrics"
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk

@@ -39,7 +39,8 @@ class ControlTabs:
             with tabs.add_tab(title):
                 gui.add_html(visible_parts.panel_marker_html(_reported(title)))
                 self._panels[_reported(title)] = panel(desk)
-            gui.add_command(f"Controls: {title}")  # each page opens it for itself: static/page/palette.js
+            # each page opens it for itself: static/page/palette.js
+            gui.add_command(f"Controls: {title}", description=panel.holds)
         (self.robustness,) = (panel for panel in self._panels.values() if isinstance(panel, RobustnessPanel))
         self._due = 0.0
         self._of: object = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from html import escape
-from typing import Any
+from typing import Any, ClassVar
 
 from app.dashboard.transport.page_values import PageEvent, from_pages
 from app.dashboard.widgets.fields.controls import Control, Desk, Dropdown, NumberField
@@ -74,6 +74,10 @@ def _moved(snapshot: Snapshot) -> int:
 
 class TaskPanel:
     """Task panel: scenario, mode, desired motion and desired force."""
+
+    holds: ClassVar = (
+        "scenario, mode, desired force, desired motion, desired rotation, task coordinates, push on the tool"
+    )
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk

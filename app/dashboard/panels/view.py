@@ -6,7 +6,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import viser
 
@@ -85,6 +85,8 @@ class _Field:
 
 class ViewPanel:
     """View panel: camera, legend, switches for the drawn objects, and the mouse."""
+
+    holds: ClassVar = "camera, what is drawn, force arrows, mouse on the tool"
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk

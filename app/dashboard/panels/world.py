@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from operator import attrgetter
+from typing import ClassVar
 
 import viser
 
@@ -100,6 +101,10 @@ def _contact_controls(desk: Desk, contact: str, estimate: str, foreseen: Callabl
 
 class WorldPanel:
     """World panel: surface and contact, the controller's estimate of the surface, sensor and integration."""
+
+    holds: ClassVar = (
+        "contact, surface, stiffness, friction, flat tool, coupling, force sensor (noise, delay), integration"
+    )
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
